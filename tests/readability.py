@@ -83,10 +83,7 @@ BOUNDS = {
 }
 """Bound of each measure, by the name of its property of `Measures`."""
 
-LOOSER = {
-    "blocks": {"median_density": 12.0, "comments": 5.0, "line_length": 91.0},
-    "stations": {"comments": 5.0, "line_length": 94.0},
-}
+LOOSER: dict[str, dict[str, float]] = {}
 """Bounds of packages that do not keep all of `BOUNDS` yet: they may get stricter, never looser."""
 
 

@@ -117,10 +117,13 @@ def test_a_package_that_is_missing_keeps_its_message_over_both_borders(tmp_path:
 
 
 def test_data_keep_a_message() -> None:
-    template = "ran to its end at {time:.6g} s, in {count} {count:run|runs}"
-    fall = message("results.ran_to_its_end", template, time=np.float64(2.5), count=2)
-    assert in_language(fall, "es") == "llegó al final a los 2,5 s, en 2 simulaciones"
-    assert in_language(from_data(as_data(fall)), "es") == in_language(fall, "es")
+    template = "ran to its end at {time:.6g} s"
+    end = message("results.ran_to_its_end", template, time=np.float64(2.5))
+    assert in_language(end, "es") == "llegó al final a los 2,5 s"
+    assert in_language(from_data(as_data(end)), "es") == in_language(end, "es")
+    steps = message("results.steps", "{count} {count:step|steps}", count=2)
+    assert in_language(steps, "es") == "2 pasos"
+    assert in_language(from_data(as_data(steps)), "es") == "2 pasos"
 
 
 @pytest.mark.parametrize(

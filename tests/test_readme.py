@@ -23,7 +23,7 @@ from simrob_drake.extensions.rapid.signals import Signals
 from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
-from simrob_drake.robots.pieces import described_piece, weighed
+from simrob_drake.robots.pieces import described_piece, with_mass_properties
 from simrob_drake.stations.checks import check_station
 
 ROOT = Path(__file__).parent.parent
@@ -130,7 +130,7 @@ def task_of(file):
 LOADERS: dict[str, Callable] = {
     "station.yaml": lambda file: check_station(load_station(file)),
     "robot.yaml": lambda file: load_robot_file(file).element,
-    "piece.yaml": lambda file: weighed(described_piece(file)),
+    "piece.yaml": lambda file: with_mass_properties(described_piece(file)),
     "program.yaml": Program.load,
     "study.yaml": Study.read,
     "task.yaml": task_of,

@@ -332,6 +332,6 @@ def parsed(option: str, text: str) -> Distribution:
     try:
         _section(text)
     except ValueError as problem:
-        raise InvalidParameter(option, text or "nothing", str(problem)) from problem
+        raise InvalidParameter(option, text or "nothing", str(problem)) from None
     found: Distribution = TypeAdapter(AnyDistribution).validate_python(text)
     return found

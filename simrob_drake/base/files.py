@@ -54,14 +54,14 @@ def opened(file: Path | str) -> Iterator[BufferedReader]:
     except NotRead:
         raise
     except OSError as problem:
-        raise NotRead(problem.strerror or str(problem)) from problem
+        raise NotRead(problem.strerror or str(problem)) from None
 
 
 def _open(file: Path | str) -> BufferedReader:
     try:
         return open(file, "rb", opener=_at_once)
-    except ValueError as problem:  # of a surrogate, or the character 0
-        raise NotRead(message("base.impossible_file_name", "no file can have this name")) from problem
+    except ValueError:  # of a surrogate, or the character 0
+        raise NotRead(message("base.impossible_file_name", "no file can have this name")) from None
 
 
 def _at_once(file: str, flags: int) -> int:
@@ -90,7 +90,7 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
                 reason=problem.reason,
                 start=problem.start,
             )
-        ) from problem
+        ) from None
 
 
 LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
@@ -188,7 +188,7 @@ def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
     except (NotRead, csv.Error) as problem:
         raise InvalidConfig(
             file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
 
 
 def _check_header(header: list[str], names: Sequence[str], file: Path, line: int) -> None:

@@ -142,7 +142,7 @@ def writing(target: Path) -> Iterator[None]:
         why = problem.strerror or str(problem).partition("\n")[0]
         raise OutputError(
             message("base.cannot_be_written", "{target} cannot be written: {why}", target=target, why=why)
-        ) from problem
+        ) from None
 
 
 @contextmanager
@@ -210,7 +210,7 @@ def _errors_with_target(work: Path, target: Path) -> Iterator[None]:
     try:
         yield
     except OutputError as problem:
-        raise OutputError(str(problem).replace(str(work), str(target))) from problem
+        raise OutputError(str(problem).replace(str(work), str(target))) from None
 
 
 @contextmanager

@@ -196,7 +196,7 @@ class Border:
         except OutsideBorder as problem:
             raise InvalidConfig(
                 self.source, key, compound("{path} {problem}", path=shortened(str(path), 300), problem=problem)
-            ) from problem
+            ) from None
 
 
 def package_path(uri: str, border: Border) -> Path:

@@ -102,7 +102,7 @@ class _CheckedModel(ModelMetaclass):
             try:
                 return super().__call__(*positional, **content)
             except ValidationError as problem:
-                raise _first_finding(problem, cls, cls.__name__) from problem
+                raise _first_finding(problem, cls, cls.__name__) from None
 
 
 class Strict(BaseModel, metaclass=_CheckedModel):
@@ -187,7 +187,7 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
     try:
         return model.model_validate(content)
     except ValidationError as problem:
-        raise _first_finding(problem, model, where) from problem
+        raise _first_finding(problem, model, where) from None
 
 
 def _check_sizes(content: object, where: Path | str) -> None:

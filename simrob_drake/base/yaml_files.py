@@ -77,7 +77,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     except NotRead as problem:
         raise InvalidConfig(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
         raise InvalidConfig(path, "", message("base.no_mapping", "must hold a mapping of keys to values"))
@@ -128,14 +128,14 @@ def parse_yaml(text: str, where: Path | str) -> Any:
     except yaml.constructor.ConstructorError as problem:
         tag_problem = _tag_problem(text)
         if tag_problem:
-            raise InvalidConfig(where, "", tag_problem) from problem
+            raise InvalidConfig(where, "", tag_problem) from None
         raise InvalidConfig(
             where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
-        ) from problem
+        ) from None
     except (yaml.YAMLError, ValueError) as problem:
         raise InvalidConfig(
             where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
-        ) from problem
+        ) from None
 
 
 def parse_json(text: str, where: Path | str) -> Any:

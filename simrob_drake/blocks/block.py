@@ -23,11 +23,18 @@ class Block(LeafSystem):
         """Do nothing: the block has no continuous state, and so no derivatives."""
         assert derivatives.size() == 0, f"{type(self).__name__} has continuous state, but no method for its derivatives"
 
+    # Only where Drake searches: in an older version, the call of this method costs more than its
+    # absence.
     if SEARCH_FOR_DERIVATIVES.is_there:
         DoCalcTimeDerivatives = _no_derivatives
 
 
-def add_and_connect(builder: DiagramBuilder, name: str, block: System, *ports: OutputPort) -> OutputPort:
+def add_and_connect(
+    builder: DiagramBuilder,
+    name: str,
+    block: System,
+    *ports: OutputPort,
+) -> OutputPort:
     """Add a block to a diagram and connect ports to its inputs, in their order.
 
     Args:
@@ -47,6 +54,8 @@ def add_and_connect(builder: DiagramBuilder, name: str, block: System, *ports: O
 
 def add_multiplexer(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPort:
     """Stack ports into one vector, in their order. A single port is returned itself, without a block."""
+    # A solver evaluates every block at every stage of a step, so a block that only copies is left
+    # out.
     if len(ports) == 1:
         return ports[0]
     sizes = [port.size() for port in ports]
@@ -60,8 +69,15 @@ def add_sum(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPor
     return add_and_connect(builder, name, Adder(len(ports), ports[0].size()), *ports)
 
 
-def add_matrix_gain(builder: DiagramBuilder, name: str, matrix: Vector, port: OutputPort) -> OutputPort:
+def add_matrix_gain(
+    builder: DiagramBuilder,
+    name: str,
+    matrix: Vector,
+    port: OutputPort,
+) -> OutputPort:
     """Multiply a port (n) by a matrix (m, n). For the identity, the port is returned itself, without a block."""
+    # The comparison is exact: a matrix that differs from the identity by rounding changes the last
+    # bits.
     is_square = matrix.shape[0] == matrix.shape[1]
     if is_square and (matrix == np.eye(len(matrix))).all():
         return port
@@ -69,6 +85,7 @@ def add_matrix_gain(builder: DiagramBuilder, name: str, matrix: Vector, port: Ou
 
 
 if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
     __getattr__ = former_names_of(
         __name__,
         {

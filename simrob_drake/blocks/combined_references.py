@@ -18,11 +18,17 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference, ReferenceSignal, SineReference, as_reference, hermite
 
-_RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
-_IMAGINARY_ROUNDING = 1e-9  # imaginary part that is due to rounding, as a fraction of the complex amplitude
+# Sampling rate of references that are neither polynomials nor sines [Hz].
+_RATE = 1000.0
+# Imaginary part that is due to rounding, as a fraction of the complex amplitude.
+_IMAGINARY_ROUNDING = 1e-9
 
 
-def combine_references(references: Sequence[Reference], matrix: Vector, offset: Vector) -> Reference:
+def combine_references(
+    references: Sequence[Reference],
+    matrix: Vector,
+    offset: Vector,
+) -> Reference:
     r"""Combine references linearly: the result is :math:`M q(t) + d`, where :math:`q` are the stacked positions.
 
     The combination of piecewise polynomials is a piecewise polynomial, and the combination of sines of one frequency is
@@ -49,7 +55,11 @@ def combine_references(references: Sequence[Reference], matrix: Vector, offset: 
     return _combined_samples(signals, matrix, offset)
 
 
-def _combined_samples(references: Sequence[ReferenceSignal], matrix: Vector, offset: Vector) -> Trajectory:
+def _combined_samples(
+    references: Sequence[ReferenceSignal],
+    matrix: Vector,
+    offset: Vector,
+) -> Trajectory:
     """Combine references of any kind but sines by samples, which cubic polynomials join.
 
     Args:
@@ -69,7 +79,11 @@ def _combined_samples(references: Sequence[ReferenceSignal], matrix: Vector, off
     return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
 
 
-def _combined_sines(references: Sequence[ReferenceSignal], matrix: Vector, offset: Vector) -> SineReference:
+def _combined_sines(
+    references: Sequence[ReferenceSignal],
+    matrix: Vector,
+    offset: Vector,
+) -> SineReference:
     r"""Combine sines of one frequency, and trajectories that stand still, by adding their complex amplitudes.
 
     The sine :math:`a \sin(\omega t + \varphi)` has the complex amplitude :math:`a e^{i \varphi}`.
@@ -91,19 +105,15 @@ def _combined_sines(references: Sequence[ReferenceSignal], matrix: Vector, offse
             frequencies.add(sine.frequency)
         sines.append(sine)
     if len(frequencies) > 1:
-        raise InvalidParameter(
-            "reference",
-            message("blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies)),
-            expected,
-        )
+        found = message("blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies))
+        raise InvalidParameter("reference", found, expected)
 
     centres = []
     amplitudes = []
     for sine in sines:
         if sine is None:
-            raise InvalidParameter(
-                "reference", message("blocks.sine_and_other_motion", "a sine and another motion"), expected
-            )
+            found = message("blocks.sine_and_other_motion", "a sine and another motion")
+            raise InvalidParameter("reference", found, expected)
         centres.append(sine.centre)
         amplitudes.append(sine.amplitude * np.exp(1j * sine.phase))
     amplitude = matrix @ np.concatenate(amplitudes)
@@ -147,14 +157,19 @@ def _combined_polynomials(
             polynomials += _coefficients(reference, start, middle)
         # One row of coefficients for each position, filled up with zeros to the highest degree.
         size = max(len(polynomial) for polynomial in polynomials)
-        rows = np.array([np.pad(polynomial, (0, size - len(polynomial))) for polynomial in polynomials])
-        combination = matrix @ rows
+        rows = [np.pad(polynomial, (0, size - len(polynomial))) for polynomial in polynomials]
+        combination = matrix @ np.array(rows)
+        # A constant only changes the coefficient of the power 0.
         combination[:, 0] += offset
         pieces.append(np.array([[Polynomial(coefficients)] for coefficients in combination]))
     return PiecewisePolynomial(pieces, piece_breaks)
 
 
-def _coefficients(reference: PiecewisePolynomial, start: float, inside: float) -> list[Vector]:
+def _coefficients(
+    reference: PiecewisePolynomial,
+    start: float,
+    inside: float,
+) -> list[Vector]:
     """Coefficients of the polynomials of one piece of a reference, as functions of the time since ``start``.
 
     Before its first piece and after its last piece, a reference stands still.

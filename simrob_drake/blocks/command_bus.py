@@ -22,7 +22,14 @@ class CommandBus(SampledBlock):
         out the same names and sizes.
     """
 
-    def __init__(self, *, period: float, delay: int, resolution: Vector, with_velocity: bool) -> None:
+    def __init__(
+        self,
+        *,
+        period: float,
+        delay: int,
+        resolution: Vector,
+        with_velocity: bool,
+    ) -> None:
         """Create the bus of n servos.
 
         Args:
@@ -39,6 +46,8 @@ class CommandBus(SampledBlock):
             memory={name: np.zeros(count) for name in names},
             gives=names,
             delay=delay,
+            # Servos compute torques as soon as the run begins: without an early sample, these would
+            # be the torques for commands of 0.
             at_once=True,
         )
         self._resolution = resolution
@@ -53,7 +62,8 @@ class CommandBus(SampledBlock):
 def round_to_resolution(values: Vector, resolution: Vector) -> Vector:
     """Round values (k,) to multiples of a resolution (k,), each by its own. A resolution of 0 leaves the value."""
     is_rounded = resolution > 0
-    step = np.where(is_rounded, resolution, 1.0)  # 1 instead of 0, by which NumPy would divide
+    # 1 instead of 0, by which NumPy would divide.
+    step = np.where(is_rounded, resolution, 1.0)
     return np.where(is_rounded, np.round(values / step) * step, values)
 
 

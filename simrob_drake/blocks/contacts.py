@@ -53,13 +53,15 @@ class Contacts:
             return results
 
         pairs = list[Pair]()
-        rows = list[tuple[Vector, Vector, Vector, Vector]]()  # point, force, moment and normal of each contact
+        # Point, force, moment and normal of each contact.
+        rows = list[tuple[Vector, Vector, Vector, Vector]]()
         for index in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(index)
             point_pair = info.point_pair()
             # Drake gives the force on B, and the normal that points from B into A.
             pairs.append((point_pair.id_B, point_pair.id_A))
-            rows.append((info.contact_point(), info.contact_force(), _NO_MOMENT, -point_pair.nhat_BA_W))
+            normal = -point_pair.nhat_BA_W
+            rows.append((info.contact_point(), info.contact_force(), _NO_MOMENT, normal))
         for index in range(results.num_hydroelastic_contacts()):
             surface_info = results.hydroelastic_contact_info(index)
             surface = surface_info.contact_surface()
@@ -68,12 +70,16 @@ class Contacts:
             areas = np.array([surface.area(face) for face in faces])
             face_normals = np.array([surface.face_normal(face) for face in faces])
             # Drake's normals of the faces point out of shape N, into shape M.
+            # The faces of a curved surface have different normals: n = sum of A_i n_i, then
+            # normalised.
             normal = areas @ face_normals
             if not normal.any():
-                continue  # bodies that only just touch: a surface without area, and so without force
+                # Bodies that only just touch: a surface without area, and so without force.
+                continue
             pairs.append((surface.id_M(), surface.id_N()))
             unit_normal = normal / np.linalg.norm(normal)
-            rows.append((surface.centroid(), wrench.translational(), wrench.rotational(), unit_normal))
+            point = surface.centroid()
+            rows.append((point, wrench.translational(), wrench.rotational(), unit_normal))
 
         # From (contacts, quantities, 3) to (quantities, contacts, 3). The reshape is for zero contacts.
         quantities = np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2)
@@ -97,10 +103,15 @@ class Contacts:
     @cached_property
     def normal_forces(self) -> Vector:
         """Components of the forces along the normals, shape (k, 3) [N]."""
+        # f_n = (f . n) n for each contact; the sum over axis 1 is the dot product.
         along_normals = (self.forces * self.normals).sum(axis=1, keepdims=True)
         return np.asarray(along_normals * self.normals)
 
-    def force_signs(self, body: Collection[GeometryId], other: Collection[GeometryId] | None = None) -> Vector:
+    def force_signs(
+        self,
+        body: Collection[GeometryId],
+        other: Collection[GeometryId] | None = None,
+    ) -> Vector:
         """Signs that turn the forces of the contacts into forces on a body, shape (k,).
 
         A sign is 1 if the first shape of the contact belongs to the body, -1 if the second one does (an equal and
@@ -145,6 +156,8 @@ def pressing_pairs(results: ContactResults | Contacts) -> Iterator[Pair]:
         return
     for index in range(results.num_point_pair_contacts()):
         point = results.point_pair_contact_info(index)
+        # A solver also lists contacts without a force, such as those of shapes that only just
+        # touch.
         if point.contact_force().any():
             yield point.point_pair().id_B, point.point_pair().id_A
     for index in range(results.num_hydroelastic_contacts()):
@@ -164,6 +177,7 @@ class ContactReader(Block):
     def __init__(self) -> None:
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
+        # `Contacts` is a class of Python, so the port carries it as a Python object.
         self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
 
     def _read(self, context: Context, output: AbstractValue) -> None:
@@ -233,6 +247,8 @@ class ForceSensor(Block):
         pose = self._fixed_pose
         if self._is_moving:
             pose = self._poses.Eval(context)[self._body_index] @ self._pose_in_body
+        # f_i of the class's equation: the force on the body, opposite if the body is the second
+        # shape.
         forces = signs[:, np.newaxis] * (contacts.normal_forces if self._normal_only else contacts.forces)
 
         # With arms r and forces f of all contacts, P[i, j] is the sum of r_i f_j, and the sum of the cross products
@@ -242,6 +258,7 @@ class ForceSensor(Block):
         if not self._normal_only:
             moment += signs @ contacts.moments
 
+        # So far the vectors have the world's axes; R_FW gives them in the axes of the frame.
         to_frame = pose.rotation().inverse()
         output.SetFromVector(np.concatenate([to_frame @ forces.sum(axis=0), to_frame @ moment]))
 
@@ -269,6 +286,7 @@ class _ShapeOverPlane(NamedTuple):
         if to_plane is None:
             to_plane = query.GetPoseInWorld(self.plane_id).inverse()
         shape_in_plane = to_plane @ query.GetPoseInWorld(self.shape_id)
+        # The z axis of a half space is its normal, so z is the height over the plane.
         heights = lowest_points(self.shape, shape_in_plane, self.corners)[:, 2]
         return float(heights.min())
 
@@ -315,9 +333,11 @@ def _shape_over_plane(inspector: SceneGraphInspector, pair: Pair) -> _ShapeOverP
     plane_id = first if is_first_plane else second
     shape_id = second if is_first_plane else first
 
+    # The pose of a plane that is fixed to the world is inverted once here, not at each call.
     is_fixed = inspector.GetFrameId(plane_id) == inspector.world_frame_id()
     return _ShapeOverPlane(
         shape_id=shape_id,
+        # A copy, as a reference to the shape would keep the whole scene graph in memory.
         shape=inspector.GetShape(shape_id).Clone(),
         corners=shape_corners(inspector, shape_id),
         plane_id=plane_id,
@@ -334,7 +354,11 @@ class DistanceSensor(Block):
     """
 
     def __init__(
-        self, *, body: Collection[GeometryId], other: Collection[GeometryId], inspector: SceneGraphInspector
+        self,
+        *,
+        body: Collection[GeometryId],
+        other: Collection[GeometryId],
+        inspector: SceneGraphInspector,
     ) -> None:
         """Create the sensor.
 
@@ -350,6 +374,8 @@ class DistanceSensor(Block):
         pairs = list[Pair]()
         for first in body:
             for second in other:
+                # Drake filters pairs of one body, and a station those of one robot unless the user
+                # wants them.
                 if first != second and not inspector.CollisionFiltered(first, second):
                     pairs.append((first, second))
         if not pairs:

@@ -99,7 +99,12 @@ def smooth_law(duration: float) -> TimeLaw:
     return TimeLaw(breaks=np.array([0.0, 1.0]), coefficients=coefficients).slower(duration)
 
 
-def cruise(length: float, speed: float, acceleration: float, jerk: float | None = None) -> TimeLaw:
+def cruise(
+    length: float,
+    speed: float,
+    acceleration: float,
+    jerk: float | None = None,
+) -> TimeLaw:
     """Compute the shortest time law for a path within limits.
 
     Args:
@@ -131,7 +136,8 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
         speed_that_fits = (length**2 * jerk / 4) ** (1 / 3)
     top_speed = min(speed, speed_that_fits)
 
-    rise = min(acceleration / jerk, np.sqrt(top_speed / jerk))  # time in which the acceleration rises [s]
+    # Time in which the acceleration rises [s].
+    rise = min(acceleration / jerk, np.sqrt(top_speed / jerk))
     top_acceleration = acceleration if rise == 0 else jerk * rise
     ramp = [
         _Phase(duration=rise, acceleration=0.0, jerk=jerk),
@@ -144,7 +150,12 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
     return _law_of_phases([*ramp, constant, *braking], length)
 
 
-def _check_limits(length: float, speed: float, acceleration: float, jerk: float | None) -> None:
+def _check_limits(
+    length: float,
+    speed: float,
+    acceleration: float,
+    jerk: float | None,
+) -> None:
     """Check that none of the limits alone makes a motion over a length last too long.
 
     Raises:

@@ -34,8 +34,10 @@ class FramePoses(Block):
             frames: frames of the plant, by the names of their output ports.
         """
         super().__init__()
+        # A strong reference would keep the plant, and the diagram that contains it, in memory.
         self._plant = weakref.proxy(plant)
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its positions anew
+        # Work space: every evaluation sets its positions anew.
+        self._scratch = plant.CreateDefaultContext()
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._frames = {name: frame.index() for name, frame in frames.items()}
         self._moving = {name for name, frame in frames.items() if not plant.IsAnchored(frame.body())}
@@ -79,6 +81,8 @@ class FramePoses(Block):
     def _pose(self, name: str, state: Vector | None = None) -> Vector:
         """Compute the pose (7,) of a frame in a state (nq + nv,). An anchored frame needs no state."""
         if state is not None:
+            # Poses depend on the positions only, so the velocities at the end of the state are left
+            # out.
             positions = state[: self._plant.num_positions()]
             self._plant.SetPositions(self._scratch, positions)
         frame = self._plant.get_frame(self._frames[name])

@@ -51,6 +51,8 @@ class JointTorqueSensor(Block):
         forces = self._forces.Eval(context)
         for row, joint in enumerate(self._joints):
             reaction = forces[joint.number]
+            # The torque about the axis a is a . m of the reaction's moment; a prismatic joint has a
+            # . f.
             vector = reaction.translational() if joint.is_prismatic else reaction.rotational()
             output.SetAtIndex(row, float(joint.axis @ vector))
 

@@ -24,7 +24,12 @@ from simrob_drake.robots.axis_map import AxisMap
 
 
 def add_model_torque(
-    builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, acceleration: OutputPort | None, *, name: str
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    state: OutputPort,
+    acceleration: OutputPort | None,
+    *,
+    name: str,
 ) -> OutputPort:
     """Add the inverse dynamics of a finalized plant.
 
@@ -40,6 +45,7 @@ def add_model_torque(
         The generalized forces, size nv.
     """
     mode = InverseDynamics.InverseDynamicsMode
+    # This mode computes tau_g(q) alone: the module's equation at rest.
     if acceleration is None:
         return add_and_connect(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
     return add_and_connect(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
@@ -58,7 +64,11 @@ class _SpreadPort(NamedTuple):
 
 
 def add_feedforward(
-    builder: DiagramBuilder, plant: MultibodyPlant, robots: Sequence[tuple[AxisMap, ServoSignals]], *, name: str
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    robots: Sequence[tuple[AxisMap, ServoSignals]],
+    *,
+    name: str,
 ) -> list[OutputPort]:
     """Add the torques that robots of a finalized plant need for their reference motions.
 
@@ -74,14 +84,20 @@ def add_feedforward(
     Returns:
         The torques of each robot in axis order, size n [N·m].
     """
+    # State of the plant: x = rest + sum of the spread ports, so each entry is set by one of the
+    # two.
     rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
     states = list[_SpreadPort]()
     accelerations = list[_SpreadPort]()
     for axes, signals in robots:
         count = len(axes.signs)
+        # The matrix from the plant's state to the axes picks entries with signs +1 or -1: its
+        # transpose puts them back. Its columns are the positions of the axes, then their
+        # velocities.
         spread = axes.state_matrix.T
         rest[spread.any(axis=1)] = 0.0
         states.append(_SpreadPort(signals.reference, spread[:, :count]))
+        # Both or none: the Coriolis terms of a velocity alone are not the torque of the motion.
         if signals.reference_velocity is not None and signals.reference_acceleration is not None:
             states.append(_SpreadPort(signals.reference_velocity, spread[:, count:]))
             accelerations.append(_SpreadPort(signals.reference_acceleration, axes.velocity_matrix.T))
@@ -91,6 +107,7 @@ def add_feedforward(
     if accelerations:
         no_acceleration = np.zeros(plant.num_velocities())
         acceleration = _add_spread(builder, f"{name}.acceleration", accelerations, no_acceleration)
+    # Inverse dynamics are computed for the whole plant, so one block serves all robots.
     force = add_model_torque(builder, plant, state, acceleration, name=name)
     return [
         add_matrix_gain(builder, f"{name}.axes_{index}", axes.velocity_matrix, force)
@@ -98,7 +115,12 @@ def add_feedforward(
     ]
 
 
-def _add_spread(builder: DiagramBuilder, name: str, parts: Sequence[_SpreadPort], rest: Vector) -> OutputPort:
+def _add_spread(
+    builder: DiagramBuilder,
+    name: str,
+    parts: Sequence[_SpreadPort],
+    rest: Vector,
+) -> OutputPort:
     """Add the block that computes a vector of the plant: its values at rest plus the spread values of ports.
 
     Args:
@@ -109,6 +131,7 @@ def _add_spread(builder: DiagramBuilder, name: str, parts: Sequence[_SpreadPort]
     """
     matrix = np.hstack([part.matrix for part in parts])
     bus = add_multiplexer(builder, f"{name}.bus", *(part.port for part in parts))
+    # y = D u + y0: the constant costs nothing in the same block.
     if rest.any():
         return add_and_connect(builder, name, AffineSystem(D=matrix, y0=rest), bus)
     return add_matrix_gain(builder, name, matrix, bus)
@@ -148,6 +171,8 @@ def add_computed_torque(
     kd = np.diag(gains.kd)
     identity = np.eye(len(gains.kp))
 
+    # Desired acceleration of the plant: (ddq_r + kd (dq_r - v) + kp (q_r - q)) in the joints'
+    # signs.
     # Columns: reference, measured position, measured velocity, reference velocity, reference acceleration.
     law = axes.velocity_matrix.T @ np.hstack([kp, -kp, -kd, kd, identity])
     bus = add_multiplexer(
@@ -159,6 +184,7 @@ def add_computed_torque(
         signals.reference_acceleration,
     )
     acceleration = add_and_connect(builder, f"{name}.law", MatrixGain(law), bus)
+    # A torque of an axis is that of its joint, but for the sign: the same matrix as for velocities.
     force = add_model_torque(builder, plant, state, acceleration, name=name)
     torque = add_matrix_gain(builder, f"{name}.axes", axes.velocity_matrix, force)
     if signals.feedforward is None:
@@ -167,7 +193,13 @@ def add_computed_torque(
 
 
 def add_admittance(
-    builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, model: OutputPort, *, gain: float, prefix: str
+    builder: DiagramBuilder,
+    signals: ServoSignals,
+    gains: ServoGains,
+    model: OutputPort,
+    *,
+    gain: float,
+    prefix: str,
 ) -> OutputPort:
     r"""Add the integrator by which a robot's servos yield to external forces.
 
@@ -207,6 +239,7 @@ def add_admittance(
         ports.append(signals.feedforward)
         columns.append(-identity)
 
+    # dx/dt = A x + B u with A = -K_t; u are the ports in their order, B their factors times K_t.
     inputs = gain * np.hstack(columns)
     integrator = LinearSystem(A=-gain * identity, B=inputs, C=identity, D=np.zeros_like(inputs))
     bus = add_multiplexer(builder, f"{prefix}admittance.bus", *ports)

@@ -47,7 +47,13 @@ class MomentumObserver(Block):
     """
 
     def __init__(
-        self, *, plant: MultibodyPlant, axes: AxisMap, gain: float, period: float, tool: Frame | None = None
+        self,
+        *,
+        plant: MultibodyPlant,
+        axes: AxisMap,
+        gain: float,
+        period: float,
+        tool: Frame | None = None,
     ) -> None:
         """Create the block.
 
@@ -71,7 +77,8 @@ class MomentumObserver(Block):
         self.period = period
         self._tool = None if tool is None else tool.index()
         self._filter_share = 1 - np.exp(-gain * period)
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        # Work space: every evaluation sets its state anew.
+        self._scratch = plant.CreateDefaultContext()
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._torque = self.DeclareVectorInputPort("torque", count)
         # r, p and the known torque of the last sample; infinite before the first one.
@@ -110,7 +117,8 @@ class MomentumObserver(Block):
             state: positions and velocities of the plant, shape (nq + nv,).
             torque: external torques in axis order, shape (n,) [N·m].
         """
-        assert self._tool is not None  # the output port of the force is declared with the tool only
+        # The output port of the force is declared with the tool only.
+        assert self._tool is not None
         plant = self._plant
         tool = plant.get_frame(self._tool)
         plant.SetPositionsAndVelocities(self._scratch, state)

@@ -69,6 +69,7 @@ class Trigger:
         """
         if not self.holds(time, values):
             return NOT_YET
+        # A condition that goes on holding keeps its first onset, else `hold` would never pass.
         return time if onset == NOT_YET else onset
 
     def ends_run(self, onset: float, time: float) -> bool:
@@ -90,7 +91,13 @@ class Monitor(Block):
         out ``excess`` (1): by how much the condition is exceeded. The condition holds if it is not negative.
     """
 
-    def __init__(self, condition: Condition, *, hold: float = 0.0, after: float = 0.0) -> None:
+    def __init__(
+        self,
+        condition: Condition,
+        *,
+        hold: float = 0.0,
+        after: float = 0.0,
+    ) -> None:
         """Create the block.
 
         Args:
@@ -104,8 +111,11 @@ class Monitor(Block):
         super().__init__()
         self._trigger = Trigger(condition, hold, after)
         self._watched = [self.DeclareVectorInputPort(name, size) for name, size in condition.watched.items()]
+        # A discrete state, and no attribute of Python: a copied or restored context contains it.
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
+        # Drake publishes at the end of a step, but updates discrete states at the start of the next
+        # one. So `_watch` computes the onset of its moment, which is not in the state yet.
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:  # else the first step at which the condition holds ends the run
             self.DeclarePerStepDiscreteUpdateEvent(self._update_onset)
@@ -176,4 +186,5 @@ class SteadySteps(Block):
         super().__init__()
         if not (np.isfinite(period) and period > 0):
             raise InvalidParameter("period", period, message("blocks.positive_time", "a positive time [s]"))
+        # No step crosses an event, so no step is longer than the period.
         self.DeclarePeriodicPublishEvent(period_sec=period, offset_sec=0.0, publish=lambda context: None)

@@ -56,6 +56,7 @@ def add_external_force(
         PropellerInfo(
             body_index=body.index(),
             X_BP=RigidTransform(pose.rotation() @ rotation, pose.translation()),
+            # The propeller's force is thrust_ratio u, its moment moment_ratio u: u is in N or N·m.
             thrust_ratio=float(not turns),
             moment_ratio=float(turns),
         )
@@ -66,7 +67,12 @@ def add_external_force(
     return block
 
 
-def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vector, speed: float) -> None:
+def set_friction(
+    plant: MultibodyPlant,
+    joints: Sequence[Joint],
+    friction: Vector,
+    speed: float,
+) -> None:
     r"""Add Coulomb friction to joints of a plant that is not yet finalized.
 
     .. math:: \tau = -c \,\mathrm{sat}(v / v_s), \qquad \mathrm{sat}(x) = \max(-1, \min(1, x))
@@ -84,15 +90,18 @@ def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vecto
         friction: friction c of each joint, shape (n,) [N·m or N], not negative; 0 adds nothing.
         speed: speed :math:`v_s` below which the friction fades [rad/s or m/s].
     """
-    motor_of_joint = dict[JointIndex, JointActuator]()  # the first actuator of each joint
+    # The first actuator of each joint.
+    motor_of_joint = dict[JointIndex, JointActuator]()
     for index in range(plant.num_actuators()):
         motor = plant.get_joint_actuator(JointActuatorIndex(index))
         motor_of_joint.setdefault(motor.joint().index(), motor)
 
     for joint, effort_limit in zip(joints, friction.tolist(), strict=True):
+        # Drake refuses an actuator whose effort limit is not positive.
         if effort_limit <= 0:
             continue
         brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, effort_limit)
+        # The actuator's torque clip(d (0 - v), -c, c) with d = c / v_s is the equation above.
         brake.set_controller_gains(PdControllerGains(p=0.0, d=effort_limit / speed))
         joint_motor = motor_of_joint.get(joint.index())
         if joint_motor is not None:
@@ -134,7 +143,8 @@ def add_joint_stops(
     """
     if joints is None:
         joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
-    limited = [joint for joint in joints if joint.num_velocities() == 1 and _has_limit(joint)]
+    one_axis_joints = [joint for joint in joints if joint.num_velocities() == 1]
+    limited = [joint for joint in one_axis_joints if _has_limit(joint)]
     if not limited:
         return None
     count = len(limited)
@@ -156,6 +166,7 @@ def add_joint_stops(
     damped_position = add_matrix_gain(
         builder, "stops.position_ahead", to_damped_position, plant.get_state_output_port()
     )
+    # A joint with one limit has an infinite other one, which never clips.
     lower = np.array([joint.position_lower_limit() for joint in limited])
     upper = np.array([joint.position_upper_limit() for joint in limited])
     clipped = add_and_connect(builder, "stops.range", Saturation(lower, upper), damped_position)

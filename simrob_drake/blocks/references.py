@@ -93,7 +93,12 @@ class ReferenceSignal(ABC):
         """The reference as a piecewise polynomial. Returns None if it is no such function."""
 
     @abstractmethod
-    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+    def add_source(
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        derivatives: int,
+    ) -> "ReferenceSource":
         """Add the source that plays the reference.
 
         Args:
@@ -172,6 +177,7 @@ class SineReference(ReferenceSignal):
     def player_key(self) -> Hashable:
         """A source plays one sine only: the key consists of all parameters."""
         parameters = [self.centre, self.amplitude, self.phase]
+        # Arrays and lists have no hash, tuples do.
         entries = [tuple(np.asarray(values).tolist()) for values in parameters]
         return ("sine", self.frequency, *entries)
 
@@ -182,6 +188,7 @@ class SineReference(ReferenceSignal):
 
     def later(self, time: float) -> "SineReference":
         """The sine as it goes on from a time [s], which becomes zero."""
+        # sin(w (t + T) + phi) = sin(w t + (phi + w T)): a shift in time is one of the phase.
         return replace(self, phase=self.phase + 2 * np.pi * self.frequency * time)
 
     def as_sine(self) -> "SineReference":
@@ -191,12 +198,18 @@ class SineReference(ReferenceSignal):
     def as_polynomial(self) -> None:
         """A sine is no polynomial."""
 
-    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+    def add_source(
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        derivatives: int,
+    ) -> "ReferenceSource":
         """Add Drake's `Sine` and a constant for the centre, and sum them.
 
         The result always has both derivatives, whatever `derivatives` says.
         """
-        angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)  # [rad/s]
+        # omega = 2 pi f [rad/s], equal for all axes.
+        angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)
         wave = builder.AddNamedSystem(name, Sine(self.amplitude, angular_frequency, self.phase))
         centre = add_and_connect(builder, f"{name}.centre", ConstantVectorSource(self.centre))
         position = add_sum(builder, f"{name}.sum", wave.get_output_port(0), centre)
@@ -248,6 +261,7 @@ class TrajectoryReference(ReferenceSignal):
         a velocity. Other trajectories are taken as smooth inside, and both their ends always count.
         """
         start, end = self.span
+        # Only a constant has infinite ends, and it has no corners.
         if not np.isfinite([start, end]).all():
             return []
         trajectory = self.trajectory
@@ -257,6 +271,7 @@ class TrajectoryReference(ReferenceSignal):
         # All breaks are compared at once, since a table may have thousands: values just before a break, which are those
         # of the piece before it, with the values at the break.
         breaks = np.array(trajectory.get_segment_times())
+        # Four steps of rounding before each break; at least those of 1 s, as a break may be at 0.
         just_before = breaks - 4 * np.spacing(np.maximum(np.abs(breaks), 1.0))
         position_jumps = np.abs(trajectory.vector_values(just_before) - trajectory.vector_values(breaks))
         derivative = trajectory.derivative()
@@ -267,7 +282,8 @@ class TrajectoryReference(ReferenceSignal):
         velocities_after[:, -1] = 0.0
         velocity_jumps = np.abs(velocities_before - velocities_after)
         largest_jumps = np.maximum(velocity_jumps, position_jumps).max(axis=0)
-        corners: list[float] = breaks[(largest_jumps > _JUMP) & (breaks >= 0)].tolist()
+        is_corner = (largest_jumps > _JUMP) & (breaks >= 0)
+        corners: list[float] = breaks[is_corner].tolist()
         return corners
 
     def values(self, times: Vector, order: int = 0) -> Vector:
@@ -313,7 +329,12 @@ class TrajectoryReference(ReferenceSignal):
         """The trajectory itself if it is a piecewise polynomial, otherwise None."""
         return self.trajectory if isinstance(self.trajectory, PiecewisePolynomial) else None
 
-    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+    def add_source(
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        derivatives: int,
+    ) -> "ReferenceSource":
         """Add Drake's `TrajectorySource`. If it gives derivatives, a demultiplexer splits its output.
 
         The result has exactly the derivatives that are asked for, at most two.
@@ -323,15 +344,13 @@ class TrajectoryReference(ReferenceSignal):
         """
         trajectory = self.trajectory
         if trajectory.cols() != 1:
-            raise InvalidParameter(
-                "trajectory",
-                f"{trajectory.rows()} x {trajectory.cols()}",
-                message("blocks.of_shape_n_1", "of shape (n, 1)"),
-            )
+            shape = f"{trajectory.rows()} x {trajectory.cols()}"
+            raise InvalidParameter("trajectory", shape, message("blocks.of_shape_n_1", "of shape (n, 1)"))
         source = builder.AddNamedSystem(name, TrajectorySource(trajectory, derivatives))
         if not derivatives:
             return ReferenceSource(position=source.get_output_port(), player=source)
         sizes = [trajectory.rows()] * (1 + derivatives)
+        # Drake stacks positions, velocities and accelerations in one port.
         split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer(sizes))
         builder.Connect(source.get_output_port(), split.get_input_port())
         return ReferenceSource(
@@ -349,9 +368,11 @@ class TrajectoryReference(ReferenceSignal):
         if start >= end:
             # The trajectory begins after the run, or is over before it: the run only holds one of its ends.
             position = self.trajectory.value(float(np.clip(0.0, first, last)))[:, 0]
-            sample = np.append(position, np.zeros_like(position))
+            at_rest = np.append(position, np.zeros_like(position))
             return ReferenceTable(
-                interpolation="hermite", times=np.array([0.0, duration]), values=np.tile(sample, (2, 1))
+                interpolation="hermite",
+                times=np.array([0.0, duration]),
+                values=np.tile(at_rest, (2, 1)),
             )
         samples = hermite_samples(self.trajectory, start, end, _RATE)
         values = np.hstack([samples.positions, samples.velocities])
@@ -403,7 +424,12 @@ def hold(position: npt.ArrayLike) -> Trajectory:
 
 
 def ramp(
-    start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0, blend: float = 0.0
+    start: npt.ArrayLike,
+    target: npt.ArrayLike,
+    *,
+    duration: float,
+    start_time: float = 0.0,
+    blend: float = 0.0,
 ) -> Trajectory:
     """Trajectory at constant speed from a start to a target.
 
@@ -420,6 +446,8 @@ def ramp(
         return interpolate_samples([start_time, start_time + duration], ends, linear=True)
     # Over a blend the mean speed is half of v, so the distance is v (duration - blend).
     speed = (ends[1] - ends[0]) / (duration - blend)
+    # The cubic between such ends is a parabola, a line, and a parabola: constant acceleration in a
+    # blend.
     blend_distance = speed * blend / 2
     rest = np.zeros_like(speed)
     times = start_time + np.array([0.0, blend, duration - blend, duration])
@@ -427,13 +455,23 @@ def ramp(
     return hermite(times, positions, velocities=[rest, speed, speed, rest])
 
 
-def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
+def move(
+    start: npt.ArrayLike,
+    target: npt.ArrayLike,
+    *,
+    duration: float,
+    start_time: float = 0.0,
+) -> Trajectory:
     """Trajectory from a start to a target, each (n,) [rad], from rest to rest with continuous acceleration."""
     return sequence(start, [start_time + duration], [target], start_time=start_time)
 
 
 def sequence(
-    start: npt.ArrayLike, times: Sequence[float], targets: Sequence[npt.ArrayLike], *, start_time: float = 0.0
+    start: npt.ArrayLike,
+    times: Sequence[float],
+    targets: Sequence[npt.ArrayLike],
+    *,
+    start_time: float = 0.0,
 ) -> Trajectory:
     """Trajectory through targets that rests at each of them.
 
@@ -461,7 +499,12 @@ def sequence(
     return PiecewisePolynomial(segments, breaks)
 
 
-def interpolate_samples(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = False) -> Trajectory:
+def interpolate_samples(
+    times: npt.ArrayLike,
+    positions: npt.ArrayLike,
+    *,
+    linear: bool = False,
+) -> Trajectory:
     """Trajectory through samples, as a cubic spline or as straight lines.
 
     Args:
@@ -473,12 +516,17 @@ def interpolate_samples(times: npt.ArrayLike, positions: npt.ArrayLike, *, linea
         InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
     """
     breaks, samples = _check_samples(times, positions)
+    # A spline with continuous second derivatives needs three samples.
     if linear or len(breaks) < 3:
         return PiecewisePolynomial.FirstOrderHold(breaks, samples.T)
     return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(breaks, samples.T)
 
 
-def hermite(times: npt.ArrayLike, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> Trajectory:
+def hermite(
+    times: npt.ArrayLike,
+    positions: npt.ArrayLike,
+    velocities: npt.ArrayLike,
+) -> Trajectory:
     """Trajectory through samples with given velocities, as a cubic between each two samples.
 
     It is a spline with double knots: a piecewise polynomial of Drake takes thirty times the memory.
@@ -498,6 +546,8 @@ def hermite(times: npt.ArrayLike, positions: npt.ArrayLike, velocities: npt.Arra
     points = np.repeat(samples, 2, axis=0)
     points[1:-1:2] += thirds * rates[:-1]
     points[2::2] -= thirds * rates[1:]
+    # A knot that occurs twice keeps the velocity continuous; those at the ends have to occur four
+    # times.
     knots = np.concatenate([breaks[[0, 0]], np.repeat(breaks, 2), breaks[[-1, -1]]])
     return BsplineTrajectory(BsplineBasis(_CUBIC_ORDER, knots.tolist()), list(points[:, :, np.newaxis]))
 
@@ -516,7 +566,12 @@ class HermiteSamples(NamedTuple):
     velocities: Vector
 
 
-def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: float) -> HermiteSamples:
+def hermite_samples(
+    trajectory: Trajectory,
+    start: float,
+    end: float,
+    rate: float,
+) -> HermiteSamples:
     """Sample a trajectory so that :func:`hermite` reconstructs it.
 
     The result is exact if the trajectory is made of cubics with continuous velocity: then its breaks are sampled. Other
@@ -529,6 +584,7 @@ def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: floa
         rate: sampling rate between the breaks [Hz].
     """
     pieces = _find_pieces(trajectory)
+    # Between the breaks of smooth cubics there is nothing to sample: the two ends are enough.
     count = 2 if pieces.are_smooth_cubics else max(int((end - start) * rate), 1) + 1
     grid = np.linspace(start, end, count)
     breaks = pieces.breaks
@@ -564,6 +620,7 @@ def _find_pieces(trajectory: Trajectory) -> _Pieces:
         if trajectory.basis().order() <= _CUBIC_ORDER and is_smooth:
             return _Pieces(breaks=knots, are_smooth_cubics=True)
     if isinstance(trajectory, CompositeTrajectory):
+        # Its segments may be of any kind, so they are sampled between the breaks, too.
         return _Pieces(breaks=np.array(trajectory.get_segment_times()), are_smooth_cubics=False)
     if not isinstance(trajectory, PiecewisePolynomial):
         return _Pieces(breaks=np.zeros(0), are_smooth_cubics=False)
@@ -573,6 +630,7 @@ def _find_pieces(trajectory: Trajectory) -> _Pieces:
         for piece in range(trajectory.get_number_of_segments())
         for row in range(trajectory.rows())
     )
+    # At the ends, the jump is that from or to rest, which samples with velocities reproduce.
     inner_corners = set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
     return _Pieces(
         breaks=np.array(trajectory.get_segment_times()),
@@ -589,8 +647,9 @@ def _check_samples(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector,
     """
     breaks = numbers(times)
     samples = numbers(values)
-    has_shapes = breaks.ndim == 1 and samples.ndim == 2 and len(breaks) == len(samples) and len(breaks) >= 2
-    if not has_shapes:
+    has_dimensions = breaks.ndim == 1 and samples.ndim == 2
+    # `and` asks for lengths only if the dimensions fit: a single number has no length.
+    if not (has_dimensions and len(breaks) == len(samples) and len(breaks) >= 2):
         shapes = message(
             "blocks.times_and_positions",
             "{times} times, {positions} positions",
@@ -601,17 +660,14 @@ def _check_samples(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector,
     is_finite = np.isfinite(breaks) & np.isfinite(samples).all(axis=1)
     if not is_finite.all():
         row = int(np.flatnonzero(~is_finite)[0])
-        raise InvalidParameter(
-            "reference",
-            message(
-                "blocks.row_with",
-                "row {row} with {time}, {positions}",
-                row=row,
-                time=breaks[row],
-                positions=samples[row],
-            ),
-            "finite",
+        found = message(
+            "blocks.row_with",
+            "row {row} with {time}, {positions}",
+            row=row,
+            time=breaks[row],
+            positions=samples[row],
         )
+        raise InvalidParameter("reference", found, "finite")
     return _check_rising(breaks, message("blocks.reference_times", "reference times")), samples
 
 
@@ -621,14 +677,13 @@ def _check_rising(times: Vector, name: str) -> Vector:
     Raises:
         InvalidParameter: a time is not later. It is reported under `name`.
     """
-    too_close = np.flatnonzero(~(np.diff(times) >= SHORTEST))  # a negation, so that it also finds NaN
+    # A negation, so that it also finds NaN.
+    too_close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
     if too_close.size:
         first = too_close[0]
-        raise InvalidParameter(
-            name,
-            compound("{first:g}, {second:g}", first=times[first], second=times[first + 1]),
-            message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST),
-        )
+        both_times = compound("{first:g}, {second:g}", first=times[first], second=times[first + 1])
+        expected = message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST)
+        raise InvalidParameter(name, both_times, expected)
     return times
 
 
@@ -644,11 +699,13 @@ def later(reference: Reference, time: float) -> Reference:
 def _shift(trajectory: Trajectory, time: float) -> Trajectory:
     """Shift a trajectory so that `time` [s] becomes zero."""
     if isinstance(trajectory, PiecewisePolynomial):
+        # `shiftRight` changes the trajectory itself, which others may use: a copy is shifted.
         shifted = trajectory.Clone()
         shifted.shiftRight(-time)
         return shifted
     if isinstance(trajectory, BsplineTrajectory):
         basis = trajectory.basis()
+        # A spline's control points do not depend on time, so only its knots move.
         knots = [knot - time for knot in basis.knots()]
         return BsplineTrajectory(BsplineBasis(basis.order(), knots), trajectory.control_points())
     if isinstance(trajectory, CompositeTrajectory):
@@ -668,7 +725,11 @@ def corner_times(reference: Reference) -> list[float]:
 
 
 def add_reference(
-    builder: DiagramBuilder, reference: Reference, *, name: str = "reference_source", derivatives: int = 0
+    builder: DiagramBuilder,
+    reference: Reference,
+    *,
+    name: str = "reference_source",
+    derivatives: int = 0,
 ) -> ReferenceSource:
     """Add the source that plays a reference. A trajectory is held at both its ends.
 

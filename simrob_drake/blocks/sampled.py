@@ -206,6 +206,7 @@ class SampledBlock(Block):
         # The empty list makes the vector empty if nothing is left: `np.concatenate` needs at least one part.
         self._rest_group = self.DeclareDiscreteState(np.concatenate([[], *rest.values()]))
 
+        # The offset 0 puts the first sample at the very start of the run.
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self._stage = self.DeclareDiscreteState(np.array([_NO_SAMPLE])) if at_once else None
         if at_once:
@@ -264,11 +265,16 @@ class SampledBlock(Block):
         """Change the memory of the block in a context of the block, between its samples."""
         self._apply(changes, self.now(context).memory, context, context.get_mutable_discrete_state())
 
-    def _sample_early(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
+    def _sample_early(
+        self,
+        context: Context,
+        discrete: DiscreteValues,
+    ) -> EventStatus | None:
         """Take the first sample before the run begins; writes the new state to `discrete`."""
         assert self._stage is not None  # the event is declared with the stage only
         if context.get_discrete_state(self._stage).value()[0] != _NO_SAMPLE:
-            return EventStatus.DidNothing()  # the run goes on from the state of another run
+            # The run goes on from the state of another run.
+            return EventStatus.DidNothing()
         status = self._update(context, discrete)
         # In place of _RUNNING, which `_update` has written: so its call at the first moment of the run takes no sample.
         discrete.set_value(self._stage, np.array([_SAMPLED_EARLY]))
@@ -279,9 +285,11 @@ class SampledBlock(Block):
         if self._stage is not None:
             stage = context.get_discrete_state(self._stage).value()[0]
             discrete.set_value(self._stage, np.array([_RUNNING]))
-            if stage == _SAMPLED_EARLY:  # the sample of this moment was taken before the run began
+            # The sample of this moment was taken before the run began.
+            if stage == _SAMPLED_EARLY:
                 return None
         present = self.now(context)
+        # Drake ends a run by the status that an event returns: an exception would count as a failure.
         try:
             changes = self.sample(present.memory, present.read)
         except RunEnds as reason:
@@ -290,7 +298,13 @@ class SampledBlock(Block):
             self._apply(changes, present.memory, context, discrete)
         return None
 
-    def _apply(self, changes: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
+    def _apply(
+        self,
+        changes: Changes,
+        memory: Named,
+        context: Context,
+        discrete: DiscreteValues,
+    ) -> None:
         """Write changes of the memory to a new state, and move delayed outputs on by one sample.
 
         Args:
@@ -310,7 +324,8 @@ class SampledBlock(Block):
         for name, line in self._delay_lines.items():
             newest = np.atleast_1d(changes[name] if name in changes else memory[name])
             queue = context.get_discrete_state(line.queue).value()
-            if math.isinf(queue[-1]):  # the first sample, which the output gives until it has passed through
+            # The first sample, which the output gives until it has passed through.
+            if math.isinf(queue[-1]):
                 queue = np.tile(newest, self._delay)
             discrete.set_value(line.queue, np.concatenate([queue[len(newest) :], newest]))
             discrete.set_value(line.output, queue[: len(newest)])

@@ -106,6 +106,8 @@ class MotorLine:
         Returns:
             The lower and the upper bounds, each shape (..., n) [N·m].
         """
+        # The line -tau_s - D v <= tau <= tau_s - D v, and |tau| <= cap where the current is
+        # limited.
         cap = self.cap(limit)
         lower = np.clip(-self.stall - self.slope * speed, -cap, cap)
         upper = np.clip(self.stall - self.slope * speed, -cap, cap)
@@ -122,6 +124,8 @@ class MotorLine:
         Returns:
             The shares, shape (..., n); 1 is all.
         """
+        # The voltage drives the torque and balances the voltage that the turning motor induces:
+        # both in units of torque, |tau + D v| of tau_s. The current is proportional to the torque.
         voltage_share = np.abs(torque + self.slope * speed) / self.stall
         current_share = np.abs(torque) / self.cap(limit)
         return np.asarray(np.fmax(voltage_share, current_share))
@@ -186,6 +190,7 @@ class ServoGains:
             needed, else infinite, as nothing holds the axis.
         """
         needed = np.abs(torque)
+        # 1 instead of the limit 0 of a passive axis, by which NumPy would divide and warn.
         limit = np.where(self.passive, 1.0, self.limit_at_rest)
         held_by_nothing = np.where(needed > NO_TORQUE, np.inf, 0.0)
         return np.where(self.passive, held_by_nothing, needed / limit)
@@ -222,6 +227,8 @@ class ServoGains:
         """Torque limits of the plant's actuators, shape (n,) [N·m]: the stall torque if the joint has the damper."""
         if self.line is None:
             return self.torque_limit
+        # Where the joint has the damper D, the damper makes the torque fall with the speed, and the
+        # servo has the constant limit tau_s.
         return np.where(self.line.damping > 0, self.line.stall, self.torque_limit)
 
     def __post_init__(self) -> None:
@@ -234,37 +241,33 @@ class ServoGains:
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
+            # The negation also refuses values that are not a number.
             if not ((values >= 0) & (values <= LARGEST_GAIN)).all():
-                raise InvalidParameter(
-                    name, values, message("blocks.of_zero_to", "of 0 to {largest:g}", largest=LARGEST_GAIN)
-                )
+                expected = message("blocks.of_zero_to", "of 0 to {largest:g}", largest=LARGEST_GAIN)
+                raise InvalidParameter(name, values, expected)
         has_no_gains = (self.kp == 0) & (self.ki == 0) & (self.kd == 0)
-        if not ((self.torque_limit > 0) | (self.passive & has_no_gains)).all():
-            raise InvalidParameter(
-                "torque_limit",
-                self.torque_limit,
-                message(
-                    "blocks.positive_torque_or_passive",
-                    "positive [N·m or N], or 0 of an axis without a motor, whose gains are 0",
-                ),
+        # An axis with the limit 0 has no motor: gains there are most likely a mistake of the user.
+        is_valid_limit = (self.torque_limit > 0) | (self.passive & has_no_gains)
+        if not is_valid_limit.all():
+            expected = message(
+                "blocks.positive_torque_or_passive",
+                "positive [N·m or N], or 0 of an axis without a motor, whose gains are 0",
             )
+            raise InvalidParameter("torque_limit", self.torque_limit, expected)
         if not (self.integral_limit[~self.passive] > 0).all():
-            raise InvalidParameter(
-                "integral_limit", self.integral_limit, message("blocks.positive_torque", "positive [N·m or N]")
-            )
+            expected = message("blocks.positive_torque", "positive [N·m or N]")
+            raise InvalidParameter("integral_limit", self.integral_limit, expected)
         if self.speed_limit is not None:
             if not (self.speed_limit > 0).all():
-                raise InvalidParameter(
-                    "speed_limit", self.speed_limit, message("blocks.positive_speed", "positive [rad/s or m/s]")
-                )
+                expected = message("blocks.positive_speed", "positive [rad/s or m/s]")
+                raise InvalidParameter("speed_limit", self.speed_limit, expected)
+            # A cascade divides by both: by kd in its outer loop, and by kp for its integral part.
             for name in ("kp", "kd"):
                 least = float(getattr(self, name).min())
                 if not least > 0:
-                    raise InvalidParameter(
-                        message("blocks.smallest", "the smallest {name}", name=name),
-                        least,
-                        message("blocks.positive_in_cascade", "positive in a cascade"),
-                    )
+                    parameter = message("blocks.smallest", "the smallest {name}", name=name)
+                    expected = message("blocks.positive_in_cascade", "positive in a cascade")
+                    raise InvalidParameter(parameter, least, expected)
 
 
 keep_former_attributes(ServoGains, cap="limit_at_any_speed")
@@ -314,11 +317,15 @@ def add_servos(
     Returns:
         The torques, size n [N·m], limited if `saturated`.
     """
-    count = len(names)
-    groups = {name: [index] for index, name in enumerate(names)} if per_joint else {"servo": list(range(count))}
+    # Indices of the joints of each group, by the name of the group's blocks. The groups keep the order
+    # of the joints, since their torques are stacked at the end.
+    groups = {"servo": list(range(len(names)))}
+    if per_joint:
+        groups = {name: [index] for index, name in enumerate(names)}
     selector = _add_selector(builder, signals, list(groups.values()), f"{prefix}joint_signals")
     name_of_all = f"{prefix}torque" if saturated else f"{prefix}command"
-    torque = builder.AddNamedSystem(name_of_all, Multiplexer([len(group) for group in groups.values()]))
+    sizes = [len(group) for group in groups.values()]
+    torque = builder.AddNamedSystem(name_of_all, Multiplexer(sizes))
     for number, (name, group) in enumerate(groups.items()):
         bus = selector.get_output_port(number)
         group_name = f"{prefix}{name}"
@@ -378,7 +385,12 @@ def add_motor(
     return add_saturation(builder, command, gains.limit_at_any_speed[group], limiter)
 
 
-def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
+def add_saturation(
+    builder: DiagramBuilder,
+    command: OutputPort,
+    limit: Vector,
+    name: str,
+) -> OutputPort:
     """Add a saturation at a limit (n,) [N·m] in both directions, and return the saturated port."""
     return add_and_connect(builder, name, Saturation(-limit, limit), command)
 
@@ -395,7 +407,12 @@ class _BusEntry(NamedTuple):
     offset: int
 
 
-def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
+def _add_selector(
+    builder: DiagramBuilder,
+    signals: ServoSignals,
+    groups: list[list[int]],
+    name: str,
+) -> Selector:
     """Add the block that sorts the signals by groups of joints.
 
     Its outputs are the buses of the groups: references, positions, velocities, then reference velocities and
@@ -408,31 +425,47 @@ def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[l
         name: name of the block.
     """
     count = signals.reference.size()
-    entries = [_BusEntry(signals.reference, 0), _BusEntry(signals.state, 0), _BusEntry(signals.state, count)]
+    # The state has the positions of all joints, then, from index `count` on, their velocities.
+    entries = [
+        _BusEntry(signals.reference, offset=0),
+        _BusEntry(signals.state, offset=0),
+        _BusEntry(signals.state, offset=count),
+    ]
     if signals.reference_velocity is not None:
         entries.append(_BusEntry(signals.reference_velocity, 0))
     if signals.feedforward is not None:
         entries.append(_BusEntry(signals.feedforward, 0))
-    inputs = list(dict.fromkeys(entry.port for entry in entries))  # each port once, in order
+    # Each port once, in order.
+    inputs = list(dict.fromkeys(entry.port for entry in entries))
 
-    input_parameters = [
-        SelectorParams.InputPortParams(name=f"u{number}", size=port.size()) for number, port in enumerate(inputs)
-    ]
+    input_parameters = []
+    for number, port in enumerate(inputs):
+        input_parameters.append(SelectorParams.InputPortParams(name=f"u{number}", size=port.size()))
     output_parameters = []
     for group in groups:
-        selections = [
-            SelectorParams.OutputSelection(input_port_index=inputs.index(entry.port), input_offset=entry.offset + joint)
-            for entry in entries
-            for joint in group
-        ]
-        output_parameters.append(SelectorParams.OutputPortParams(name=f"joints_{group[0]}", selections=selections))
+        # Signal by signal, each for all joints of the group: matrices of the laws have blocks in this order.
+        selections = []
+        for entry in entries:
+            port_index = inputs.index(entry.port)
+            for joint in group:
+                selection = SelectorParams.OutputSelection(
+                    input_port_index=port_index, input_offset=entry.offset + joint
+                )
+                selections.append(selection)
+        output = SelectorParams.OutputPortParams(name=f"joints_{group[0]}", selections=selections)
+        output_parameters.append(output)
     selector = Selector(SelectorParams(inputs=input_parameters, outputs=output_parameters))
     add_and_connect(builder, name, selector, *inputs)
     return selector
 
 
 def _add_group(
-    builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
+    builder: DiagramBuilder,
+    bus: OutputPort,
+    gains: ServoGains,
+    group: list[int],
+    signals: ServoSignals,
+    name: str,
 ) -> OutputPort:
     """Add the law of one group of n joints.
 
@@ -452,9 +485,19 @@ def _add_group(
     identity = np.eye(len(group))
     kp = np.diag(gains.kp[group])
     kd = np.diag(gains.kd[group])
-    law = _bus_matrix(signals, reference=kp, position=-kp, velocity=-kd, reference_velocity=kd, feedforward=identity)
+    # tau_c = kp (q_r - q) - kd (v - v_r) + tau_ff, as the product of a matrix with the bus.
+    law = _bus_matrix(
+        signals,
+        reference=kp,
+        position=-kp,
+        velocity=-kd,
+        reference_velocity=kd,
+        feedforward=identity,
+    )
+    # An integrator costs the solver a state for each joint, so it is left out if no joint needs it.
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, [bus], gains, group, name)
+        # The integral part i is appended to the bus, with the factor 1.
         law = np.hstack([law, identity])
         bus = add_multiplexer(builder, f"{name}.signals", bus, integral)
     return add_and_connect(builder, f"{name}.pd", MatrixGain(law), bus)
@@ -501,7 +544,12 @@ def _speeds_of_bus(signals: ServoSignals, count: int) -> Vector:
 
 
 def _add_cascade(
-    builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
+    builder: DiagramBuilder,
+    bus: OutputPort,
+    gains: ServoGains,
+    group: list[int],
+    signals: ServoSignals,
+    name: str,
 ) -> OutputPort:
     """Add the cascade of one group of n joints: a loop for the velocities inside of the one for the positions.
 
@@ -515,19 +563,30 @@ def _add_cascade(
     # Outer loop: v_c = clip(kp / kd (q_r - q) + v_r).
     rate = np.diag(gains.kp[group] / gains.kd[group])
     outer = _bus_matrix(
-        signals, reference=rate, position=-rate, velocity=zero, reference_velocity=identity, feedforward=zero
+        signals,
+        reference=rate,
+        position=-rate,
+        velocity=zero,
+        reference_velocity=identity,
+        feedforward=zero,
     )
     desired = add_and_connect(builder, f"{name}.position_loop", MatrixGain(outer), bus)
     speed = add_saturation(builder, desired, gains.speed_limit[group], f"{name}.speed_limit")
 
     # Inner loop: kd (v_c - v) + feedforward + integral part.
     inner = _bus_matrix(
-        signals, reference=zero, position=zero, velocity=-kd, reference_velocity=zero, feedforward=identity
+        signals,
+        reference=zero,
+        position=zero,
+        velocity=-kd,
+        reference_velocity=zero,
+        feedforward=identity,
     )
     ports = [speed, bus]
     columns = [kd, inner]
     if (gains.ki[group] > 0).any():
         measured = add_matrix_gain(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
+        # The loop integrates an error of the speed, not of the position: x' = ki kd / kp (v_c - v).
         scaled_gains = replace(gains, ki=gains.ki * gains.kd / gains.kp)
         ports.append(add_integral(builder, [speed, measured], scaled_gains, group, name))
         columns.append(identity)
@@ -537,7 +596,11 @@ def _add_cascade(
 
 
 def add_integral(
-    builder: DiagramBuilder, ports: Sequence[OutputPort], gains: ServoGains, group: list[int], name: str
+    builder: DiagramBuilder,
+    ports: Sequence[OutputPort],
+    gains: ServoGains,
+    group: list[int],
+    name: str,
 ) -> OutputPort:
     """Add the clamped integrator of a group of n joints: x' = ki (r - y) + (clip(x) - x) / T, with the output clip(x).
 
@@ -552,6 +615,8 @@ def add_integral(
     count = len(group)
     identity = np.eye(count)
     ki = np.diag(gains.ki[group])
+    # Drake's A x + B u with u = (r, y, further values, clip(x)): A = -1/T, B = (ki, -ki, 0, 1/T).
+    # The clipped state is fed back as an input. That is no algebraic loop, as D is 0.
     leak = identity / CLAMP_TIME
     size = sum(port.size() for port in ports)
     unused = np.zeros((count, size - 2 * count))
@@ -562,16 +627,20 @@ def add_integral(
         D=np.zeros((count, size + count)),
     )
     builder.AddNamedSystem(f"{name}.integrator", integrator)
-    clipped = add_saturation(
-        builder, integrator.get_output_port(), gains.integral_limit[group], f"{name}.integral_clip"
-    )
+    integral_limit = gains.integral_limit[group]
+    state = integrator.get_output_port()
+    clipped = add_saturation(builder, state, integral_limit, f"{name}.integral_clip")
     inputs = add_multiplexer(builder, f"{name}.integrator_input", *ports, clipped)
     builder.Connect(inputs, integrator.get_input_port())
     return clipped
 
 
 def set_actuators(
-    plant: MultibodyPlant, joints: list[JointIndex], gains: ServoGains, *, with_servos: bool = True
+    plant: MultibodyPlant,
+    joints: list[JointIndex],
+    gains: ServoGains,
+    *,
+    with_servos: bool = True,
 ) -> None:
     """Set torque limits, dampers and PD gains of the actuators of joints, before the plant is finalized.
 
@@ -593,6 +662,7 @@ def set_actuators(
         if joint.index() not in joints:
             continue
         axis = joints.index(joint.index())
+        # The damper of the joint adds to the servo's gain, so the servo gets kd less the damping D.
         actuator.set_effort_limit(float(gains.actuator_limit[axis]))
         joint.set_default_damping(joint.default_damping() + float(gains.damping[axis]))
         if with_servos:
@@ -632,6 +702,7 @@ def add_actuator_servos(
     ports = [signals.reference]
     columns: list[Vector] = [np.eye(len(gains.kp))]
     if is_stiff:
+        # The module's equation of the desired position, q_r + tau_e / kp.
         # Each torque becomes an offset torque / kp of the desired position. An axis without a motor has no kp, and no
         # actuator that would read its position: its rows are zero.
         for extra in extra_torques:
@@ -640,6 +711,7 @@ def add_actuator_servos(
             ports.append(extra.port)
             columns.append(offsets)
     elif extra_torques:
+        # A joint without stiffness cannot turn a torque into a position: the torques act directly.
         bus = add_multiplexer(builder, f"{prefix}extra_torques", *(extra.port for extra in extra_torques))
         to_actuators = actuation_map @ np.hstack([extra.matrix for extra in extra_torques])
         torque = add_matrix_gain(builder, f"{prefix}actuation", to_actuators, bus)
@@ -684,10 +756,12 @@ def _extra_torques(
     identity = np.eye(len(gains.kp))
     extra_torques = list[_ExtraTorque]()
     if signals.reference_velocity is not None:
+        # The actuator damps by -kd v, towards rest: kd v_r makes it -kd (v - v_r).
         extra_torques.append(_ExtraTorque(signals.reference_velocity, np.diag(gains.kd)))
     if signals.feedforward is not None:
         extra_torques.append(_ExtraTorque(signals.feedforward, identity))
     if (gains.ki > 0).any():
+        # The integrator acts on all axes as one group, in axis order: so the ports need no sorting.
         all_axes = list(range(len(gains.kp)))
         ports = [signals.reference, signals.state]
         integral = add_integral(builder, ports, gains, all_axes, f"{prefix}servo")

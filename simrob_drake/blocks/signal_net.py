@@ -41,7 +41,12 @@ _LARGEST_DENOMINATOR = 1_000_000
 _PERIOD_ROUNDING = 1e-9
 
 
-def signal_net(blocks: Mapping[str, WiredBlock], measured: int, *, integrated: bool = True) -> LeafSystem:
+def signal_net(
+    blocks: Mapping[str, WiredBlock],
+    measured: int,
+    *,
+    integrated: bool = True,
+) -> LeafSystem:
     """Create the system that computes a net of blocks.
 
     It is a system of symbolic expressions, which Drake computes in C++. If blocks are sampled, or the expressions would
@@ -83,7 +88,8 @@ def _computing_order(blocks: Mapping[str, WiredBlock], measured: int) -> list[in
         graphlib.CycleError: the net has an algebraic loop. It contains the names of its blocks.
     """
     slices = output_slices(list(blocks.values()), measured)
-    owner = dict[int, str]()  # name of the block that gives a value, by the value's index
+    # Name of the block that gives a value, by the value's index.
+    owner = dict[int, str]()
     for name, own in zip(blocks, slices, strict=True):
         owner.update(dict.fromkeys(range(own.start, own.stop), name))
 
@@ -93,6 +99,8 @@ def _computing_order(blocks: Mapping[str, WiredBlock], measured: int) -> list[in
         if not wired_block.block.has_feedthrough:
             continue
         for terms in wired_block.inputs:
+            # Only outputs of blocks have an owner: constant, time and measured values are known
+            # from the start.
             needed[name] += [owner[index] for index, _ in terms if index in owner]
 
     number_of = {name: number for number, name in enumerate(blocks)}
@@ -129,7 +137,13 @@ def _count_terms(wired: Sequence[WiredBlock], measured: int, order: Sequence[int
     return sum(counts) + rate_count
 
 
-def _symbolic_net(wired: Sequence[WiredBlock], measured: int, order: Sequence[int], *, integrated: bool) -> LeafSystem:
+def _symbolic_net(
+    wired: Sequence[WiredBlock],
+    measured: int,
+    order: Sequence[int],
+    *,
+    integrated: bool,
+) -> LeafSystem:
     """Create a net of continuous blocks as Drake's system of symbolic expressions.
 
     Args:
@@ -243,9 +257,10 @@ class SignalNet(Block):
         self._input = self.DeclareVectorInputPort("measured", measured)
         self._names = list(blocks)
         wired = list(blocks.values())
-        periods = {
-            number: wired_block.block.period for number, wired_block in enumerate(wired) if wired_block.block.period
-        }
+        periods = dict[int, float]()
+        for number, wired_block in enumerate(wired):
+            if wired_block.block.period:
+                periods[number] = wired_block.block.period
         step = _common_step(list(periods.values())) if periods else 0.0
         every = {number: round(period / step) for number, period in periods.items()}
         self._written = WrittenNet(wired, measured, _computing_order(blocks, measured), every)
@@ -282,6 +297,8 @@ class SignalNet(Block):
             computed: list[float] = self._written.functions[function](*arguments)
         except (ArithmeticError, ValueError) as problem:
             steps = walk_tb(problem.__traceback__)
+            # The traceback also contains frames of Drake and of this file; the net's own frame has
+            # the inputs.
             frame, line = next(step for step in steps if step[0].f_code.co_filename == SOURCE)
             number, input_names = self._written.find_block(line)
             text = message(

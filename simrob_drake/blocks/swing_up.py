@@ -107,6 +107,7 @@ class AxisDynamics:
         # Nothing is remembered in the context: each method sets the whole state of the robot.
         self._context: Context = plant.CreateDefaultContext()
         self._rest = plant.GetPositions(self._context)
+        # The bias h contains D v already, but the regulator's linear model needs D itself.
         damping = np.zeros(plant.num_velocities())
         for index in range(plant.num_joints()):
             joint = plant.get_joint(JointIndex(index))
@@ -120,6 +121,8 @@ class AxisDynamics:
         self._set_state(positions, velocities)
         places = self._axes.velocity_places
         signs = self._axes.signs
+        # M of the axes: rows and columns of their joints, with the signs s of the axes: s_i M_ij
+        # s_j.
         plant_mass = self._plant.CalcMassMatrix(self._context)
         mass = plant_mass[np.ix_(places, places)] * np.outer(signs, signs)
 
@@ -141,6 +144,7 @@ class AxisDynamics:
 
     def stiffness(self, positions: Vector) -> Vector:
         """Compute the derivatives of the weights by the positions (n,): shape (n, n) [N·m/rad or N/m]."""
+        # dh/dq_j = (h(q + e_j) - h(q - e_j)) / (2 eps) at rest: one column for each position.
         columns = []
         for step in _ANGLE_STEP * np.eye(len(positions)):
             difference = self.weights(positions + step) - self.weights(positions - step)
@@ -179,13 +183,21 @@ class Regulator(NamedTuple):
         Args:
             torque_limit: torque limits of the driven axes, shape (m,) [N·m or N].
         """
+        # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x
+        # = 1.
         spread = np.einsum("ij,ji->i", self.gain, np.linalg.solve(self.cost, self.gain.T))
+        # Holding the posture takes u* of each limit; r k S^-1 k' may reach the square of the rest.
         left = np.maximum(torque_limit - np.abs(self.torque), 0.0)
         return float(np.min(left**2 / spread))
 
 
 def balance_regulator(
-    dynamics: AxisDynamics, driven: Flags, upright: Vector, weights: LqrWeights, *, key: str = "upright"
+    dynamics: AxisDynamics,
+    driven: Flags,
+    upright: Vector,
+    weights: LqrWeights,
+    *,
+    key: str = "upright",
 ) -> Regulator:
     """Design the regulator that balances a robot, by Drake's solver of the Riccati equation.
 
@@ -202,12 +214,15 @@ def balance_regulator(
     # A passive axis rests only if nothing turns it there.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
+    passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
+    # The scale of the weights: those of an upright posture may all be zero, their derivatives are
+    # not.
     most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
-    if np.abs(holding[~driven]).max(initial=0.0) > _BALANCED * most:
+    if passive_weight > _BALANCED * most:
         expected = message(
             "blocks.an_equilibrium",
             "an equilibrium of the axes without a motor; there gravity turns them by {torque:.3g} N·m",
-            torque=float(np.abs(holding[~driven]).max()),
+            torque=passive_weight,
         )
         raise InvalidParameter(key, quoted(upright), expected)
 
@@ -215,7 +230,9 @@ def balance_regulator(
     count = len(upright)
     mass = dynamics.terms(upright, np.zeros(count)).mass
     accelerations = np.linalg.solve(mass, np.hstack([-stiffness, -np.diag(dynamics.damping)]))
-    dynamics_matrix = np.vstack([np.hstack([np.zeros((count, count)), np.eye(count)]), accelerations])
+    # The rates of the position errors in x are the velocities in x.
+    position_rates = np.hstack([np.zeros((count, count)), np.eye(count)])
+    dynamics_matrix = np.vstack([position_rates, accelerations])
     torques = np.eye(count)[:, driven]
     input_matrix = np.vstack([np.zeros_like(torques), np.linalg.solve(mass, torques)])
     state_weights = np.diag(np.concatenate([weights.position, weights.velocity]))
@@ -239,6 +256,7 @@ def nearest_error(error: Vector, turns: Flags) -> Vector:
         error: errors, shape (n,) [rad or m].
         turns: whether each axis turns, shape (n,).
     """
+    # An axis may have turned several times while it swung: a whole turn is no error.
     nearest = (error + np.pi) % (2.0 * np.pi) - np.pi
     return np.where(turns, nearest, error)
 
@@ -325,6 +343,7 @@ class SwingUp(SampledBlock):
         terms = self._dynamics.terms(position, velocity)
         energy = self.energy_error(terms, position, velocity)
         if is_balancing:
+            # u = u* - K x.
             torque = self.regulator.torque - self.regulator.gain @ state
         else:
             torque = self.swing_torque(terms, error, velocity, energy)
@@ -332,13 +351,26 @@ class SwingUp(SampledBlock):
         feedforward[self._driven] = torque
         return {"feedforward": feedforward, "energy": energy, "balancing": float(is_balancing)}
 
-    def energy_error(self, terms: EquationTerms, position: Vector, velocity: Vector) -> float:
+    def energy_error(
+        self,
+        terms: EquationTerms,
+        position: Vector,
+        velocity: Vector,
+    ) -> float:
         """Compute the energy E, less the one at rest upright [J]."""
+        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis
+        # counts.
         counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
         kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy
 
-    def swing_torque(self, terms: EquationTerms, error: Vector, velocity: Vector, energy: float) -> Vector:
+    def swing_torque(
+        self,
+        terms: EquationTerms,
+        error: Vector,
+        velocity: Vector,
+        energy: float,
+    ) -> Vector:
         """Compute the torques (m,) [N·m or N] of the motors that drive the energy's error to zero.
 
         Args:
@@ -362,7 +394,8 @@ class SwingUp(SampledBlock):
         acceleration -= self._gains.position * error[driven]
         acceleration -= self._gains.velocity * velocity[driven]
 
-        # Partial feedback linearisation: eliminate the acceleration of the passive axis.
+        # Partial feedback linearisation: eliminate the acceleration of the passive axis. With
+        # share = M_ap M_pp^-1, u = (M_aa - share M_pa) ddq_a + h_a - share h_p.
         share = np.linalg.solve(passive_inertia, coupling.T).T
         inertia = terms.mass[np.ix_(driven, driven)] - share @ coupling.T
         return np.asarray(inertia @ acceleration + terms.bias[driven] - share @ terms.bias[passive])

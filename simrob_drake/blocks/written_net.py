@@ -130,10 +130,14 @@ _NAMES: dict[str, Any] = {**vars(math), "pow": _power, "abs": abs, "min": min, "
 def _source(value: Any) -> str:
     """Write a number, a variable, an expression or a formula as Python source."""
     if isinstance(value, float):
+        # `repr` writes all digits: the source has the same number, to the last bit.
         return repr(value)
     if not isinstance(value, (Expression, Formula)):
+        # A whole number, or a variable of Drake, whose text is its name in the source.
         return str(value)
 
+    # Drake takes an expression apart into its outermost function and the arguments of this
+    # function.
     function, arguments = value.Unapply()
     name = function.__name__
     texts = [_source(argument) for argument in arguments]
@@ -173,7 +177,11 @@ class WrittenNet:
     """
 
     def __init__(
-        self, wired: Sequence[WiredBlock], measured: int, order: Sequence[int], every: Mapping[int, int]
+        self,
+        wired: Sequence[WiredBlock],
+        measured: int,
+        order: Sequence[int],
+        every: Mapping[int, int],
     ) -> None:
         """Write and compile the source.
 
@@ -203,6 +211,8 @@ class WrittenNet:
         self._write_sample_function(value_count)
 
         self.functions: dict[str, Any] = dict(_NAMES)
+        # The source is run once to define its functions. The file name marks its lines in a
+        # traceback, by which `SignalNet` finds the block of an error.
         exec(compile("\n".join(self._lines), SOURCE, "exec"), self.functions)
 
     def _declare_states(self, number: int, block: NetBlock) -> None:
@@ -213,10 +223,16 @@ class WrittenNet:
         first = len(all_states)
         all_states.extend(block.start)
         if is_sampled:
+            # The held output is 0 only until the first sample, at the start of the run.
             all_states.extend([0.0] * block.size)
         self._variables.append([f"{letter}{index}" for index in range(first, len(all_states))])
 
-    def _write_outputs_function(self, order: Sequence[int], known_count: int, value_count: int) -> None:
+    def _write_outputs_function(
+        self,
+        order: Sequence[int],
+        known_count: int,
+        value_count: int,
+    ) -> None:
         """Write the function ``outputs``, see the class.
 
         Args:
@@ -225,6 +241,7 @@ class WrittenNet:
             value_count: count of all values.
         """
         self._begin(f"{OUTPUTS}(v, x, h, n)", v=known_count, x=len(self.continuous), h=len(self.sampled))
+        # A line may read the outputs of the lines before it only, hence the order of the computation.
         for number in order:
             self._write_output(number)
         self._end(f"v{index}" for index in range(known_count, value_count))
@@ -232,6 +249,7 @@ class WrittenNet:
     def _write_rates_function(self, value_count: int) -> None:
         """Write the function ``rates``, see the class, for a count of all values."""
         self._begin(f"{RATES}(v, x)", v=value_count, x=len(self.continuous))
+        # Here all outputs are known, so the blocks may be in any order: that of the states.
         rates = list[str]()
         for number in range(len(self._wired)):
             if number not in self._every:
@@ -243,6 +261,8 @@ class WrittenNet:
         self._begin(f"{SAMPLE}(v, h, n)", v=value_count, h=len(self.sampled))
         for number, steps in self._every.items():
             self._write(number, f"if n % {steps} == 0:")
+            # The states are assigned together after all updates, which read the states before the
+            # sample.
             new_states = self._write_state_update(number, "  ")
             new_values = [*new_states, *self._output_variables(number)]
             self._write(number, f"  {_tuple_of(self._variables[number])} = {_tuple_of(new_values)}")
@@ -274,6 +294,7 @@ class WrittenNet:
         """
         self._lines.append(f"def {head}:")
         for name, size in lists.items():
+            # An empty list has no names to unpack it into.
             if size:
                 variables = _tuple_of(f"{name}{index}" for index in range(size))
                 self._lines.append(f"  {variables} = {name}")
@@ -312,6 +333,8 @@ class WrittenNet:
         names = self._output_variables(number)
         indent = ""
         if number in self._every:
+            # After its states, the variables of a sampled block are those of the output that it
+            # holds.
             held = self._variables[number][len(block.start) :]
             self._write(number, f"if n is None or n % {self._every[number]}:")
             self._write(number, f"  {_tuple_of(names)} = {_tuple_of(held)}")
@@ -333,6 +356,7 @@ class WrittenNet:
             return []
         inputs = self._write_inputs(number, indent)
         values = self._wired[number].block.state_update(states, inputs)
+        # Names of their own, since the next lines still read the states x or h.
         names = [f"d{name}" for name in self._state_variables(number)]
         for name, value in zip(names, values, strict=True):
             self._write(number, f"{indent}{name} = {_source(value)}")

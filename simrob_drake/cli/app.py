@@ -105,10 +105,10 @@ class _Group(TyperGroup):
         """
         try:
             return super().resolve_command(ctx, args)
-        except TyperException as problem:
+        except TyperException:
             if args[0].startswith("-"):
                 raise
-            raise UnknownName(message("cli.command", "command"), args[0], self.list_commands(ctx)) from problem
+            raise UnknownName(message("cli.command", "command"), args[0], self.list_commands(ctx)) from None
 
 
 class _Commands(_Group):
@@ -172,7 +172,7 @@ class _Commands(_Group):
                     problem=problem,
                     names=", ".join(left_out),
                 )
-            ) from problem
+            ) from None
         # The command that was found has a name and a help alone, see `_named_command`.
         return name, command and whole_command(str(name)), rest
 

@@ -185,7 +185,7 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     wait_for_watcher(view.url)
     try:
         result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
-        view.say(result.message)
+        view.say(result.end_in_words)
         return result
     finally:
         view.close()

@@ -1,4 +1,4 @@
-"""Robots as users name them: by the name of a robot of the package, or by the path of a file."""
+"""Read a robot that a user names: by the name of a robot of the package, or by the path of a file."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 
 
 def read_robot(robot: str | Path, options: ImportOptions | None = None) -> RobotModel:
-    """Read the robot that a name or a path stands for.
+    """Read the robot of a name or a path.
 
     Stations, the commands and Python functions read robots by this function, so that all of them accept the same files.
 

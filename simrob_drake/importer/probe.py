@@ -1,7 +1,8 @@
-"""The first parse of an imported robot, in a process of its own: where Drake ends a process, only that one ends.
+"""Parse an imported robot in Drake for the first time, in a process of its own.
 
-Repairs and checks come first, so this finds what they did not know of. ``python -m simrob_drake.importer.probe FILE``
-builds the robot and exits with 0, or prints what Drake says and exits with 1.
+Some defects of a file make Drake end the process. Here this ends a child process only, and becomes an error. Repairs
+and checks come before, so the probe finds the defects that they do not know. ``python -m simrob_drake.importer.probe
+FILE`` builds the robot and exits with 0, or prints what Drake says and exits with 1.
 """
 
 import subprocess
@@ -10,17 +11,41 @@ import tempfile
 import xml.etree.ElementTree as ET
 from copy import deepcopy
 from pathlib import Path
+from typing import NamedTuple
 
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 
 _SUSPECTS = ("visual", "collision", "inertial", "limit", "dynamics", "axis")
-_PATIENCE = 120.0  # s, for a robot of hundreds of meshes
+"""Tags of the elements, of links and joints, that may be the cause if Drake cannot build a robot."""
+
+_TIMEOUT = 120.0
+"""Time after which the child process is ended [s]. A robot with hundreds of meshes needs less."""
+
+
+class _Place(NamedTuple):
+    """Place of an element in a robot.
+
+    Attributes:
+        owner: index of the link or joint in the ``robot`` element.
+        part: index of the element in the link or joint.
+    """
+
+    owner: int
+    part: int
 
 
 def probe(file: Path, report: ImportReport) -> None:
-    """Let a child process build a robot in Drake; raises InvalidModel: refused or died, of an element that is named."""
+    """Build a robot in Drake, in a child process.
+
+    Args:
+        file: the URDF.
+        report: report of the import, which makes the error.
+
+    Raises:
+        InvalidModel: Drake refuses the robot, or ends the process; names the element that is the cause, if it is one.
+    """
     complaint = _complaint(file)
     if complaint is None:
         return
@@ -31,49 +56,69 @@ def probe(file: Path, report: ImportReport) -> None:
 
 
 def _complaint(file: Path) -> str | None:
-    """Return what Drake says against a robot, None if it can build it."""
-    command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]  # -P: none of the user's modules
+    """Return the error of Drake for a robot, or None if Drake can build it."""
+    # With -P, modules in the user's folder do not take the place of others.
+    command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]
     try:
-        child = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
+        child = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
     except subprocess.TimeoutExpired:
-        return message("importer.takes_longer", "it takes longer than {patience:g} s", patience=_PATIENCE)
+        return message("importer.takes_longer", "it takes longer than {patience:g} s", patience=_TIMEOUT)
     if child.returncode == 0:
         return None
-    text = (child.stdout.strip() or child.stderr.strip()).splitlines()
-    return (
-        shortened(text[-1].removeprefix(f"{file}: "), 300)
-        if text
-        else message("importer.ended_with_code", "the process ended with code {code}", code=child.returncode)
-    )
+    lines = (child.stdout.strip() or child.stderr.strip()).splitlines()
+    if not lines:
+        return message("importer.ended_with_code", "the process ended with code {code}", code=child.returncode)
+    return shortened(lines[-1].removeprefix(f"{file}: "), 300)
 
 
 def _culprit(file: Path) -> str:
-    """Return the element without which Drake builds the robot; empty if no single one makes the difference."""
+    """Find the element that is the cause: without it, Drake can build the robot. The search halves the suspects.
+
+    Returns:
+        the element in words, such as ``link 'arm' <inertial>``; empty if no single element is the cause.
+    """
     robot = ET.parse(file).getroot()
-    places = [(o, p) for o, owner in enumerate(robot) for p, part in enumerate(owner) if part.tag in _SUSPECTS]
-    if not places or not _built_without(file, robot, places):
+    suspects = []
+    for owner_index, owner in enumerate(robot):
+        for part_index, part in enumerate(owner):
+            if part.tag in _SUSPECTS:
+                suspects.append(_Place(owner_index, part_index))
+    if not suspects or not _can_build_without(file, robot, suspects):
         return ""
-    while len(places) > 1:
-        half = places[: len(places) // 2]
-        if not _built_without(file, robot, half):
-            half = places[len(places) // 2 :]
-            if not _built_without(file, robot, half):
-                return ""  # two culprits, one in each half
-        places = half
-    owner = robot[places[0][0]]
-    return compound("{tag} '{get}' <{tag_2}>", tag=owner.tag, get=owner.get("name"), tag_2=owner[places[0][1]].tag)
+    while len(suspects) > 1:
+        middle = len(suspects) // 2
+        first_half = suspects[:middle]
+        second_half = suspects[middle:]
+        if _can_build_without(file, robot, first_half):
+            suspects = first_half
+        elif _can_build_without(file, robot, second_half):
+            suspects = second_half
+        else:
+            return ""  # there are two causes, one in each half
+    owner = robot[suspects[0].owner]
+    part = owner[suspects[0].part]
+    return compound("{tag} '{get}' <{tag_2}>", tag=owner.tag, get=owner.get("name"), tag_2=part.tag)
 
 
-def _built_without(file: Path, robot: ET.Element, places: list[tuple[int, int]]) -> bool:
+def _can_build_without(file: Path, robot: ET.Element, places: list[_Place]) -> bool:
+    """Whether Drake can build a robot without some elements.
+
+    Args:
+        file: the URDF. A changed copy is written next to it for a moment, since paths of meshes start from its folder.
+        robot: the ``robot`` element of the file.
+        places: places of the elements.
+    """
     rest = deepcopy(robot)
-    for owner, part in sorted(places, reverse=True):
-        rest[owner].remove(rest[owner][part])
+    # From the last one backwards, so that the indices of the others stay right.
+    for place in sorted(places, reverse=True):
+        rest[place.owner].remove(rest[place.owner][place.part])
     with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".probe-", suffix=".urdf") as trial:
         ET.ElementTree(rest).write(trial.name)
         return _complaint(Path(trial.name)) is None
 
 
 def _build(file: Path) -> None:
+    """Build the robot of a URDF in Drake; raises what Drake raises."""
     from pydrake.geometry import SceneGraph
     from pydrake.multibody.plant import MultibodyPlant
 

@@ -1,6 +1,7 @@
-"""What readers of other formats need beyond a URDF: links between joints, a posture at home, gains of servos.
+"""Help for readers of other formats, which make a URDF from a file: links between joints, and notes at joints.
 
-Posture and gains are noted at the joints, to go with them through the repairs, and taken off before a robot is written.
+A URDF has no place for the home posture and for gains of servos. They are noted as attributes of the joints, so that
+repairs of the URDF keep them with the joints, and are removed before the URDF is written.
 """
 
 import xml.etree.ElementTree as ET
@@ -9,21 +10,42 @@ from collections.abc import Mapping
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.urdf import name_of, set_inertia, written
+from simrob_drake.robots.urdf import format_number, name_of, set_inertia
 
-ROOT = "robot_world"  # the link that stands for the world
-_SHARE = 1e-9  # of a body's mass and moments, for links between its joints: some simulators take none without
-_LEAST = 1e-9  # kg, and kg m²
-HOME, KP, KD = "simrob_home", "simrob_kp", "simrob_kd"
-"""Attributes of a joint: where it is at home [rad or m], gains of its servo [N·m/rad, N·m·s/rad; N/m, N·s/m]."""
+ROOT = "robot_world"
+"""Name of the link that takes the place of the world."""
 
-Notes = Mapping[str, Mapping[str, float]]  # by key and joint
+_SHARE = 1e-9
+"""Share of a body's mass and moments that a link between its joints gets: some simulators refuse links without mass."""
+
+_LEAST = 1e-9
+"""Least mass [kg], and least moment [kg m²], of which this share is taken."""
+
+HOME = "simrob_home"
+"""Attribute of a joint with its position in the home posture [rad or m]."""
+
+KP = "simrob_kp"
+"""Attribute of a joint with the proportional gain of its servo [N·m/rad or N/m]."""
+
+KD = "simrob_kd"
+"""Attribute of a joint with the derivative gain of its servo [N·m·s/rad or N·s/m]."""
+
+Notes = Mapping[str, Mapping[str, float]]
+"""Values by the attribute (``HOME``, ``KP`` or ``KD``), and then by the name of the joint."""
 
 
 def add_between(robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0, moment: float = 0.01) -> str:
-    """Add a link between two joints of a body, of next to no mass, and return its name.
+    """Add a link of almost no mass between two joints of a body. Several joints then move the body one after the other.
 
-    ``name``, mass [kg] and largest moment [kg m²] are those of the body; ``free`` gives names of links.
+    Args:
+        robot: the ``robot`` element.
+        free: makes names of links.
+        name: name of the body.
+        mass: mass of the body [kg].
+        moment: largest moment of inertia of the body [kg m²].
+
+    Returns:
+        the name of the new link.
     """
     link = ET.SubElement(robot, "link", name=free.take(f"{name}_between"))
     moments = [_SHARE * max(moment, _LEAST)] * 3
@@ -32,12 +54,12 @@ def add_between(robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0
 
 
 def add_note(joint: ET.Element, key: str, value: float) -> None:
-    """Note something at a joint."""
-    joint.set(key, written(value))
+    """Note a value at a joint, under the attribute ``HOME``, ``KP`` or ``KD``."""
+    joint.set(key, format_number(value))
 
 
 def take_notes(robot: ET.Element) -> Notes:
-    """Take all notes off the joints, and return them."""
+    """Remove all notes from the joints, and return them. Attributes that no joint has are left out."""
     notes: dict[str, dict[str, float]] = {key: {} for key in (HOME, KP, KD)}
     for joint in robot.iterfind("joint"):
         for key, values in notes.items():

@@ -1,8 +1,13 @@
-"""Forces over time on a station's bodies: where they act, the blocks that apply them, and the kinds that there are."""
+"""Forces over time on bodies of a station: the sections of ``forces`` and the blocks that apply them.
+
+A *source* is a block of Drake whose first output depends on time alone. For most kinds of force it is the force itself,
+along the axes of the frame at which the force acts. A kind whose force also depends on how the body moves, such as
+`Drag`, adds a second block, which computes the force from the output of the source.
+"""
 
 import weakref
 from abc import ABC, abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -22,103 +27,182 @@ from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.resolved import StationContents, name_or_only
+from simrob_drake.parts.resolved import WORLD, StationContents, name_or_only
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_names, frame_of
 
 
+class ForcePoint(NamedTuple):
+    """Point of a body at which a force acts.
+
+    Attributes:
+        frame: frame of the body in whose axes the force is given.
+        point: the point in that frame, shape (3,) [m].
+    """
+
+    frame: Frame
+    point: Vector
+
+
 class ForceSection(Strict, ABC):
-    """A section of ``forces``: a force on a body over time."""
+    """A section of ``forces``: a force on a body over time. A subclass is a kind of force."""
 
     kind: str
     at: str | None = None
-    """Where it acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link or piece
-    (at its origin, along its axes). The only robot unless given: its tool, or its root link if it floats."""
+    """Where the force acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link
+    or piece (at its origin, along its axes). If it is left out, the only robot: its tool, or its root link if it
+    floats."""
 
     @property
     def offset(self) -> Vector:
-        """Where it acts beside that, along those axes, shape (3,) [m]."""
+        """Distance of the point at which the force acts from the one that `at` names, in its axes, shape (3,) [m]."""
         return np.zeros(3)
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """Times that no step goes across [s]; none of what is smooth, or samples."""
+        """Times at which a solver's step must end [s], since the force jumps there.
+
+        There are none if the force is smooth, or if it is sampled: Drake ends steps at samples anyway.
+        """
         return ()
 
     def trajectory(self) -> Trajectory | None:
-        """Return what its source plays over time; None where that is no trajectory."""
+        """Trajectory that the source plays, or None if the source is another block."""
         return None
 
     def source(self) -> LeafSystem:
-        """Return the block whose first output is the force (3) [N], or what :meth:`shaped` makes one of."""
+        """Create the source, whose first output is the force (3) [N], or the input of the block of `add_force_law`."""
         return TrajectorySource(self.trajectory())
 
     @abstractmethod
     def caption(self) -> str:
-        """Return it in words."""
+        """Short description of the force for labels, such as "20 N at 1 s"."""
 
-    def shaped(
-        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, force: OutputPort
+    def add_force_law(
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        name: str,
+        frame: Frame,
+        point: Vector,
+        source: OutputPort,
     ) -> OutputPort:
-        """Return the force (3) [N] at a point (3,) [m] of a frame, along its axes, made of what the source gives."""
-        return force
+        """Add the block that computes the force from the source, if the kind needs one.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: prefix of the block's name.
+            frame: frame in whose axes the force is given.
+            point: point of the frame at which the force acts, shape (3,) [m].
+            source: first output of the source.
+
+        Returns:
+            The port of the force, size 3 [N], along the axes of the frame.
+        """
+        return source
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that forces count in the station, and that there is what it acts on."""
+        """Check that the station is moved by forces, and that it has what the force acts on.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
+        Raises:
+            Unsuitable: the station is kinematic.
+            SimrobError: `at` names nothing, or it is left out in a station with several robots or none.
+        """
         if not station.engine.moves_by_forces:
             raise Unsuitable(
                 key,
                 message("parts.no_forces", "a kinematic station has no forces"),
                 message("parts.leave_out_or_dynamic", "leave it out, or set mode: dynamic"),
             )
-        known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
         if self.at is not None:
-            one_of(message("parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key), self.at, known)
+            movable_frames = [name for name in frame_names(station) if name != WORLD]
+            known = [*station.robots, *movable_frames]
+            kind = message("parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key)
+            one_of(kind, self.at, known)
         self.place_name(key, station)
 
     def place_name(self, key: str, station: StationContents) -> str:
-        """Return the name of what it acts on."""
+        """Name of the robot, tool, link or piece on which the force acts.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
+        Raises:
+            InvalidParameter: `at` is left out, and the station has several robots, or none.
+        """
         if self.at is not None:
             return self.at
         robot = station.robots[name_or_only(None, list(station.robots), key=f"{key}.at")]
+        # An arm is pushed at its tool, a robot on legs as a whole.
         return robot.name if robot.floats or not robot.tcp else f"{robot.prefix}{robot.tcp}"
 
 
 def add_force(
-    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: LeafSystem, caption: str
+    builder: DiagramBuilder,
+    site: Site,
+    name: str,
+    section: ForceSection,
+    source: LeafSystem,
+    caption: str,
 ) -> None:
-    """Apply a force (3) [N] that a source gives, and that is ``caption`` in words; ``applied_force.<name>`` shows it.
+    """Apply a force to the plant, and declare it as the output ``applied_force.<name>`` of the station.
 
-    The ports of the blocks that apply it are gathered in the site, for the plant.
+    The blocks that apply forces have outputs for the plant's only port of spatial forces: they are appended to
+    ``site.spatial_forces``, to be connected together at the end.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction.
+        name: name of the force.
+        section: section of the force.
+        source: source of the force, which may be another one than the section's.
+        caption: short description of the force for the picture of the station.
     """
+    block_name = f"force.{name}"
+    # The section's place is a name: here it becomes a point of a body of the plant.
     place = section.place_name(f"forces.{name}", site.station)
-    frame, point = place_of(site.plant, place)
-    output_port = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
-    point = point + section.offset
-    force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
-    block = add_external_force(builder, site.plant.plant_block, frame, name=f"force.{name}", point=point)
+    frame, origin = place_of(site.plant, place)
+    point = origin + section.offset
+
+    source_port = builder.AddNamedSystem(f"{block_name}.source", source).get_output_port(0)
+    force = section.add_force_law(builder, site, block_name, frame, point, source_port)
+    block = add_external_force(builder, site.plant.plant_block, frame, name=block_name, point=point)
     builder.Connect(force, block.get_command_input_port())
+    site.spatial_forces.append(block.get_spatial_forces_output_port())
+
     label = message(
         "parts.block_force", "Force '{name}'\n{caption}\nat {place}", name=name, caption=caption, place=place
     )
-    for system in (f"force.{name}", f"force.{name}.source"):
-        site.picture.draw(system, "force", label, key=f"force.{name}")
-    site.spatial_forces.append(block.get_spatial_forces_output_port())
+    # All systems of a force share one block of the picture.
+    for system in (block_name, f"{block_name}.source"):
+        site.picture.draw(system, "force", label, key=block_name)
     output = f"applied_force.{name}"
     title = message("parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=place)
     site.outputs.add(output, force, applied_signal(output, "N", title, part=name))
 
 
-def place_of(plant: StationPlant, place: str) -> tuple[Frame, Vector]:
-    """Return the frame in which a force is given, and the point (3,) [m] in it where it acts."""
-    if place in plant.robots:
-        root = plant.robots[place].root
-        return root, np.asarray(root.GetFixedPoseInBodyFrame().inverse() @ root.body().default_com())
-    return frame_of(plant, place), np.zeros(3)
+def place_of(plant: StationPlant, place: str) -> ForcePoint:
+    """Find the point at which a force acts on a robot, tool, link or piece of a name.
+
+    On a robot it is the centre of mass of the root link, otherwise the origin of the frame.
+    """
+    if place not in plant.robots:
+        return ForcePoint(frame_of(plant, place), np.zeros(3))
+    root = plant.robots[place].root
+    # Drake gives the centre of mass in the axes of the body, of which the root link may be only a fixed frame.
+    body_from_root = root.GetFixedPoseInBodyFrame()
+    return ForcePoint(root, np.asarray(body_from_root.inverse() @ root.body().default_com()))
 
 
-_JUST_BEFORE = 1e-11  # [s]
+# Distance of the end of a step before an edge of a push from the edge [s], see `Push.edges`.
+_JUST_BEFORE = 1e-11
 
 
 class Push(ForceSection):
@@ -126,36 +210,43 @@ class Push(ForceSection):
 
     kind: Literal["push"]
     start: Instant = 0.0
-    """When it begins [s]."""
+    """Time at which the force begins [s]."""
     duration: Duration = 0.1
-    """How long it lasts [s]."""
+    """Time for which the force acts [s]."""
     force: Triple
-    """Along x, y and z of what is pushed [N]."""
+    """Force along x, y and z of the frame at which it acts [N]."""
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """Time at which the force ends [s]."""
         return self.start + self.duration
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """When it begins and ends, and just before [s]; no step goes across.
+        """Times at which a solver's step must end [s]: begin and end of the push, and just before each of them.
 
-        A scheme that freezes its inputs would miss a part of it, and one with a stage at a step's end finds there what
-        comes after the edge: that step is as short as can be.
+        An integration scheme that keeps its inputs constant during a step would miss a part of a push that begins
+        within the step. A scheme that evaluates the force at the end of a step finds the force of after the edge there:
+        so the step that ends at an edge is as short as possible.
         """
-        edges = self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end
+        edges = (self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end)
         return tuple(edge for edge in edges if edge >= 0)
 
     def trajectory(self) -> Trajectory:
-        """Return the force over time, shape (3, 1) [N]."""
-        force, nothing = np.array(self.force), np.zeros(3)
-        times, values = [0.0, self.start, self.end, self.end + 1.0], [nothing, force, nothing, nothing]  # a hold ends
-        known = slice(self.start == 0, None)
-        return PiecewisePolynomial.ZeroOrderHold(times[known], np.array(values[known]).T)
+        """Force over time, shape (3, 1) [N]."""
+        force = np.array(self.force)
+        zero = np.zeros(3)
+        # A hold keeps each value until the next time. Its last value counts after the last time, which comes after all
+        # others.
+        times = [self.start, self.end, self.end + 1.0]
+        values = [force, zero, zero]
+        if self.start > 0:
+            times.insert(0, 0.0)
+            values.insert(0, zero)
+        return PiecewisePolynomial.ZeroOrderHold(times, np.array(values).T)
 
     def caption(self) -> str:
-        """Return it in words."""
+        """Short description of the force for labels: its size and its begin."""
         size = float(np.linalg.norm(self.force))
         return message("parts.force_push", "{size:.3g} N at {start:g} s", size=size, start=self.start)
 
@@ -165,19 +256,20 @@ class SineForce(ForceSection):
 
     kind: Literal["sine"]
     amplitude: Triple
-    """Largest force along x, y and z of what it acts on [N]."""
+    """Largest force along x, y and z of the frame at which it acts [N]."""
     frequency: Frequency
-    """Swings a second [Hz]."""
+    """Oscillations per second [Hz]."""
     phase_deg: Number = 0.0
-    """Angle at the start."""
+    """Phase angle at the start of a run [deg]."""
 
     def source(self) -> Sine:
-        """Return the block that gives the force (3) [N]."""
-        frequency, phase = np.full(3, 2 * np.pi * self.frequency), np.full(3, np.deg2rad(self.phase_deg))
-        return Sine(np.array(self.amplitude), frequency, phase)
+        """Create the source: amplitude sin(2 pi frequency t + phase), size 3 [N]."""
+        omega = np.full(3, 2 * np.pi * self.frequency)
+        phase = np.full(3, np.deg2rad(self.phase_deg))
+        return Sine(np.array(self.amplitude), omega, phase)
 
     def caption(self) -> str:
-        """Return it in words."""
+        """Short description of the force for labels: its amplitude and its frequency."""
         return message(
             "parts.force_sine",
             "sine ±{size:g} N, {frequency:.3g} Hz",
@@ -186,11 +278,15 @@ class SineForce(ForceSection):
         )
 
 
-_PERIOD = 0.01  # s between samples
-_LIFT = 0.25  # how far a target must be for a pull as strong as the weight of all that hangs together [m]
-_LIGHTEST = 1e-3  # kg
-_JUST_AFTER = 1e-9
-"""A sample at the time of a target's change is one of the target before, however both times are rounded [s]."""
+# Time between two samples of a drag [s].
+_DRAG_PERIOD = 0.01
+# Distance of a target for which the default spring pulls as strongly as the weight of the robot or piece [m].
+_WEIGHT_DISTANCE = 0.25
+# Smallest mass for which the default spring and damper are computed [kg]: bodies may be massless.
+_SMALLEST_MASS = 1e-3
+# Delay of the changes of targets [s]. However their times are rounded, a sample at the time of a change has the target
+# of before the change.
+_CHANGE_DELAY = 1e-9
 
 
 class Drag(ForceSection):
@@ -201,83 +297,147 @@ class Drag(ForceSection):
 
     kind: Literal["drag"]
     point: Triple = (0.0, 0.0, 0.0)
-    """Where it pulls, in the frame of what it acts on [m]."""
+    """Point at which the spring pulls, in the frame that `at` names [m]."""
     start: Instant = 0.0
-    """When it begins [s]."""
+    """Time at which the first target begins to pull [s]."""
     targets: Annotated[tuple[Triple, ...], Field(min_length=1)]
-    """Where to, in the world, one after the other [m]."""
+    """Positions in the world to which the spring pulls, one after the other [m]."""
     each: Duration = 0.05
-    """How long each target pulls [s]."""
+    """Time for which each target pulls [s]."""
     stiffness: Positive | None = None
-    """Of the spring [N/m]; unless given, a target 0.25 m away pulls with the weight of the robot or piece."""
+    """Stiffness of the spring [N/m]; if it is left out, a target 0.25 m away pulls with the weight of the robot or
+    piece."""
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """Time at which the last target ceases to pull [s]."""
         return self.start + self.each * len(self.targets)
 
     @property
     def offset(self) -> Vector:
-        """Where it acts beside the place that it names, shape (3,) [m]."""
+        """Distance of the point at which the spring pulls from the one that `at` names, in its axes, shape (3,) [m]."""
         return np.array(self.point)
 
     def trajectory(self) -> Trajectory:
-        """Return whether it pulls, 1 or 0, and where to, over time: shape (4, 1)."""
+        """Targets over time, shape (4, 1): 1 while a target pulls and otherwise 0, then its position [m]."""
         count = len(self.targets)
-        rows = np.column_stack([np.ones(count), np.array(self.targets)])
-        changes = self.start + _JUST_AFTER + self.each * np.arange(count + 1)
-        values = np.vstack([np.zeros(4), rows, np.zeros((2, 4))])
-        return PiecewisePolynomial.ZeroOrderHold([0.0, *changes, changes[-1] + 1.0], values.T)
+        pulling = np.column_stack([np.ones(count), np.array(self.targets)])
+        before = np.zeros(4)
+        after = np.zeros((2, 4))  # a hold needs a value at its last time, too
+        changes = self.start + _CHANGE_DELAY + self.each * np.arange(count + 1)
+        times = [0.0, *changes, changes[-1] + 1.0]
+        values = np.vstack([before, pulling, after])
+        return PiecewisePolynomial.ZeroOrderHold(times, values.T)
 
-    def shaped(
-        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, applied: OutputPort
+    def add_force_law(
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        name: str,
+        frame: Frame,
+        point: Vector,
+        source: OutputPort,
     ) -> OutputPort:
-        """Add the spring, and return its force (3) [N]."""
-        plant, body = site.plant.plant, frame.body()
-        whole = plant.CalcTotalMass(plant.CreateDefaultContext(), [body.model_instance()])
+        """Add the spring, which computes the force from the target and the state of the plant.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: prefix of the block's name.
+            frame: frame in whose axes the force is given.
+            point: point of the frame at which the spring pulls, shape (3,) [m].
+            source: port of the target, size 4, see `trajectory`.
+
+        Returns:
+            The port of the force, size 3 [N], along the axes of the frame.
+        """
+        plant = site.plant.plant
+        body = frame.body()
+        # The default stiffness fits the mass of the whole robot or piece. The damping fits the pulled body alone,
+        # c = 2 zeta sqrt(k m) with the damping ratio zeta = 1/2: on a light link, a sampled damper that fits a larger
+        # mass could be unstable.
+        total_mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [body.model_instance()])
         gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector())) or STANDARD_GRAVITY
-        stiffness = self.stiffness or max(whole, _LIGHTEST) * gravity / _LIFT
-        gains = stiffness, float(np.sqrt(stiffness * max(body.default_mass(), _LIGHTEST)))
-        spring = DragSpring(period=_PERIOD, plant=plant, frame=frame, point=point, gains=gains)
-        return add_and_connect(builder, f"{name}.spring", spring, applied, site.state)
+        stiffness = self.stiffness or max(total_mass, _SMALLEST_MASS) * gravity / _WEIGHT_DISTANCE
+        damping = float(np.sqrt(stiffness * max(body.default_mass(), _SMALLEST_MASS)))
+        spring = DragSpring(
+            period=_DRAG_PERIOD,
+            plant=plant,
+            frame=frame,
+            point=point,
+            stiffness=stiffness,
+            damping=damping,
+        )
+        return add_and_connect(builder, f"{name}.spring", spring, source, site.state)
 
     def caption(self) -> str:
-        """Return it in words."""
+        """Short description of the force for labels: its begin and its end."""
         return message("parts.force_drag", "drag from {start:g} to {end:g} s", start=self.start, end=self.end)
 
 
 class DragSpring(SampledBlock):
-    r"""The force :math:`f = k (p_t - p) - c \dot{p}` of a target on a point, sampled and held; zero without a target.
+    r"""Spring and damper between a point of a body and a target, sampled and held. Without a target the force is zero.
+
+    .. math:: f = k (p_t - p) - c \dot{p},
+
+    with the position p of the point, the target :math:`p_t`, the stiffness k and the damping c.
 
     Ports:
-        in  ``target`` (4): whether there is one, 1 or 0, and where in the world, p_t [m]; ``state`` (nq + nv): of the
-            whole plant.
+        in  ``target`` (4): 1 if there is a target and otherwise 0, then its position p_t in the world [m]; ``state``
+        (nq + nv): positions and velocities of the whole plant.
         out ``force`` (3) [N]: in the axes of the frame.
     """
 
     def __init__(
-        self, *, period: float, plant: MultibodyPlant, frame: Frame, point: Vector, gains: tuple[float, float]
+        self,
+        *,
+        period: float,
+        plant: MultibodyPlant,
+        frame: Frame,
+        point: Vector,
+        stiffness: float,
+        damping: float,
     ) -> None:
-        """Make the block for a point p (3,) [m] of a body of any finalized plant, with gains k [N/m] and c [N·s/m]."""
+        """Create the block.
+
+        Args:
+            period: time between two samples [s].
+            plant: the finalized plant, which need not be part of the diagram.
+            frame: frame of the body.
+            point: point of that frame, shape (3,) [m].
+            stiffness: stiffness k [N/m].
+            damping: damping c [N·s/m].
+        """
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}
         super().__init__(period=period, reads=reads, memory={"force": np.zeros(3)}, gives=["force"])
-        self._plant, self._frame, self._point, self._gains = weakref.proxy(plant), frame.index(), point, gains
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._plant = weakref.proxy(plant)  # the station owns the plant: a block must not keep it in memory
+        self._frame = frame.index()
+        self._point = point
+        self._stiffness = stiffness
+        self._damping = damping
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return the force now."""
-        pulls, *target = read["target"]
-        if not pulls:
+        """Compute the force at this sample."""
+        has_target = read["target"][0]
+        if not has_target:
             return {"force": np.zeros(3)}
-        plant, context = self._plant, self._scratch
+        plant = self._plant
+        context = self._scratch
         plant.SetPositionsAndVelocities(context, read["state"])
         frame = plant.get_frame(self._frame)
-        pose, motion = frame.CalcPoseInWorld(context), frame.CalcSpatialVelocityInWorld(context)
-        speed = motion.translational() + np.cross(motion.rotational(), pose.rotation() @ self._point)
-        stiffness, damping = self._gains
-        force = stiffness * (np.array(target) - pose @ self._point) - damping * speed
-        return {"force": pose.rotation().inverse() @ force}
+        pose = frame.CalcPoseInWorld(context)
+        motion = frame.CalcSpatialVelocityInWorld(context)
+
+        # dp/dt = v + omega x r, with the velocity v of the frame's origin and the arm r from there to the point.
+        rotation = pose.rotation()
+        arm = rotation @ self._point
+        velocity = motion.translational() + np.cross(motion.rotational(), arm)
+        # f = k (p_t - p) - c dp/dt, in the world, then in the axes of the frame.
+        distance = read["target"][1:] - pose @ self._point
+        force = self._stiffness * distance - self._damping * velocity
+        return {"force": rotation.inverse() @ force}
 
 
 KINDS = Kinds(
@@ -287,4 +447,6 @@ KINDS = Kinds(
     point="forces",
 )
 ForceConfig = Annotated[ForceSection, KINDS]
+"""A section of ``forces`` in a station file, of the class of its kind."""
 Forces = Annotated[dict[str, ForceConfig], KINDS.names_are_kinds]
+"""Sections of ``forces`` by name. A section without a kind has the kind that is its name, such as ``push``."""

@@ -67,6 +67,7 @@ class Ground:
     @cached_property
     def floor_pose(self) -> RigidTransform:
         """Pose of the floor in the world. Its z axis is the floor's normal."""
+        # The axis of the rotation is horizontal, to the right of the direction in which the floor rises.
         rotation_axis = np.array([np.sin(self.heading), -np.cos(self.heading), 0.0])
         return RigidTransform(RotationMatrix(AngleAxis(self.incline, rotation_axis)), np.zeros(3))
 
@@ -78,12 +79,12 @@ class Ground:
 
     def beneath(self, points: Vector) -> Vector:
         """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
-        parts = np.array_split(points, 1 + len(points) // _POINTS_AT_ONCE)
-        return np.concatenate([self._beneath(part) for part in parts])
+        groups = np.array_split(points, 1 + len(points) // _POINTS_AT_ONCE)
+        return np.concatenate([self._beneath_few(group) for group in groups])
 
-    def _beneath(self, points: Vector) -> Vector:
-        """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
-        # The depth is measured along the normal, so its vertical part is depth / n_z.
+    def _beneath_few(self, points: Vector) -> Vector:
+        """Compute the same as `beneath`, with arrays whose sizes are the products of boxes and points."""
+        # The depth is measured along the normal, so the plane of that depth lies lower by depth / n_z.
         normal_z = self.floor_pose.rotation().matrix()[2, 2]
         floor_heights = self.floor_heights(points) - self.depth / normal_z
         tops = self._box_tops(points)
@@ -92,10 +93,8 @@ class Ground:
         return np.asarray(np.maximum(floor_heights, tops_beneath.max(axis=0, initial=-np.inf)))
 
     def height(self, pose: Vector) -> float:
-        """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m].
-
-        It is fast if the ground is the plane z = 0, for calls in every step.
-        """
+        """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m]."""
+        # On most stations' ground this is fast, for calls in every step.
         if self.is_level_plane:
             return float(pose[2])
         return float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
@@ -115,7 +114,8 @@ class Ground:
 
     @cached_property
     def _all_boxes(self) -> _Boxes:
-        """All boxes as arrays. The reshapes are for a ground without boxes."""
+        """The boxes of the ground as arrays."""
+        # Without boxes, NumPy makes arrays of the shape (0,), which the reshapes turn into (0, 1, 3).
         return _Boxes(
             rotations=np.array([pose.rotation().matrix() for pose, _ in self.boxes]).reshape(-1, 3, 3),
             middles=np.array([pose.translation() for pose, _ in self.boxes]).reshape(-1, 1, 3),
@@ -125,13 +125,20 @@ class Ground:
     def _boxes_near(self, points: Vector) -> _Boxes:
         """Select the boxes that may be below or above one of m points (m, 3)."""
         boxes = self._all_boxes
-        # A box is within half of its diagonal from its middle.
-        radii = np.linalg.norm(boxes.halves[:, 0], axis=1)[:, np.newaxis]
-        low = points[:, :2].min(axis=0) - radii
-        high = points[:, :2].max(axis=0) + radii
-        middles = boxes.middles[:, 0, :2]
-        is_near = ((middles >= low) & (middles <= high)).all(axis=1)
-        return _Boxes(rotations=boxes.rotations[is_near], middles=boxes.middles[is_near], halves=boxes.halves[is_near])
+        # No corner of a box is farther from its middle than half of its diagonal. So the middle of a box near the
+        # points lies in the rectangle of the points, extended by that on all sides.
+        half_diagonals = np.linalg.norm(boxes.halves[:, 0], axis=1)[:, np.newaxis]
+        points_xy = points[:, :2]
+        lowest_xy = points_xy.min(axis=0) - half_diagonals
+        highest_xy = points_xy.max(axis=0) + half_diagonals
+        middles_xy = boxes.middles[:, 0, :2]
+        is_between = (middles_xy >= lowest_xy) & (middles_xy <= highest_xy)
+        is_near = is_between.all(axis=1)
+        return _Boxes(
+            rotations=boxes.rotations[is_near],
+            middles=boxes.middles[is_near],
+            halves=boxes.halves[is_near],
+        )
 
     def _box_tops(self, points: Vector) -> Vector:
         """Compute the heights at which vertical lines through points leave boxes.
@@ -142,17 +149,21 @@ class Ground:
         Returns:
             The heights, shape (k, m) [m], for k boxes near the points; minus infinity if a line misses a box.
         """
+        # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
+        # axis while -half <= start + z up <= half, and in the box while this holds for all three axes.
         boxes = self._boxes_near(points)
-        # A line in the axes of a box: start + z up, with the height z. It is between the two faces of each axis while
-        # -half <= start + z up <= half, and in the box while this holds for all three axes.
-        vertical = boxes.rotations[:, 2:]
+        vertical = boxes.rotations[:, 2:]  # the world's vertical in the axes of each box, shape (k, 1, 3)
         up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
-        start = (points * [1.0, 1.0, 0.0] - boxes.middles) @ boxes.rotations
-        at_lower_faces = (-boxes.halves - start) / up
-        at_upper_faces = (boxes.halves - start) / up
-        heights = np.sort(np.stack([at_lower_faces, at_upper_faces]), axis=0)
-        enter = heights[0].max(axis=2)
-        leave = heights[1].min(axis=2)
+        points_at_zero = points * [1.0, 1.0, 0.0]
+        start = (points_at_zero - boxes.middles) @ boxes.rotations  # shape (k, m, 3)
+
+        # Heights at which a line passes the two faces of each axis, the lower one first.
+        at_negative_faces = (-boxes.halves - start) / up
+        at_positive_faces = (boxes.halves - start) / up
+        at_faces = np.sort(np.stack([at_negative_faces, at_positive_faces]), axis=0)
+        # The line enters the box once it is between the faces of all axes, and leaves it at the first face after that.
+        enter = at_faces[0].max(axis=2)
+        leave = at_faces[1].min(axis=2)
         return np.asarray(np.where(enter <= leave, leave, -np.inf))
 
 

@@ -1,4 +1,9 @@
-"""Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them."""
+"""Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them.
+
+An *output* is a port of a block in the station, such as ``position``. Its *signals* declare the columns that it has in
+results, with units and plots. Values of many outputs can be computed in two ways: from their ports, in a context of the
+diagram; or by a *rule* from recorded states of the plant, which is faster and needs no context.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
@@ -38,14 +43,21 @@ class FromState:
     finish: Callable[[Vector], Vector] | None = None
 
     def of(self, states: Vector) -> Vector:
-        """Compute the output (m, size) for each of m states, shape (m, nq + nv)."""
+        """Compute the output for each of m states.
+
+        Args:
+            states: positions and velocities of the whole plant, shape (m, nq + nv).
+
+        Returns:
+            The values, shape (m, size).
+        """
         values = self._picked_values(states)
         return values if self.finish is None else self.finish(values)
 
     def _picked_values(self, states: Vector) -> Vector:
         """Pick the values (m, size) from each of m states, shape (m, nq + nv)."""
         if self._picks_entries:
-            # The sum with 0 makes 0 of -0, as a product with a matrix does.
+            # The sum with 0 makes 0 of -0, as a product with a matrix does: results are equal to the last bit.
             return np.asarray(states[:, self.pick] + 0.0)
         return np.asarray(states @ self.pick.T)
 
@@ -70,10 +82,15 @@ class FromState:
 
 @dataclass(frozen=True)
 class _Report:
-    """A block that only reports, and that has not joined the diagram."""
+    """A block that only reports, and that has not joined the diagram.
+
+    Attributes:
+        block: the block.
+        source: port that the block reads.
+    """
 
     block: LeafSystem
-    source: OutputPort  # port that the block reads
+    source: OutputPort
 
 
 class OutputRegistry(Mapping[str, OutputPort]):
@@ -89,20 +106,21 @@ class OutputRegistry(Mapping[str, OutputPort]):
         after_run: functions that compute outputs without a port after the run, by the output's name.
         images: what cameras show to blocks of the user's own, by name, such as ``image.<sensor>``.
         monitors: conditions that end a run, by the monitor's name. They watch outputs.
-        notes: what results tell of how a part was made, by the name of the part.
+        notes: remarks for results on how a part was made, such as its kind, by the name of the part.
     """
 
-    def __init__(self, state: OutputPort, plant: MultibodyPlant, *, lean: bool = False) -> None:
+    def __init__(self, state: OutputPort, plant: MultibodyPlant, *, defers_reports: bool = False) -> None:
         """Begin without outputs.
 
         Args:
             state: port with the positions and velocities of the whole plant, size nq + nv.
             plant: the plant.
-            lean: whether blocks that only report join the diagram when something reads them, and not before.
+            defers_reports: whether blocks that only report join the diagram when something reads them, and not before.
+                Each block in the diagram makes stepping slower.
         """
         self._state = state
         self._plant = plant
-        self._lean = lean
+        self._defers_reports = defers_reports
         self._ports: dict[str, OutputPort] = {}
         self._reports: dict[str, _Report] = {}  # blocks that have not joined the diagram, by the names of their outputs
         self.signals: list[Signal] = []
@@ -112,8 +130,12 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self.monitors: dict[str, Trigger] = {}
         self.notes: dict[str, dict[str, str]] = {}
 
-    def copied(self) -> Self:
-        """Copy the registry, so that outputs can be added to the copy alone."""
+    def make_copy(self) -> Self:
+        """Copy the registry, so that outputs can be added to the copy alone.
+
+        The copy shares with the original what is only changed while the station is built: images, monitors, functions
+        for after the run, and blocks that have not joined.
+        """
         twin = copy(self)
         twin._ports = dict(self._ports)
         twin.signals = list(self.signals)
@@ -122,7 +144,11 @@ class OutputRegistry(Mapping[str, OutputPort]):
         return twin
 
     def __getitem__(self, output: str) -> OutputPort:
-        """Output port by its name; raises UnknownKey: there is no such output."""
+        """Output port by its name.
+
+        Raises:
+            UnknownKey: there is no such output.
+        """
         if output not in self._ports:
             raise UnknownKey(message("parts.output", "output"), output, self._ports)
         return self._ports[output]
@@ -159,7 +185,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
     ) -> None:
         """Add a block that only reports: nothing in the station needs its outputs, which are declared by `add`.
 
-        In a lean diagram the block joins when something reads one of its outputs, see `port`.
+        If the registry defers reports, the block joins the diagram when something reads one of its outputs, see `port`.
 
         Args:
             builder: builder of the diagram.
@@ -169,15 +195,22 @@ class OutputRegistry(Mapping[str, OutputPort]):
             outputs: names of the outputs that the block gives.
         """
         block.set_name(name)
-        self._reports.update(dict.fromkeys(outputs, _Report(block, source)))
-        if not self._lean:
+        report = _Report(block, source)
+        for output in outputs:
+            self._reports[output] = report
+        if not self._defers_reports:
             self._join(builder, block)
         elif isinstance(block, FramePoses):
             # The block refers to the plant. Outside of a diagram nothing else would release the two.
             release_with(self._plant, block)
 
     def port(self, builder: DiagramBuilder, output: str) -> OutputPort:
-        """Port of an output, for a block to read. The block that gives it joins the diagram if it has not yet."""
+        """Find the port of an output for a block to read. The block that gives it joins the diagram if it has not yet.
+
+        Args:
+            builder: builder of the diagram.
+            output: name of the output.
+        """
         if output in self._reports:
             self._join(builder, self._reports[output].block)
         return self._ports[output]
@@ -189,11 +222,12 @@ class OutputRegistry(Mapping[str, OutputPort]):
             builder: builder of the diagram.
             block: the block, which has not joined yet.
         """
-        joining = {output: report for output, report in self._reports.items() if report.block is block}
-        source = next(iter(joining.values())).source
+        # A block may give several outputs: none of them is deferred from now on.
+        joining_outputs = [output for output, report in self._reports.items() if report.block is block]
+        source = self._reports[joining_outputs[0]].source
         builder.AddSystem(block)
         builder.Connect(source, block.get_input_port(0))
-        for output in joining:
+        for output in joining_outputs:
             del self._reports[output]
 
     def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
@@ -221,9 +255,17 @@ class OutputRegistry(Mapping[str, OutputPort]):
             context: context of the whole diagram.
         """
         rule = self.from_state(output)
-        port = self._ports[output] if rule is None else self._state
-        value = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
-        return value if rule is None else rule(value[np.newaxis])[0]
+        if rule is None:
+            return _evaluate(self._ports[output], context)
+        state = _evaluate(self._state, context)
+        # The rule takes many states at once, and here one.
+        return np.asarray(rule(state[np.newaxis])[0])
 
 
-keep_former_attributes(OutputRegistry, later="after_run")
+def _evaluate(port: OutputPort, context: Context) -> Vector:
+    """Evaluate a port in a context of the whole diagram."""
+    port_context = port.get_system().GetMyContextFromRoot(context)
+    return np.array(port.Eval(port_context))
+
+
+keep_former_attributes(OutputRegistry, later="after_run", copied="make_copy")

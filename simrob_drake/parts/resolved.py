@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.sections import Pose
 from simrob_drake.blocks.references import Reference
@@ -71,7 +71,7 @@ class ResolvedRobot:
     initial: Vector  # positions of its axes at the start, shape (n,) [rad or m]
     carried: tuple[str, ...]  # names of the pieces that it carries, each after the piece to which it is attached
     held: tuple[str, ...]  # those of them that are attached to its tools, directly or through other pieces
-    load: float  # mass of all that it carries [kg]
+    loads: Mapping[str, float]  # mass of each piece that it carries, by name [kg]
     tool_frames: Mapping[str, str]  # name of the frame in the plant, by the name of a tool or of a carried piece
     tcp: str  # name of the tool in use; empty if the robot has none
     # pose of the tool centre point in the frame of the tool in use, which is then called ``tcp``; None if the point is
@@ -90,6 +90,19 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """Names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def load(self) -> float:
+        """Mass of everything that it carries [kg]."""
+        return float(sum(self.loads.values()))
+
+    @property
+    def load_in_words(self) -> Message:
+        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are left out."""
+        masses = [
+            compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass
+        ]
+        return join_texts(masses, " + ")
 
     @property
     def speed_limits(self) -> Vector:

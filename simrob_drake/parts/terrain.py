@@ -5,7 +5,7 @@ axis by the heading; its y axis is *across* the field, to the left. Level ground
 may follow it: these are boxes as well. The field is divided into square tiles, in rows across and columns along.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import groupby
 from pathlib import Path
@@ -22,23 +22,20 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive, Strict
 
+# Depth of the boxes' bottoms below the lowest of their tops, and smallest thickness of the soft patch [m].
 _BELOW = 0.05
-"""Depth of the boxes' bottoms below the lowest of their tops, and smallest thickness of the soft patch [m]."""
-
+# Smallest width of the level ground around the field [m].
 _AROUND = 1.0
-"""Smallest width of the level ground around the field [m]."""
 
 MOST_BOXES = 1000
 """Largest count of boxes: contact is computed for each."""
 
+# Largest count of pixels of a picture of heights.
 _MOST_PIXELS = 100_000
-"""Largest count of pixels of a picture of heights."""
-
+# Largest roll and pitch of a stone [rad].
 _LARGEST_TILT = 0.25
-"""Largest roll and pitch of a stone [rad]."""
-
+# Tolerance of the count of tiles, so that 0.6 m hold three tiles of 0.2 m.
 _ROUNDING = 1e-9
-"""Tolerance of the count of tiles, so that 0.6 m hold three tiles of 0.2 m."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,8 @@ class Terrain(Strict):
     """A soft patch after the field; none by default."""
 
     @model_validator(mode="after")
-    def _fits(self) -> "Terrain":
+    def _check_sizes(self) -> "Terrain":
+        """Check that the keys fit the kind, and that the field has at least one tile and not too many boxes."""
         if self.kind == "grid" and self.file is None:
             raise ValueError(message("parts.grid_without_file", "file is missing, which has the heights of a grid"))
         if self.kind != "grid" and self.file is not None:
@@ -127,6 +125,7 @@ class Terrain(Strict):
                     size=self.size,
                 )
             )
+        # The tiles of a grid are counted when its file is read.
         if self.kind == "grid":
             return self
         along = self.length / self.size
@@ -165,25 +164,27 @@ class Terrain(Strict):
         """
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
+            # Lines of the file go from left to right, rows of heights along the y axis, which points to the left.
             return read_matrix(self.file)[:, ::-1]
         try:
             with Image.open(BytesIO(content_of(self.file))) as picture:
                 if picture.width * picture.height > _MOST_PIXELS:
-                    pixels = message(
+                    problem = message(
                         "parts.too_many_pixels",
                         "has {width} x {height} pixels, more than {most}; make it smaller",
                         width=picture.width,
                         height=picture.height,
                         most=_MOST_PIXELS,
                     )
-                    raise InvalidConfig(self.file, "", pixels)
+                    raise InvalidConfig(self.file, "", problem)
+                # Value of a white pixel: the name of a mode with 16 bits contains that number, such as "I;16".
                 white = 65535.0 if "16" in picture.mode else 255.0
                 # The first pixel is far and left, the first height near and right.
-                return np.asarray(self.height / white * np.asarray(picture.convert("F"))[::-1, ::-1], dtype=float)
-        except OSError as problem:
-            raise InvalidConfig(
-                self.file, "", message("parts.no_picture", "cannot be read as a picture ({problem})", problem=problem)
-            ) from problem
+                pixels = np.asarray(picture.convert("F"))[::-1, ::-1]
+                return np.asarray(self.height / white * pixels, dtype=float)
+        except OSError as error:
+            problem = message("parts.no_picture", "cannot be read as a picture ({problem})", problem=error)
+            raise InvalidConfig(self.file, "", problem) from error
 
     def blocks(self, floor: float) -> list[TerrainBox]:
         """Create the boxes of the field, of the soft patch and of the level ground around them.
@@ -197,9 +198,11 @@ class Terrain(Strict):
         tiles = self._tiles()
         side = tiles.columns * self.size / 2
         end = self.start + tiles.rows * self.size
+        # Row and column of each tile, row after row, then the middles of the tiles, shape (m, 2) [m].
         grid = np.meshgrid(np.arange(tiles.rows), np.arange(tiles.columns), indexing="ij")
         indices = np.stack(grid, axis=-1).reshape(-1, 2)
-        middles = np.asarray((indices + 0.5) * self.size + (self.start, -side))
+        corner = (self.start, -side)  # near and right
+        middles = np.asarray((indices + 0.5) * self.size + corner)
         random = np.random.default_rng(self.seed)
         makers = {
             "steps": self._steps,
@@ -210,9 +213,11 @@ class Terrain(Strict):
             "gaps": self._gaps,
             "grid": self._grid,
         }
-        boxes = [*self._boxes_around(floor, end, side), *makers[self.kind](middles, side, random)]
+        make_field = makers[self.kind]
+        boxes = [*self._boxes_around(floor, end, side), *make_field(middles, side, random)]
+        # From the frame of the field to that of the floor.
         heading = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(self.heading_deg)), np.zeros(3))
-        return [TerrainBox(heading @ box.pose, box.half, box.modulus) for box in boxes]
+        return [replace(box, pose=heading @ box.pose) for box in boxes]
 
     def _boxes_around(self, floor: float, end: float, side: float) -> list[TerrainBox]:
         """Create the level ground around the field, the soft patch, and the ground below the field.
@@ -224,21 +229,24 @@ class Terrain(Strict):
         """
         begin = self.start
         soft_length = 0.0 if self.soft is None else self.soft.length
+        soft_end = end + soft_length
+        # The level ground covers the floor, and goes on around a field that is larger. The floor's edge is at least at
+        # the length that the file gives, also where fewer tiles fit.
         farthest_end = max(end, begin + self.length) + soft_length
         far = max(floor / 2, -begin + _AROUND, farthest_end + _AROUND, side + _AROUND)
         boxes = [
-            self._slab((-far, begin), (-far, far)),
-            self._slab((end + soft_length, far), (-far, far)),
-            self._slab((begin, end + soft_length), (side, far)),
-            self._slab((begin, end + soft_length), (-far, -side)),
+            self._slab((-far, begin), (-far, far)),  # before the field
+            self._slab((soft_end, far), (-far, far)),  # after it
+            self._slab((begin, soft_end), (side, far)),  # to its left
+            self._slab((begin, soft_end), (-far, -side)),  # to its right
         ]
         if self.soft is not None:
             modulus = self.soft.hydroelastic_modulus
-            boxes.append(self._slab((end, end + soft_length), (-side, side), modulus=modulus))
-        # Tiles of steps and grids cover the field; the others leave ground between them.
+            boxes.append(self._slab((end, soft_end), (-side, side), modulus=modulus))
+        # Tiles of steps and grids cover the field; the boxes of the other kinds leave ground between them.
         if self.kind not in ("steps", "grid"):
-            ground = -self.height if self.kind == "gaps" else 0.0
-            boxes.append(self._slab((begin, end), (-side, side), ground))
+            ground_height = -self.height if self.kind == "gaps" else 0.0
+            boxes.append(self._slab((begin, end), (-side, side), ground_height))
         return boxes
 
     def _tiles(self) -> _Tiles:
@@ -277,17 +285,20 @@ class Terrain(Strict):
 
     def _ridges(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         """Create plates across the field that rise and fall in turn."""
+        # A plate spans a size along the field and the height up or down.
         angle = np.arctan2(self.height, self.size)
         thickness = self.height
         half = np.array([np.hypot(self.size, self.height) / 2, side, thickness / 2])
         positions = np.unique(middles[:, 0])
-        whole_ridges = len(positions) // 2
+        whole_ridges = len(positions) // 2  # an odd row at the end stays level: a ridge needs two
         boxes = []
         for index, x in enumerate(positions[: 2 * whole_ridges]):
             falls = index % 2 == 1
-            rotation = RollPitchYaw(0.0, angle if falls else -angle, 0.0).ToRotationMatrix()
+            pitch = angle if falls else -angle  # a positive pitch lowers the far end
+            rotation = RollPitchYaw(0.0, pitch, 0.0).ToRotationMatrix()
             # The middle of the upper face is at half of the height.
-            middle = np.array([x, 0.0, self.height / 2]) - rotation.col(2) * thickness / 2
+            middle_of_face = np.array([x, 0.0, self.height / 2])
+            middle = middle_of_face - rotation.col(2) * thickness / 2
             boxes.append(TerrainBox(RigidTransform(rotation, middle), half))
         return boxes
 
@@ -302,13 +313,17 @@ class Terrain(Strict):
         """Create a stone near each middle: a box of random size, orientation and height."""
         boxes = []
         for x, y in middles:
-            # The order of the draws determines the ground that belongs to a seed.
-            middle = np.array([x, y, 0.0]) + self.size * random.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.0))
+            # The order and the count of the draws determine the ground of a seed, so vectors with a z entry that is
+            # not used are drawn, too.
+            shift = self.size * random.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.0))
             half = self.size * random.uniform((0.15, 0.15, 0.0), (0.4, 0.4, 0.0))
             top = random.uniform(0.0, self.height)
-            roll_and_pitch = random.uniform(-_LARGEST_TILT, _LARGEST_TILT, 2)
-            rotation = RollPitchYaw(*roll_and_pitch, random.uniform(0.0, np.pi)).ToRotationMatrix()
+            roll, pitch = random.uniform(-_LARGEST_TILT, _LARGEST_TILT, 2)
+            yaw = random.uniform(0.0, np.pi)
+
+            middle = np.array([x, y, 0.0]) + shift
             half[2] = self.height
+            rotation = RollPitchYaw(roll, pitch, yaw).ToRotationMatrix()
             # The highest corner is above the middle by the half sides, projected on the vertical.
             vertical = rotation.row(2)
             from_sides = abs(vertical[:2]) @ half[:2]
@@ -320,8 +335,11 @@ class Terrain(Strict):
         """Create the steps of stairs that rise up to the middle of the field, and fall again."""
         positions = np.unique(middles[:, 0])
         half = self.size / 2
+        # Count of steps below each tread: 1, 2, ... up to the middle of the field, then down to 1.
         count = len(positions)
-        levels = np.minimum(np.arange(1, count + 1), np.arange(count, 0, -1))
+        rising = np.arange(1, count + 1)
+        falling = np.arange(count, 0, -1)
+        levels = np.minimum(rising, falling)
         return [
             self._slab((x - half, x + half), (-side, side), level * self.height)
             for x, level in zip(positions, levels, strict=True)
@@ -345,7 +363,7 @@ class Terrain(Strict):
         boxes = []
         for row, heights in enumerate(self.heights()):
             begin = self.start + row * self.size
-            right = -side
+            right = -side  # heights go from right to left
             for top, equal_heights in groupby(heights.tolist()):
                 left = right + len(list(equal_heights)) * self.size
                 boxes.append(self._slab((begin, begin + self.size), (right, left), top))

@@ -1,4 +1,8 @@
-"""Program an arm in the words of RAPID: SimRob's class Kin, later Cin."""
+"""Program an arm by moves that have the names of RAPID: SimRob's class Kin, later Cin.
+
+A :class:`Workcell` is a station with its state; several objects :class:`Arm` may share it. A *planner* plans moves
+without running them.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
@@ -28,6 +32,7 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program, pace_of, run_cells
 from simrob_drake.programs.recorded import STATION, RecordedStation
+from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
@@ -41,22 +46,27 @@ Result = TypeVar("Result")
 
 
 class Planner(Planning):
-    """Plans moves of one robot from where it is, with everything checked; nothing moves.
+    """Plans and checks moves of one robot from where it is. Nothing moves.
 
-    All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each
-    unless they have a ``zone``, but for those of ``move_abs_j`` and ``move_j``, which pass through smoothly unless
-    ``stop`` is set.
+    All moves begin at rest at the robot's reference, and rest at their end. With several targets they rest at each of
+    them, unless they have a ``zone``. Only ``move_abs_j`` and ``move_j`` pass the targets smoothly, unless ``stop`` is
+    set.
     """
 
-    move_abs_j, move_j, move_l, move_c = plan_move_abs_j, plan_move_j, plan_move_l, plan_move_c
+    move_abs_j = plan_move_abs_j
+    move_j = plan_move_j
+    move_l = plan_move_l
+    move_c = plan_move_c
     move_free = plan_move_free
 
     def __repr__(self) -> str:
         return f"<Planner of {self.robot}: {self.chain!r}>"
 
 
-def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concatenate[Arm, P], SimulationResult]":
-    """Return the method of an arm that runs what ``plan`` plans."""
+def _method_that_runs(
+    plan: Callable[Concatenate[Planning, P], Plan],
+) -> "Callable[Concatenate[Arm, P], SimulationResult]":
+    """Make the method of an arm that plans a move by a function, and runs it."""
 
     @wraps(plan)
     def run(arm: "Arm", /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
@@ -66,35 +76,37 @@ def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concat
     return run
 
 
-def _of_cell(method: Callable[Concatenate[RecordedStation, P], Result]) -> "Callable[Concatenate[Arm, P], Result]":
-    """Return the method of an arm that has its workcell do something."""
+def _method_of_cell(
+    method: Callable[Concatenate[RecordedStation, P], Result],
+) -> "Callable[Concatenate[Arm, P], Result]":
+    """Make the method of an arm that calls a method of its workcell."""
 
     @wraps(method)
-    def ask(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Result:
+    def call(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Result:
         return method(arm.cell, *arguments, **options)
 
-    return ask
+    return call
 
 
 class Arm(ArmGeometry):
     """A robot of a station: kinematics and torques of its tool, and moves that run the station.
 
-    Every move begins where the reference of the last one ended, rests at its end, and returns the run. On a kinematic
-    station the arm is then exactly there; on a dynamic one it is where its motors brought it, and goes on from that
-    state. A move that cannot be done raises an error before anything moves. ``points``, ``duration``, ``times``,
-    ``speed``, ``acceleration``, ``profile``, ``zone`` and ``check`` of moves are those of
-    :class:`~simrob_drake.programs.timing.How`.
+    Every move begins where the reference of the last one ended, rests at its end, and returns the result of the run. On
+    a kinematic station the arm is then exactly there; on a dynamic one it is where its motors brought it, and the next
+    run continues from that state. A move that cannot be done raises an error before anything moves. The options
+    ``points``, ``duration``, ``times``, ``speed``, ``acceleration``, ``profile``, ``zone`` and ``check`` of moves are
+    those of :class:`~simrob_drake.programs.timing.How`.
 
     Poses are those of the tool centre point, in the world unless a work object is given: pose vectors
-    [x y z Rz Ry Rx], matrices (4, 4), RigidTransforms, one or many; or places [x y z], which keep the orientation.
-    A work object is a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's name or
-    an arm (its tool centre point; an arm's own is where its reference is), or a pose in any form.
+    [x y z Rz Ry Rx], matrices (4, 4) or RigidTransforms, one or several; or places [x y z], which keep the orientation.
+    A work object is the name of a piece (its tool centre point) or one of its frames as ``piece.frame``, the name of a
+    robot or an arm (its tool centre point; for the arm itself, at its reference), or a pose in any form.
 
     Attributes:
-        cell: the station and its state; several arms may share it.
-        name: of the robot in the station.
-        solver: of the inverse kinematics, where a call names none.
-        references: the cells that :meth:`add_reference` stored; ``clear()`` forgets them.
+        cell: the station and its state. Several arms may share it.
+        name: name of the robot in the station.
+        solver: solver of the inverse kinematics for calls that name none.
+        references: cells that :meth:`add_reference` stored. ``references.clear()`` deletes them.
     """
 
     def __init__(
@@ -109,15 +121,15 @@ class Arm(ArmGeometry):
         """Take a robot of a station.
 
         Args:
-            station: a workcell, or what makes one: a station's name, file or configuration.
-            robot: its name in the station; needed where there are several.
-            tool: see :meth:`tool`.
+            station: a workcell; or name, file or configuration of a station, of which one is made.
+            robot: name of the robot in the station. It may be None if the station has a single robot.
+            tool: see :meth:`tool`. If it is None, the tool of the station.
             solver: ``auto``, ``numeric``, ``analytic``, ``incremental``, ``constrained``, or one made for ``chain``.
-            overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
+            overrides: new values of the station, as of :func:`simrob_drake.load_station`.
 
         Raises:
-            UnknownName: no such station, robot or tool.
-            InvalidParameter: a robot without a tool, or on a base that moves.
+            UnknownName: there is no such station, robot or tool.
+            InvalidParameter: the robot has no tool, or a base that moves.
         """
         self.cell: Workcell
         super().__init__(workcell_of(station, overrides), robot)
@@ -138,35 +150,40 @@ class Arm(ArmGeometry):
             )
         if tool is not None:
             self.tool(tool)
-        _ = self.chain  # of joints that can be followed
+        _ = self.chain  # raises an error if it has joints that kinematics do not support
 
-    def _described(self) -> list[str]:
-        values = np.append(self.pose()[:3], np.rad2deg(self.pose()[3:])).round(6) + 0.0  # no -0
-        place, angles = (" ".join(f"{value:.4g}" for value in part) for part in (values[:3], values[3:]))
+    def _description(self) -> list[str]:
+        """Parts of the text that `repr` returns, with the pose of the tool."""
+        pose = self.pose()
+        # Adding 0 turns -0 into 0.
+        position = pose[:3].round(6) + 0.0
+        degrees = np.rad2deg(pose[3:]).round(6) + 0.0
+        place = " ".join(f"{value:.4g}" for value in position)
+        angles = " ".join(f"{value:.4g}" for value in degrees)
         tool = self.cell.model.robots[self.name].tcp
-        return [*super()._described(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
+        return [*super()._description(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).
 
         Args:
-            tool: one of :attr:`tools`, a frame of the robot or a piece that it carries, or any link; or a pose in the
-                frame of the tool that it has now.
+            tool: name of one of :attr:`tools`, which are frames of the robot and pieces that it carries, or of a link;
+                or a pose in the frame of the present tool.
 
         Raises:
-            UnknownName: no such tool.
+            UnknownName: there is no such tool.
         """
         self.cell.tool(self.name, tool)
 
     @property
     def plan(self) -> Planner:
-        """Plan moves without running them: the methods of the same names; :meth:`Workcell.run` runs several at once."""
+        """Planner whose methods plan the moves of this class. :meth:`Workcell.run` runs several plans at once."""
         robot = self.cell.robot(self.name)
         model = robot.model
         return Planner(
             robot=self.name,
             model=model,
-            rate_limits=(robot.speed_limits, model.accelerations),
+            rate_limits=RateLimits(robot.speed_limits, model.accelerations),
             chain=self.chain,
             start=self.reference,
             solver=self.solver,
@@ -177,77 +194,89 @@ class Arm(ArmGeometry):
         )
 
     def do(self, move: Move | Mapping[str, Any]) -> SimulationResult | None:
-        """Do a move of any kind, as a program does it, and return its run; None of one that takes no time.
+        """Perform a move of any kind, as in a program.
 
         Args:
-            move: one, or what would stand in a program's file, such as ``{"move_l": [0.3, 0, 0.2]}``.
+            move: a move, or an entry of a program's file, such as ``{"move_l": [0.3, 0, 0.2]}``.
+
+        Returns:
+            The result of its run, or None if the move takes no time.
 
         Raises:
-            SimrobError: it is wrong, or cannot be done.
+            SimrobError: the move has a wrong key or value, or cannot be done.
         """
         return cast(SimulationResult | None, move_from(move).perform(self.cell, self.name, self.cell.run_plans))
 
-    move_abs_j = _running(plan_move_abs_j)
-    """Move the axes to a posture (n,), or through many (k, n) [rad or m]; see :func:`plan_move_abs_j`."""
-    move_j = _running(plan_move_j)
-    """Move the tool to poses the easiest way, straight in the joints; see :func:`plan_move_j`."""
-    move_l = _running(plan_move_l)
+    move_abs_j = _method_that_runs(plan_move_abs_j)
+    """Move the axes to a posture (n,), or through several (k, n) [rad or m]; see :func:`plan_move_abs_j`."""
+    move_j = _method_that_runs(plan_move_j)
+    """Move the tool to poses, straight in the joints; see :func:`plan_move_j`."""
+    move_l = _method_that_runs(plan_move_l)
     """Move the tool along straight lines; see :func:`plan_move_l`."""
-    move_c = _running(plan_move_c)
+    move_c = _method_that_runs(plan_move_c)
     """Move the tool along arcs of circles; see :func:`plan_move_c`."""
-    move_free = _running(plan_move_free)
+    move_free = _method_that_runs(plan_move_free)
     """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
 
     def grip(self, **how: Any) -> SimulationResult:
-        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+        """Close the fingers, until a piece is between them or to a ``width`` [m], with a ``force`` of each [N].
 
-        They hold by friction alone, and keep that force. Keywords are the keys of
-        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+        They hold the piece by friction alone, and keep that force.
+
+        Args:
+            **how: keys of :class:`~simrob_drake.programs.moves.grip.GripMove`.
 
         Raises:
-            InvalidParameter: a robot without fingers, or what they cannot do.
+            InvalidParameter: the robot has no fingers, or they cannot close so far or so hard.
         """
         return cast(SimulationResult, self.do({"grip": how}))
 
     def open(self, **how: Any) -> SimulationResult:
-        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        """Open the fingers as far as they can, or to a ``width`` [m]; see :meth:`grip`."""
         return cast(SimulationResult, self.do({"open": how}))
 
-    wait = _of_cell(RecordedStation.wait)
-    """Hold the place for a time [s]; on a dynamic station the arm settles."""
-    release = _of_cell(RecordedStation.release)
-    """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
-    record = _of_cell(RecordedStation.record)
-    """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
-    pause = _of_cell(RecordedStation.pause)
+    wait = _method_of_cell(RecordedStation.wait)
+    """Hold the position for a time [s]. On a dynamic station the arm comes to rest."""
+    release = _method_of_cell(RecordedStation.release)
+    """Release a piece, in the world or on another piece; see :meth:`Workcell.release`."""
+    record = _method_of_cell(RecordedStation.record)
+    """Delete the recording, and record all runs from now on (SimRob's ``Rec()``)."""
+    pause = _method_of_cell(RecordedStation.pause)
     """Stop recording (``Rec(0)``)."""
-    resume = _of_cell(RecordedStation.resume)
-    """Go on recording (``Rec(1)``)."""
-    replay = _of_cell(RecordedStation.replay)
-    """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
-    result = _of_cell(RecordedStation.result)
-    """Return all that was recorded as one result; see :meth:`Workcell.result`."""
-    save = _of_cell(RecordedStation.save)
-    """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
-    film = _of_cell(RecordedStation.film)
-    """Write all that was recorded as a film; see :meth:`Workcell.film`."""
+    resume = _method_of_cell(RecordedStation.resume)
+    """Continue recording (``Rec(1)``)."""
+    replay = _method_of_cell(RecordedStation.replay)
+    """Run the recorded moves again, each from its own start (``Rep()``). The arm stays where it is."""
+    result = _method_of_cell(RecordedStation.result)
+    """Join all recorded runs to one result; see :meth:`Workcell.result`."""
+    save = _method_of_cell(RecordedStation.save)
+    """Write the recording to a folder; see :meth:`Workcell.save`."""
+    film = _method_of_cell(RecordedStation.film)
+    """Write the recording as a film; see :meth:`Workcell.film`."""
 
     def attach(
-        self, piece: str, parent: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
+        self,
+        piece: str,
+        parent: str | None = None,
+        *,
+        frame: str | None = None,
+        pose: PoseLike | None = None,
     ) -> None:
-        """Take a piece with the tool that the arm has now, or hang it on ``parent``; see :meth:`Workcell.attach`."""
+        """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`."""
         if parent is None:
             self.cell.take(piece, self.name, frame=frame, pose=pose)
         else:
             self.cell.attach(piece, parent, frame=frame, pose=pose)
 
     def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
-        """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
+        """Store postures as cells for :meth:`simulate` with ``automatic`` (AddRef). Nothing moves.
 
-        Nothing moves. A cell lasts until it is reached; ``duration`` [s] is that of the way there.
+        Args:
+            targets: a posture (n,), or several (k, n) [rad or m].
+            duration: duration of the way to each [s]. A cell lasts until its posture is reached.
 
         Raises:
-            SimrobError: as :meth:`move_abs_j`; they are looked at as moves from where the arm is.
+            SimrobError: see :meth:`move_abs_j`. The postures are checked as a move from where the arm is.
         """
         self.plan.move_abs_j(targets)
         rows = np.atleast_2d(self.chain.postures(targets, "targets"))
@@ -262,14 +291,16 @@ class Arm(ArmGeometry):
         automatic: bool | Mapping[str, Any] = False,
         strict: bool = False,
     ) -> SimulationResult:
-        """Do again all that was recorded, on this station or another; see :meth:`Workcell.simulate`. The arm stays.
+        """Do again all that was recorded, on this station or on another one; see :meth:`Workcell.simulate`.
+
+        The arm itself stays where it is.
 
         Args:
-            station: another one, such as the dynamic one.
-            duration: of the whole [s].
-            automatic: run :attr:`references` instead, from the station's start and in the robot's own time; see
+            station: another station, such as the dynamic one. If it is None, the station of the recording.
+            duration: duration of all runs together [s]. If it is None, as recorded.
+            automatic: whether :attr:`references` run instead, from the station's start; or options for that, see
                 :meth:`LeggedRobot.simulate`.
-            strict: a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
+            strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
         """
         config = None if station is None else Workcell(station).config
         if automatic is False:
@@ -280,14 +311,18 @@ class Arm(ArmGeometry):
                 message("programs.automatic_robot_times", "an automatic robot takes the time of its own references"),
             )
         other = Workcell(self.cell.config if config is None else config)
-        other.progress, other.strict = self.cell.progress, self.cell.strict or strict
+        other.progress = self.cell.progress
+        other.strict = self.cell.strict or strict
         return run_cells(Arm(other, self.name), self.references, pace_of(automatic))
 
     def show(self, q: npt.ArrayLike | None = None) -> str:
-        """Open a browser window that shows all moves from now on, and return its address on this computer.
+        """Open a browser window that shows all moves from now on.
 
         Args:
-            q: a posture (n,) to show, without moving there.
+            q: posture (n,) [rad or m] that is shown without moving there. If it is None, the present one is shown.
+
+        Returns:
+            Address of the window on this computer.
         """
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
@@ -320,32 +355,35 @@ class Workcell(RecordedStation):
     """A station with arms, which share its state: see :class:`StatefulStation` and :class:`RecordedStation`."""
 
     def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
-        """Return one of the station's robots, to be programmed.
+        """Make an arm of one of the station's robots.
 
         Args:
-            name: of the robot; needed where there are several.
-            tool: see :meth:`Arm.tool`.
-            solver: of the inverse kinematics, where a move names none.
+            name: name of the robot. It may be None if the station has a single robot.
+            tool: see :meth:`Arm.tool`. If it is None, the tool of the station.
+            solver: solver of the inverse kinematics for calls that name none.
         """
         return Arm(self, name, tool, solver=solver)
 
     def planning(self, robot: str | None) -> Planner:
-        """Return what plans moves of an arm from where it is; the only one need not be named."""
+        """Planner of a robot from where it is. None means the only robot of the station."""
         return self.arm(robot).plan
 
     def perform(self, program: Program | Path | str) -> SimulationResult:
-        """Do a program of arms from the state that the station is in, and return all of it as one result.
+        """Run a program of arms from the present state of the station.
 
-        All of it is looked at before anything moves, up to a move that depends on where a piece comes to rest. A run
-        that does not go to its end, as a monitor ends it, is the last. What cannot be done leaves all as it was.
+        The program is checked before anything moves, up to a move that depends on where a piece comes to rest. A run
+        that a monitor ends is the last one. If a move cannot be done, the station is left unchanged.
 
         Args:
-            program: one, or the YAML file of one; see :class:`Program`.
+            program: a program, or its YAML file; see :class:`Program`.
+
+        Returns:
+            All runs as one result.
 
         Raises:
-            InvalidParameter: a program without a move that takes time, or with moves for legs.
-            InvalidConfig: a damaged file.
-            SimrobError: what the arms cannot do; names the move.
+            InvalidParameter: the program has no move that takes time, or has moves for legs.
+            InvalidConfig: the file is damaged.
+            SimrobError: a move cannot be done. The message names it.
         """
         instance(
             program,
@@ -353,17 +391,27 @@ class Workcell(RecordedStation):
             (Program, Path, str),
             message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
         )
-        loaded, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
+        if isinstance(program, Program):
+            loaded = program
+            file = ""
+        else:
+            loaded = Program.load(program)
+            file = str(program)
+        # Check the program on a copy, which is placed where each move leads.
         trial = Workcell(self.config)
         trial.state = self.state
         trial.rehearse(loaded, file)
-        config, state, entries = self.config, self.state, list(self.tape.entries)
+        # Restored if a move fails.
+        config = self.config
+        state = self.state
+        entries = list(self.tape.entries)
         try:
             with following(self, loaded.grid, loaded.changes):
                 runs, spans = self._perform(loaded, file)
         except BaseException:
             self._change(config)
-            self.state, self.tape.entries = state, entries
+            self.state = state
+            self.tape.entries = entries
             raise
         text = loaded.on(STATION).text()
         return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
@@ -395,6 +443,7 @@ class Workcell(RecordedStation):
         dropped: set[str] = set()  # free pieces that fingers released in the air
 
         def stand(plans: list[Plan], duration: float | None) -> float:
+            """Place the robots at the ends of plans, and note the pieces that were dropped."""
             time, dropped_now = self._stand(plans, duration)
             dropped.update(dropped_now)
             return time
@@ -412,14 +461,15 @@ class Workcell(RecordedStation):
         return len(program.moves), total_time
 
     def _perform(self, program: Program, file: str) -> tuple[list[SimulationResult], list[MoveSpan]]:
-        """Do the moves of a program one after the other, up to one whose run does not go to its end.
+        """Perform the moves of a program one after the other, up to one whose run is ended early.
 
         Returns:
-            the runs, and when each move began and ended.
+            The runs, and the times at which each move began and ended.
         """
         runs: list[SimulationResult] = []
         spans: list[MoveSpan] = []
         now = 0.0
+        is_named = not program.plays_references
         for number, move in enumerate(program.moves):
             try:
                 with naming(move_name(number, len(program.moves), file)):
@@ -430,8 +480,8 @@ class Workcell(RecordedStation):
             begin = now
             if run is not None:
                 now = begin + run.stop_time
-                runs.append(run.numbered(number))
-            spans.append(MoveSpan(index=number, begin=begin, end=now))
+                runs.append(run.numbered(number) if is_named else run)
+            spans.append(MoveSpan(index=number, begin=begin, end=now, is_named=is_named))
             if run is not None and run.ending != "completed":
                 break
         return runs, spans

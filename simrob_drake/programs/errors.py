@@ -1,21 +1,24 @@
-"""What can go wrong on the way of a move, as named exceptions; nothing has moved when one is raised."""
+"""Errors of moves that cannot be done. Nothing has moved when one of them is raised.
+
+In all of them, `where` names the point of the move, and `shown` is a value with its unit, its limit and an advice.
+"""
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import message
 
 
 class JointLimitExceeded(SimrobError):
-    """A move on which a joint would leave its limits.
+    """Raised when a joint would leave its limits in a move.
 
     Attributes:
-        axis: the joint.
-        point: which point of the move, counted from 1.
-        time: when on the move [s].
-        value: where the joint would be [rad or m].
+        axis: name of the joint.
+        point: number of the point of the move, counted from 1.
+        time: time of the point since the start of the move [s].
+        value: position of the joint there [rad or m].
     """
 
     def __init__(self, where: str, axis: str, *, point: int, time: float, value: float, shown: str) -> None:
-        """Say at which point which axis would be where; ``shown`` tells the value and the limits with their units."""
+        """Make the error. The argument `shown` is the position and the limit with their units."""
         super().__init__(
             message(
                 "programs.axis_would_be_at",
@@ -25,26 +28,37 @@ class JointLimitExceeded(SimrobError):
                 position=shown,
             )
         )
-        self.axis, self.point, self.time, self.value = axis, point, time, value
+        self.axis = axis
+        self.point = point
+        self.time = time
+        self.value = value
 
 
 class _TooFast(SimrobError):
-    """A move on which a joint would exceed a limit of its motion.
+    """Raised when a joint would exceed a limit of its speed or acceleration in a move.
 
     Attributes:
-        axis: the joint.
-        point: which point of the move, counted from 1.
-        time: when on the move [s].
-        rate: what it would take [rad/s or m/s, or by s²].
-        duration: in what time the whole move can be done [s].
+        axis: name of the joint.
+        point: number of the point of the move, counted from 1.
+        time: time of the point since the start of the move [s].
+        rate: speed or acceleration of the joint there [rad/s or m/s, or rad/s² or m/s²].
+        duration: shortest duration in which the whole move can be done [s].
     """
 
     _word = ""
 
     def __init__(
-        self, where: str, axis: str, *, point: int, time: float, rate: float, duration: float, shown: str
+        self,
+        where: str,
+        axis: str,
+        *,
+        point: int,
+        time: float,
+        rate: float,
+        duration: float,
+        shown: str,
     ) -> None:
-        """Say at which point which axis would be too fast, what its limit is, and what would do."""
+        """Make the error. The argument `shown` is the rate with its unit, its limit and an advice."""
         super().__init__(
             message(
                 "programs.axis_would",
@@ -55,52 +69,59 @@ class _TooFast(SimrobError):
                 rate=shown,
             )
         )
-        self.axis, self.point, self.time, self.rate, self.duration = axis, point, time, rate, duration
+        self.axis = axis
+        self.point = point
+        self.time = time
+        self.rate = rate
+        self.duration = duration
 
 
 class SpeedLimitExceeded(_TooFast):
-    """A move on which a joint would turn faster than it can."""
+    """Raised when a joint would move faster than it can."""
 
     _word = message("programs.move_at", "move at")
 
 
 class AccelerationLimitExceeded(_TooFast):
-    """A move on which a joint would be sped up, or slowed down, more than it can."""
+    """Raised when a joint would speed up or slow down more than it can."""
 
     _word = message("programs.be_sped_up_by", "be sped up by")
 
 
 class TorqueLimitExceeded(SimrobError):
-    """A move on which a motor could not even hold its joint still.
+    """Raised when a motor could not even hold its joint at rest in a move.
 
     Attributes:
-        axis: the joint.
-        point: point of the move, counted from 1.
-        time: when on the move [s].
-        torque: that holds the joint there [N·m or N].
+        axis: name of the joint.
+        point: number of the point of the move, counted from 1.
+        time: time of the point since the start of the move [s].
+        torque: torque or force that holds the joint there [N·m or N].
     """
 
     def __init__(self, where: str, axis: str, *, point: int, time: float, torque: float, shown: str) -> None:
-        """Say at which point which axis needs too much; ``shown`` has the torque, the limit and the remedy."""
+        """Make the error. The argument `shown` is the torque with its unit, its limit and an advice."""
         super().__init__(
             message(
                 "programs.axis_would_need", "{where}: {axis} would need {torque}", where=where, axis=axis, torque=shown
             )
         )
-        self.axis, self.point, self.time, self.torque = axis, point, time, torque
+        self.axis = axis
+        self.point = point
+        self.time = time
+        self.torque = torque
 
 
 class BrokenPath(SimrobError):
-    """A path whose points can be reached, but not one after the other: the arm would have to jump between postures.
+    """Raised when the points of a path can be reached, but only with a jump of the axes between two of them.
 
     Attributes:
-        axis: the joint that jumps most.
-        point: the point of the move before the jump, counted from 1.
-        jump: how far the joint jumps [rad or m].
+        axis: name of the joint that jumps most.
+        point: number of the point of the move before the jump, counted from 1.
+        jump: motion of this joint between the two points [rad or m].
     """
 
     def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
-        """Say between which points which axis would have to jump; ``shown`` tells how far with its unit."""
+        """Make the error. The argument `shown` is the jump with its unit."""
         advice = message(
             "programs.singular_path",
             "the path leads through a singular posture; go there by move_j, or take another way",
@@ -115,21 +136,23 @@ class BrokenPath(SimrobError):
                 advice=advice,
             )
         )
-        self.axis, self.point, self.jump = axis, point, jump
+        self.axis = axis
+        self.point = point
+        self.jump = jump
 
 
 class PathCollision(SimrobError):
-    """A move on which the robot would run into something.
+    """Raised when bodies would collide in a move.
 
     Attributes:
-        point: which point of the move, counted from 1.
-        time: when on the move [s].
-        bodies: what touches what.
-        depth: how deep one goes into the other [m].
+        point: number of the point of the move, counted from 1.
+        time: time of the point since the start of the move [s].
+        bodies: names of the two bodies, the moving one first.
+        depth: depth of their overlap [m].
     """
 
     def __init__(self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float) -> None:
-        """Say at which point what runs into what, and how deep."""
+        """Make the error; see the attributes of the class."""
         super().__init__(
             message(
                 "programs.would_run_into",
@@ -140,7 +163,10 @@ class PathCollision(SimrobError):
                 depth=1e3 * depth,
             )
         )
-        self.point, self.time, self.bodies, self.depth = point, time, bodies, depth
+        self.point = point
+        self.time = time
+        self.bodies = bodies
+        self.depth = depth
 
     def add_lost_piece(self, piece: str, move: str) -> None:
         """Add to the message that fingers lost a piece before, which is likely what the robot would run into.
@@ -160,18 +186,19 @@ class PathCollision(SimrobError):
 
 
 class NoFreePath(SimrobError):
-    """A move around obstacles for which no way was found."""
+    """Raised when no path was found for a move around obstacles."""
 
 
 class StartInCollision(NoFreePath):
-    """A move around obstacles that would begin in one.
+    """Raised when bodies overlap at the start of a move around obstacles.
 
     Attributes:
-        bodies: what is in what.
-        depth: how deep [m].
+        bodies: names of the two bodies, the moving one first.
+        depth: depth of their overlap [m].
     """
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
+        """Make the error; see the attributes of the class."""
         remedy = message("programs.go_out_with_limits", "go out of it by move_l or move_abs_j with `check: limits`")
         super().__init__(
             message(
@@ -183,20 +210,32 @@ class StartInCollision(NoFreePath):
                 remedy=remedy,
             )
         )
-        self.bodies, self.depth = bodies, depth
+        self.bodies = bodies
+        self.depth = depth
 
 
 class GoalInCollision(NoFreePath):
-    """A goal of a move around obstacles that lies in one, with every posture that reaches it; attributes as above."""
+    """Raised when bodies overlap in every posture that reaches the goal of a move around obstacles.
+
+    Attributes:
+        bodies: names of two bodies that overlap in the best posture, the moving one first.
+        depth: depth of their overlap [m].
+    """
 
     def __init__(self, target: str, count: int, depth: float, bodies: tuple[str, str]) -> None:
-        """Say with how many postures, and of the best one what would be in what."""
-        which = (
-            message("programs.the_only_posture", "the only posture")
-            if count == 1
-            else message("programs.all_postures", "all {count} postures", count=count)
-        )
-        found = message(
+        """Make the error.
+
+        Args:
+            target: name of the target.
+            count: count of postures that reach it.
+            depth: depth of the overlap in the posture where it is least [m].
+            bodies: names of the two bodies, the moving one first.
+        """
+        has_several = count > 1
+        which = message("programs.the_only_posture", "the only posture")
+        if has_several:
+            which = message("programs.all_postures", "all {count} postures", count=count)
+        overlap = message(
             "programs.would_be_deep_in",
             "{body} would be {depth:.1f} mm deep in {other}",
             body=bodies[0],
@@ -209,8 +248,9 @@ class GoalInCollision(NoFreePath):
                 "{target} is in collision with {which} there: {found}{at_best}",
                 target=target,
                 which=which,
-                found=found,
-                at_best=message("programs.at_best", " at best") * (count > 1),
+                found=overlap,
+                at_best=message("programs.at_best", " at best") if has_several else "",
             )
         )
-        self.bodies, self.depth = bodies, depth
+        self.bodies = bodies
+        self.depth = depth

@@ -1,4 +1,8 @@
-"""Where the robots of a station and their tools are, and which postures bring tools elsewhere: of arms, and of legs."""
+"""Kinematics and statics of the robots of a station: of arms, and of robots with legs. Nothing moves.
+
+Forward kinematics (`pose`) computes where a tool is, inverse kinematics (`joint`) the postures that bring a tool to a
+pose. A *place* is a position without an orientation. A robot's *reference* is where its axes should be.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,14 +27,15 @@ from simrob_drake.robots.catalog import RobotModel
 
 
 class CellRobot:
-    """A robot of a station, as arms and legged robots share it; its methods are called, and not assigned to.
+    """A robot of a station: the common part of arms and of robots with legs.
 
     Attributes:
-        cell: the station and its state; several robots may share it.
-        name: of the robot in the station.
+        cell: the station and its state. Several robots may share it.
+        name: name of the robot in the station.
     """
 
     def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute, but refuse to replace a method: users of SimRob write `robot.tool = ...` by mistake."""
         if callable(getattr(type(self), name, None)):
             raise AttributeError(
                 message(
@@ -48,50 +53,60 @@ class CellRobot:
 
         Args:
             cell: the station.
-            robot: its name in the station; needed where there are several.
+            robot: name of the robot. It may be None if the station has a single robot.
 
         Raises:
-            UnknownName: no such robot.
-            InvalidParameter: a station without a robot, or no robot named where there are several.
+            UnknownName: there is no such robot.
+            InvalidParameter: the station has no robot, or it has several and none is named.
         """
         self.cell = cell
         self.name = cell.robot_name(robot)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
+        return f"<{type(self).__name__} {self.name}: {', '.join(self._description())}>"
 
-    def _described(self) -> list[str]:
+    def _description(self) -> list[str]:
+        """Parts of the text that `repr` returns."""
         return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
 
     @property
     def axes(self) -> list[str]:
-        """The names of the axes, in order."""
+        """Names of the axes, in their order."""
         return self.cell.robot(self.name).axes
 
     @property
     def tools(self) -> list[str]:
-        """The names of the tool frames, and of the pieces that the robot carries."""
+        """Names of the tool frames, and of the pieces that the robot carries."""
         return list(self.cell.robot(self.name).tools)
 
     @property
     def position(self) -> Vector:
-        """Where the axes are, shape (n,) [rad or m]."""
+        """Positions of the axes, shape (n,) [rad or m]."""
         return self.cell.position(self.name)
 
     @property
     def velocity(self) -> Vector:
-        """How fast they move, shape (n,) [rad/s or m/s]."""
+        """Velocities of the axes, shape (n,) [rad/s or m/s]."""
         return self.cell.velocity(self.name)
 
     def _poses(self, chain: Chain, base: RigidTransform, q: npt.ArrayLike | None) -> Vector:
-        """Return where the tool of a chain is, its base being somewhere: pose (6,), or (k, 6) for rows of postures."""
+        """Compute poses of the tool of a chain.
+
+        Args:
+            chain: the chain.
+            base: pose of the frame of the chain's base in the frame in which the poses are.
+            q: postures (n,) or (k, n) [rad or m]. If it is None, where the robot is.
+
+        Returns:
+            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
+        """
         rows = self.position if q is None else q
         poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
         return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
 
     @property
     def reference(self) -> Vector:
-        """Where they should be, and the next move begins, shape (n,) [rad or m]."""
+        """References of the axes, from which the next move begins, shape (n,) [rad or m]."""
         return self.cell.reference(self.name)
 
 
@@ -99,37 +114,37 @@ class ArmGeometry(CellRobot):
     """A robot on a fixed base: kinematics and torques of its tool. Nothing moves.
 
     Attributes: those of :class:`CellRobot`, and:
-        solver: of the inverse kinematics, where a call names none.
+        solver: solver of the inverse kinematics for calls that name none.
     """
 
     solver: SolverLike
 
     @property
     def chain(self) -> Chain:
-        """The axes from the world to the tool centre point, with their limits."""
+        """Chain of the axes from the world to the tool centre point, with their limits."""
         model = self.cell.model
         robot = model.robots[self.name]
         return model.chain(self.name, robot.tools[robot.tcp])
 
     def tool_pose(self) -> RigidTransform:
-        """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
+        """Pose of the tool centre point in the world, now. The method :meth:`pose` returns it as numbers."""
         return as_transform(self.chain.forward(self.position)[0])
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
-        """Return the pose of a work object in the world; see :class:`Arm`."""
+        """Pose of a work object in the world; see :class:`Arm`. The arm's own name means the tool at its reference."""
         if wobj is self or (isinstance(wobj, str) and wobj == self.name):
             return as_transform(self.chain.forward(self.reference)[0])
         return self.cell.frame(wobj)
 
     def pose(self, q: npt.ArrayLike | None = None, wobj: WorkObject = None) -> Vector:
-        """Return where the tool is (forward kinematics; SimRob's Pose).
+        """Compute the pose of the tool (forward kinematics; SimRob's Pose).
 
         Args:
-            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
-            wobj: the work object in whose frame the pose is wanted.
+            q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
+            wobj: the work object in whose frame the pose is returned.
 
         Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
+            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
         """
         return self._poses(self.chain, self.frame(wobj).inverse(), q)
 
@@ -141,26 +156,28 @@ class ArmGeometry(CellRobot):
         *,
         start: npt.ArrayLike | None = None,
     ) -> Vector:
-        """Return postures that bring the tool to poses (inverse kinematics; SimRob's Joint).
+        """Find postures that bring the tool to poses (inverse kinematics; SimRob's Joint).
 
         Args:
-            pose: one or many, or places, which keep the orientation that the tool has.
+            pose: one or several poses, or places, which keep the orientation that the tool has.
             wobj: the work object in whose frame they are.
-            solver: which; that of the arm unless given.
-            start: near which posture (n,) the first is wanted; the next ones near the last. Where the arm is unless
-                given.
+            solver: the solver. If it is None, that of the arm.
+            start: posture (n,) near which the first solution is searched; each next one near the one before. If it is
+                None, where the arm is.
 
         Returns:
-            shape (n,), or (k, n) for rows [rad or m].
+            Postures, shape (n,), or (k, n) for several poses [rad or m].
 
         Raises:
-            Unreachable: names the pose, why, and how near the best posture comes.
+            Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
         """
-        chain, begin = self.chain, self.position if start is None else start
-        turn = chain.forward(self.position)[0, :3, :3]
-        targets = world_poses(pose, self.frame(wobj), turn, "pose")
-        found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
-        return np.asarray(found[0]) if is_single(pose) else found
+        chain = self.chain
+        begin = self.position if start is None else start
+        orientation = chain.forward(self.position)[0, :3, :3]
+        targets = world_poses(pose, self.frame(wobj), orientation, "pose")
+        chosen = solver_for(chain, self.solver if solver is None else solver)
+        postures = require(chosen.solve(targets, begin), "pose")
+        return np.asarray(postures[0]) if is_single(pose) else postures
 
     def branches(
         self,
@@ -170,19 +187,23 @@ class ArmGeometry(CellRobot):
         held: Mapping[str, npt.ArrayLike] | None = None,
         start: npt.ArrayLike | None = None,
     ) -> Branches:
-        """Return every posture that brings the tool to a pose, with torque, room to the limits and collision of each.
+        """Find every posture that brings the tool to a pose, with its torque, its distance to limits and its collision.
 
         Args:
-            pose: one, or a place, which keeps the orientation that the tool has.
+            pose: a pose, or a place, which keeps the orientation that the tool has.
             wobj: the work object in whose frame it is.
-            held: of an arm with more than six axes those that stay, by name, at one position [rad or m] or each of
-                several; see :func:`~simrob_drake.kinematics.branches`.
-            start: posture (n,) near to which whole turns are chosen; where the arm is unless given.
+            held: for an arm with more than six axes, the axes that do not move, by name, at one position [rad or m] or
+                at each of several; see :func:`~simrob_drake.kinematics.branches`.
+            start: posture (n,) near which whole turns are chosen. If it is None, where the arm is.
 
         Returns:
-            as text a table; empty where nothing reaches the pose.
+            The postures; as text they are a table. It is empty if no posture reaches the pose.
+
+        Raises:
+            InvalidParameter: several poses are given.
         """
-        chain, begin = self.chain, self.position if start is None else start
+        chain = self.chain
+        begin = self.position if start is None else start
         target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
         if len(target) != 1:
             raise InvalidParameter(
@@ -195,16 +216,24 @@ class ArmGeometry(CellRobot):
         model = self.cell.collision_model
         gap = gaps(model, self.name, chain)
 
-        def meant(q: Vector) -> Branch:
-            met = collision(model, self.name, self.reference, q)
-            return Branch.of(chain, q, self.inverse_dynamics(q), limit, met, gap(q))
+        def branch_at(q: Vector) -> Branch:
+            """Describe a posture (n,) that reaches the pose."""
+            overlap = collision(model, self.name, self.reference, q)
+            return Branch.of(chain, q, self.inverse_dynamics(q), limit, overlap, gap(q))
 
-        return Branches.of(chain, target, begin, {} if held is None else held, meant)
+        return Branches.of(chain, target, begin, {} if held is None else held, branch_at)
 
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
-        """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.
+        """Compute the Jacobian J of the tool: its velocity is J times the velocities of the axes.
 
-        Rows: velocity of the tool centre point along x, y, z of the world, then angular velocity about them.
+        The rows are the velocity of the tool centre point along x, y, z of the world, then the angular velocity about
+        them.
+
+        Args:
+            q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
+
+        Returns:
+            Shape (6, n), or (k, 6, n) for several postures.
         """
         rows = self.position if q is None else q
         jacobians = self.chain.jacobian(rows)
@@ -212,45 +241,52 @@ class ArmGeometry(CellRobot):
 
     @property
     def dynamics(self) -> Dynamics:
-        """Inertia, gravity, payload and more of the arm as it is, with what it carries; others rest."""
+        """Equation of motion of the arm with what it carries, while other robots are at rest."""
         return self.cell.model.dynamics(self.name)
 
     def inverse_dynamics(
         self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
     ) -> Vector:
-        """Return the torques of a motion with what the arm carries, others at rest (SimRob's IDin).
+        """Compute the torques of a motion, with what the arm carries and other robots at rest (SimRob's IDin).
 
         Args:
-            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
-            v: velocities, of the same shape, or one number [rad/s].
-            a: accelerations, likewise [rad/s²].
+            q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
+            v: velocities, of the same shape, or one number [rad/s or m/s].
+            a: accelerations, of the same shape, or one number [rad/s² or m/s²].
 
         Returns:
-            shape (n,), or (k, n) for rows [N·m or N].
+            Torques or forces, shape (n,), or (k, n) for several postures [N·m or N].
         """
         return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
 
 
-_STAYS = (1e-4, 1e-3)  # what counts as a foot that stays [m, rad]: soles that sink in stand a little crooked
+# Largest motion of a foot that stays where it is. Soles that sink into the ground are a little tilted.
+_FOOT_MOVES = 1e-4  # [m]
+_FOOT_TURNS = 1e-3  # [rad]
+_AXES_OF_BALL_LEG = 3  # a leg with at most so many axes ends in a ball, which may turn on the ground
+
+# Weights of x, y, z and of the rotations about them in the inverse kinematics.
 _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class LeggedGeometry(CellRobot):
-    """A robot whose root moves: its axes, and kinematics from the trunk to hands, feet and head. Nothing moves.
+    """A robot with legs: kinematics from its trunk to hands, feet and head. Nothing moves.
 
     Attributes: those of :class:`CellRobot`.
     """
 
     @property
     def model(self) -> RobotModel:
-        """The robot as its ``robot.yaml`` describes it."""
+        """Model of the robot, from its ``robot.yaml``."""
         return self.cell.robot(self.name).model
 
     @property
     def worn_feet(self) -> str | None:
-        """The kind of feet that it stands on: the station's ``robot.feet``, else its default one; None without feet."""
-        return self.cell.config.robots[self.name].feet or (self.model.feet.default if self.model.feet else None)
+        """Kind of feet of the robot in its station. It is None if the robot has no feet."""
+        chosen = self.cell.config.robots[self.name].feet
+        default = self.model.feet.default if self.model.feet else None
+        return chosen or default
 
     @property
     def base_pose(self) -> RigidTransform:
@@ -258,32 +294,41 @@ class LeggedGeometry(CellRobot):
         return self.cell.model.pose(self.cell.robot(self.name).root)
 
     def chain(self, tool: str, base: str = "trunk") -> Chain:
-        """Return the axes, with limits, from the trunk or another tool to a tool; raises UnknownName: no such tool."""
+        """Chain of the axes from a base to a tool, with their limits.
+
+        Args:
+            tool: name of the tool.
+            base: ``trunk``, or the name of another tool.
+
+        Raises:
+            UnknownName: the robot has no such tool.
+        """
         model = self.cell.model
         robot = model.robots[self.name]
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
         return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def trunk_chain(self) -> Chain:
-        """Return the axes, with limits, from the world to the trunk: for checks that need no tool."""
+        """Chain of the axes, with their limits, for checks that need no tool."""
         model = self.cell.model
         return model.chain(self.name, model.robots[self.name].root)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
-        """Return where a tool is (forward kinematics).
+        """Compute the pose of a tool (forward kinematics).
 
         Args:
             tool: one of :attr:`tools`.
-            q: postures (n,) or (k, n) [rad]; where the robot is unless given.
+            q: postures (n,) or (k, n) [rad]. If it is None, where the robot is.
             frame: ``world`` (with the trunk where it is now), ``trunk``, or another tool.
 
         Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
+            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
 
         Raises:
-            UnknownName: no such tool or frame.
+            UnknownName: there is no such tool or frame.
         """
-        return self._poses(self.chain(tool, "trunk" if frame == "world" else frame), self._place_of(frame), q)
+        chain = self.chain(tool, _base_of(frame))
+        return self._poses(chain, self._base_pose_in(frame), q)
 
     def joint(
         self,
@@ -294,47 +339,54 @@ class LeggedGeometry(CellRobot):
         *,
         start: npt.ArrayLike | None = None,
     ) -> Vector:
-        """Return postures that bring a tool to poses (inverse kinematics); axes that do not move it stay.
+        """Find postures that bring a tool to poses (inverse kinematics). Axes that do not move the tool stay.
 
         Args:
             tool: one of :attr:`tools`.
-            pose: one or many, or places [x y z], which leave the orientation free: limbs of less than six axes reach
-                few whole poses.
+            pose: one or several poses, or places [x y z], which leave the orientation free: limbs with less than six
+                axes reach few whole poses.
             frame: ``trunk``, ``world`` (with the trunk where it is now), or another tool, such as a foot that stands:
-                then all axes from there to the tool help.
-            solver: for whole poses.
-            start: near which posture (n,) the first is wanted; where its reference is unless given.
+                then all axes from there to the tool may move.
+            solver: the solver for whole poses.
+            start: posture (n,) near which the first solution is searched. If it is None, the robot's reference.
 
         Returns:
-            shape (n,), or (k, n) for rows [rad].
+            Postures, shape (n,), or (k, n) for several poses [rad].
 
         Raises:
-            Unreachable: names the pose, why, and how near the best posture comes.
-            UnknownName: no such tool, frame or solver.
+            Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
+            UnknownName: there is no such tool, frame or solver.
         """
-        chain = self.chain(tool, "trunk" if frame == "world" else frame)
+        chain = self.chain(tool, _base_of(frame))
         begin = self.reference if start is None else one_posture(start, len(self.axes), "start")
-        targets = world_poses(pose, self._place_of(frame).inverse(), RotationMatrix().matrix(), "pose")
+        no_rotation = RotationMatrix().matrix()
+        targets = world_poses(pose, self._base_pose_in(frame).inverse(), no_rotation, "pose")
         chosen = NumericSolver(chain, weights=_PLACE_ONLY) if is_place(pose) else solver_for(chain, solver)
-        found = require(chosen.solve(targets, begin), "pose").copy()
+        postures = require(chosen.solve(targets, begin), "pose").copy()
+        # A search that begins again from a random posture changes all axes.
         others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
-        found[:, others] = begin[others]  # searches that begin anew change all axes
-        return np.asarray(found[0]) if is_single(pose) else found
+        postures[:, others] = begin[others]
+        return np.asarray(postures[0]) if is_single(pose) else postures
 
     def posture(
-        self, trunk: PoseLike, reach: Mapping[str, PoseTargets] | None = None, *, start: npt.ArrayLike | None = None
+        self,
+        trunk: PoseLike,
+        reach: Mapping[str, PoseTargets] | None = None,
+        *,
+        start: npt.ArrayLike | None = None,
     ) -> Vector:
-        """Return the posture (n,) [rad] in which the trunk is somewhere else while the feet stay where they are.
+        """Find the posture (n,) [rad] in which the trunk has another pose while the feet stay where they are.
 
         Args:
             trunk: pose of the root link in the world.
-            reach: what other tools do then: poses, or places [x y z], in the world.
-            start: near which posture (n,) it is wanted; where the robot's reference is unless given.
+            reach: poses, or places [x y z], in the world of other tools, by their names.
+            start: posture (n,) near which the solution is searched. If it is None, the robot's reference.
 
         Raises:
-            InvalidParameter: a robot without feet, or one that is held.
-            Unreachable: names the tool; legs without roll or yaw let the trunk go up, down, ahead and back only.
-            UnknownName: no such tool.
+            InvalidParameter: the robot has no feet, or is held.
+            Unreachable: a tool cannot be where it shall be. The message names it. Legs without roll or yaw let the
+                trunk go up, down, ahead and back only.
+            UnknownName: there is no such tool.
         """
         feet = self.feet
         if not feet or not self.cell.model.floats(self.name):
@@ -343,23 +395,28 @@ class LeggedGeometry(CellRobot):
                 self.model.name,
                 message("programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"),
             )
-        there = as_transform(trunk).inverse()
-        q = self.reference if start is None else one_posture(start, len(self.axes), "start")
+        to_trunk = as_transform(trunk).inverse()  # from the world to the frame of the trunk at its new pose
+        posture = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
-            stays = there @ self.base_pose @ as_transform(self.pose(foot, frame="trunk"))
+            foot_in_trunk = as_transform(self.pose(foot, frame="trunk"))
+            target = to_trunk @ self.base_pose @ foot_in_trunk
             chain = self.chain(foot)
-            weights = _PLACE_ONLY if len(chain.order) <= 3 else _WHOLE_POSE  # a ball at the end of a leg may turn
-            position, rotation = _STAYS
-            solver = NumericSolver(chain, weights=weights, position_tolerance=position, rotation_tolerance=rotation)
-            q = self.joint(foot, stays, solver=solver, start=q)
-        for tool, target in (reach or {}).items():
-            seen = there @ np.asarray(target, dtype=float) if is_place(target) else there @ as_transform(target)
-            q = self.joint(tool, seen, start=q)
-        return q
+            is_ball = len(chain.order) <= _AXES_OF_BALL_LEG
+            solver = NumericSolver(
+                chain,
+                weights=_PLACE_ONLY if is_ball else _WHOLE_POSE,
+                position_tolerance=_FOOT_MOVES,
+                rotation_tolerance=_FOOT_TURNS,
+            )
+            posture = self.joint(foot, target, solver=solver, start=posture)
+        for tool, wish in (reach or {}).items():
+            in_world = np.asarray(wish, dtype=float) if is_place(wish) else as_transform(wish)
+            posture = self.joint(tool, to_trunk @ in_world, start=posture)
+        return posture
 
     @property
     def feet(self) -> list[str]:
-        """The tools that lie on the robot's feet."""
+        """Names of the tools that are on the robot's feet."""
         robot = self.cell.robot(self.name)
         links = [] if robot.feet is None else robot.feet.links
         plant = self.cell.model.plant
@@ -368,29 +425,53 @@ class LeggedGeometry(CellRobot):
 
     @property
     def soles(self) -> Vector:
-        """The points of its feet that may touch the ground, in the world, shape (m, 3) [m]; none without feet."""
-        robot, model = self.cell.robot(self.name), self.cell.model
+        """Points of the feet that may touch the ground, in the world, shape (m, 3) [m]. Without feet, m is 0."""
+        robot = self.cell.robot(self.name)
+        model = self.cell.model
         if robot.feet is None:
             return np.zeros((0, 3))
-        poses = {link: model.pose(model.plant.GetFrameByName(link, robot.instance)) for link in robot.feet.links}
-        return np.vstack(
-            [robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0] for link, pose in poses.items()]
-        )
+        points = []
+        for link in robot.feet.links:
+            pose = model.pose(model.plant.GetFrameByName(link, robot.instance))
+            points.append(robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0])
+        return np.vstack(points)
 
     def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
-        """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
-        target = one_posture(q, len(self.axes), "q")
-        moved = np.abs(target - self.reference) > 0
-        values = target / self.model.user_units
-        return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
+        """Convert a posture to targets of a move: those of the axes that differ from their references.
 
-    def _place_of(self, frame: str) -> RigidTransform:
+        Args:
+            q: the posture, shape (n,) [rad].
+
+        Returns:
+            Target of each such axis by name [deg].
+        """
+        target = one_posture(q, len(self.axes), "q")
+        degrees = target / self.model.user_units
+        reference = self.reference
+        targets = {}
+        for index, axis in enumerate(self.axes):
+            if target[index] != reference[index]:
+                targets[axis] = float(degrees[index])
+        return targets
+
+    def _base_pose_in(self, frame: str) -> RigidTransform:
+        """Pose of the base of a chain in a frame, see :func:`_base_of`: the chain of ``world`` begins at the trunk."""
         return self.base_pose if frame == "world" else RigidTransform()
 
     def _tool(self, tool: str) -> str:
+        """Check the name of a tool.
+
+        Raises:
+            UnknownName: the robot has no such tool.
+        """
         known = self.cell.robot(self.name).tools
         if not isinstance(tool, str) or tool not in known:
             raise UnknownName(
                 message("base.tool_of", "tool of {model}", model=self.model.name), tool, [*known, "trunk", "world"]
             )
         return tool
+
+
+def _base_of(frame: str) -> str:
+    """Base of the chain for poses in a frame. The world is no base of a robot with legs: its trunk is."""
+    return "trunk" if frame == "world" else frame

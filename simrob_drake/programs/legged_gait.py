@@ -1,7 +1,11 @@
-"""The gaits of a robot as stages of its program: which suits it, a single step, and the way into its first posture."""
+"""Gaits of a robot in its station: planned for its load and its slope, and run from where the robot is.
+
+A run begins with a motion into the first posture of the gait and a rest in it, both as short as the robot's posture
+allows.
+"""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RotationMatrix
@@ -25,17 +29,20 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import urdf_with_pieces
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 
-_READY_TIME, _SETTLE_TIME = 2.0, 0.5
-"""Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
+# Times for a robot whose posture is far from the first one of a gait; nearer ones take less.
+_READY_TIME = 2.0  # to move into the first posture [s]
+_SETTLE_TIME = 0.5  # to rest in it [s]
+# Largest change of a joint from which the times above apply [rad]. A shorter one takes a time with which the
+# acceleration of the joint is the same.
 _FAR = float(np.deg2rad(45.0))
-"""Way of a joint that takes these times; shorter ones take as long as its acceleration then is the same [rad]."""
-_SAME = 1e-9  # rad
+_SAME = 1e-9  # largest difference of two postures that are the same [rad]
+# Largest error of a joint [rad] and speed [rad/s] of a robot at rest. Its weight alone causes errors up to 0.01.
 _AT_REST = 0.02
-"""Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
-_TAUGHT = 1.0  # deg from home
-_NEAR = 0.05  # m from the soles down to what a robot stands on
-_DOWN = (0.0, 0.03, 0.06, 0.1)  # how much lower the hips may be where the legs need it, in parts of their height
-_SAMPLE = 0.01  # s between the samples of the way into it
+_MOVED_ARM = 1.0  # least distance of an arm from home at which a gait leaves it where it is [deg]
+_NEAR = 0.05  # longest distance from the soles down to the ground on which a robot stands [m]
+# How much lower the hips may be if the legs are too short, as parts of their height; tried one after the other.
+_LOWER_BY = (0.0, 0.03, 0.06, 0.1)
+_SAMPLE = 0.01  # time between the samples of the motion into the first posture [s]
 
 
 def planned_gait(
@@ -48,23 +55,31 @@ def planned_gait(
     station: StationConfig | None = None,
     bends: bool = False,
 ) -> JointMotion:
-    """Plan a gait that suits a robot, what it carries, and the slope on which it stands; nothing moves.
+    """Plan a gait for a robot in a station: with its load and its arms, and on its slope. Nothing moves.
 
-    ``name`` is None for the first with steps for its feet, ``steps`` for gaits that go none; ``changes`` are of its
-    parameters, an amplitude scales its steps, ``station`` says where pieces will be; with ``bends`` the hips come down
-    where the legs need it, as they do under a load or on a slope. Raises SimrobError: as
-    :meth:`simrob_drake.LeggedRobot.walk`.
+    Args:
+        robot: the robot.
+        name: name of the gait. If it is None, the first one with steps for its feet.
+        changes: values of parameters that replace those of the gait.
+        steps: count of steps. It is None for gaits without steps.
+        amplitude: factor of the step length.
+        station: the station as it will be. If it is None, as it is.
+        bends: whether the hips may be lower if the legs are too short. They may always under a load or on a slope.
+
+    Raises:
+        SimrobError: see :meth:`simrob_drake.LeggedRobot.walk`.
     """
     model = robot.model
-    what = "act" if steps is None else "gait"
-    known = gaits_of(model, steps=steps is not None)
+    has_steps = steps is not None
+    what = "gait" if has_steps else "act"
+    gaits = gaits_of(model, steps=has_steps)
     worn = robot.worn_feet
-    name = first_gait(model, worn, known) if name is None else name
-    if name not in known:
+    name = first_gait(model, worn, gaits) if name is None else name
+    if name not in gaits:
         raise UnknownName(
-            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name), name, known
+            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name), name, gaits
         )
-    gait = known[name]
+    gait = gaits[name]
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(
@@ -75,7 +90,9 @@ def planned_gait(
     situation = resolve(station or robot.cell.config)
     _check_station(robot, situation, gait, name)
     walker = _walker(robot, situation)
-    if isinstance(gait, SolvedGait) and "bearing" not in changes:
+    # A bearing that the user sets decides about the arms, too, and about the height of the hips.
+    sets_bearing = "bearing" in changes
+    if isinstance(gait, SolvedGait) and not sets_bearing:
         gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
     made = changes.get("feet") or gait.made_for(model)
     if gait.on_feet and not carries(model, worn, made):
@@ -86,9 +103,11 @@ def planned_gait(
         )
 
     def plan(**others: Any) -> JointMotion:
-        return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
+        """Plan the gait with further changes of its parameters."""
+        return gait.with_changes({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
 
-    motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
+    may_be_lower = (bends or walker.is_loaded_or_inclined) and not sets_bearing
+    motion = _plan_within_reach(plan, gait) if may_be_lower and isinstance(gait, SolvedGait) else plan()
     check_limits(
         robot.trunk_chain(),
         motion.times,
@@ -99,59 +118,108 @@ def planned_gait(
 
 
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
-    """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
-    here = float(np.abs(robot.base_pose.translation()[:2]).max())
-    adapted = motion.adapted(robot.cell.config, robot.name, start=here)
-    trajectory = hermite(*_from_here(robot, motion))
-    del motion  # of ten minutes it takes 16 MB
-    return robot.cell.follow_as(adapted, {robot.name: trajectory}, trajectory.end_time())
+    """Run a planned gait from where a robot stands. A floor that had to become larger stays so."""
+    start = float(np.abs(robot.base_pose.translation()[:2]).max())
+    station = motion.adapt_station(robot.cell.config, robot.name, start=start)
+    path = _path_from_here(robot, motion)
+    trajectory = hermite(path.times, path.positions, path.velocities)
+    # Free the plan and the path before the run: ten minutes of a plan take 16 MB.
+    del motion, path
+    return robot.cell.follow_as(station, {robot.name: trajectory}, trajectory.end_time())
 
 
 def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, float]:
-    """Return where axes in no leg were moved to, which gaits leave there, by name [deg]; those near home are none."""
-    legs = {axis for foot in Walker.of(robot.model).feet(feet) for axis in foot.axes}
-    now, home = np.rad2deg(robot.reference), np.rad2deg(robot.model.home)
-    away = [axis for axis in range(len(now)) if axis not in legs and abs(now[axis] - home[axis]) > _TAUGHT]
-    return {list(robot.model.axes)[axis]: float(now[axis]) for axis in away}
+    """Find the axes in no leg that were moved away from home. A gait leaves them there.
+
+    Args:
+        robot: the robot.
+        feet: kind of its feet, which decides which axes are in legs. If it is None, the default one.
+
+    Returns:
+        Reference of each such axis by name [deg].
+    """
+    names = list(robot.model.axes)
+    leg_axes = {axis for foot in Walker.of(robot.model).feet(feet) for axis in foot.axes}
+    reference = np.rad2deg(robot.reference)
+    home = np.rad2deg(robot.model.home)
+    arms = {}
+    for axis, name in enumerate(names):
+        is_moved = abs(reference[axis] - home[axis]) > _MOVED_ARM
+        if axis not in leg_axes and is_moved:
+            arms[name] = float(reference[axis])
+    return arms
 
 
 def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> SolvedGait:
-    """Return a gait with arms elsewhere [deg]; itself if there are none."""
+    """Make a copy of a gait with other positions of arms, by axis name [deg]. Without any, it is the gait itself."""
     if not arms:
         return gait
     degrees = model.axis_vector(gait.bearing.posture_deg, "posture_deg").tolist()
     posture = dict(zip(model.axes, degrees, strict=True)) | arms
-    return gait.model_copy(update={"bearing": gait.bearing.model_copy(update={"posture_deg": posture})})
+    bearing = gait.bearing.model_copy(update={"posture_deg": posture})
+    return gait.model_copy(update={"bearing": bearing})
 
 
-def _within_reach(plan: Callable[..., JointMotion], gait: Gait, *, bent: bool) -> JointMotion:
-    """Return a planned motion; with ``bent`` knees the hips come down as far as the legs need it, and not too far."""
-    if not bent or not isinstance(gait, SolvedGait):
-        return plan()
-    own, found = gait.bearing, list[OutOfReach]()
-    for down in _DOWN:
+def _plan_within_reach(plan: Callable[..., JointMotion], gait: SolvedGait) -> JointMotion:
+    """Plan a gait with hips that are only as much lower as the legs need.
+
+    Args:
+        plan: function that plans the gait. Its keyword arguments replace parameters.
+        gait: the gait.
+
+    Raises:
+        OutOfReach: the legs are too short even for the lowest hips. It is the error of the highest ones.
+    """
+    bearing = gait.bearing
+    problems = list[OutOfReach]()
+    for lower_by in _LOWER_BY:
+        lower_bearing = bearing.model_copy(update={"height": bearing.height * (1 - lower_by)})
         try:
-            return plan(bearing=own.model_copy(update={"height": own.height * (1 - down)}).model_dump())
+            return plan(bearing=lower_bearing.model_dump())
         except OutOfReach as problem:
-            found.append(problem)
-    raise found[0]
+            problems.append(problem)
+    raise problems[0]
 
 
 def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
-    """Return what planners know of a robot: its bodies with what it carries, and gravity as it feels it on a slope."""
-    own, gaits = station.robots[robot.name], gaits_file(robot.model)
+    """Describe a robot for planners: its bodies with what it carries, and gravity in the frame of its ground.
+
+    Args:
+        robot: the robot, at its current pose.
+        station: the station as it will be.
+    """
+    own = station.robots[robot.name]
+    gaits = gaits_file(robot.model)
     skeleton = skeleton_of(own.model, urdf_with_pieces(station, own) if own.carried else None)
-    from_floor = station.ground.floor_pose.rotation().inverse()
-    turn = (from_floor @ robot.base_pose.rotation()).matrix()
-    heading = np.arctan2(turn[1, 0], turn[0, 0]) + np.deg2rad(gaits.facing_deg)
-    seen = RotationMatrix.MakeZRotation(-heading) @ from_floor
-    gravity = seen.matrix()[:, 2] * -station.config.gravity
-    return Walker(skeleton, gaits, gravity, differs=bool(own.carried or station.ground.incline))
+    # On a slope the floor is rotated against the world. In the floor's frame, the robot looks in direction `heading`;
+    # planners need gravity in a frame that is turned about the floor's normal so that the robot looks along x.
+    floor_from_world = station.ground.floor_pose.rotation().inverse()
+    trunk = (floor_from_world @ robot.base_pose.rotation()).matrix()
+    heading = np.arctan2(trunk[1, 0], trunk[0, 0]) + np.deg2rad(gaits.facing_deg)
+    plan_from_world = RotationMatrix.MakeZRotation(-heading) @ floor_from_world
+    gravity = plan_from_world.matrix()[:, 2] * -station.config.gravity
+    return Walker(
+        skeleton,
+        gaits,
+        gravity,
+        is_loaded_or_inclined=bool(own.carried or station.ground.incline),
+    )
 
 
 def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:
-    """Check that a robot stands, or hangs, as a gait needs it."""
-    model, config = robot.model, station.config
+    """Check that a robot stands on the ground, or is held by its trunk, as a gait needs it.
+
+    Args:
+        robot: the robot.
+        station: the station as it will be.
+        gait: the gait.
+        name: name of the gait for the message.
+
+    Raises:
+        InvalidParameter: the robot stands in another way.
+    """
+    model = robot.model
+    config = station.config
     floats = robot.cell.model.floats(robot.name)
     if gait.hangs and floats:
         raise InvalidParameter(
@@ -164,7 +232,8 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
                 name=name,
             ),
         )
-    if gait.on_feet and not (floats and config.contact and station.ground.carries(robot.soles, _NEAR)):
+    stands = floats and config.contact and station.ground.carries(robot.soles, _NEAR)
+    if gait.on_feet and not stands:
         expected = message(
             "programs.station_with_floor",
             "a dynamic one with contact and a floor, or a box that is fixed, under {model}'s feet, for {name}",
@@ -174,26 +243,53 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
         raise InvalidParameter("station", config.name, expected)
 
 
-def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
-    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion.
+class _JointPath(NamedTuple):
+    """Motion of all axes.
 
-    Way and rest take the less time the nearer the robot is, none if it stands there.
+    Attributes:
+        times: times of the samples, shape (m,) [s].
+        positions: positions of the axes, shape (m, n) [rad].
+        velocities: velocities of the axes, shape (m, n) [rad/s].
     """
-    start, first = robot.reference, motion.positions[0]
-    far = float(np.abs(first - start).max())
-    share = float(np.sqrt(min(far / _FAR, 1.0))) if far > _SAME else 0.0
-    still = max(np.abs(robot.velocity).max(), np.abs(robot.position - start).max()) <= _AT_REST
-    count = int(np.ceil(share * _READY_TIME / _SAMPLE))
-    begun = (count + int(np.ceil((share if still else 1.0) * _SETTLE_TIME / _SAMPLE))) * _SAMPLE
-    if not begun:
-        return motion.times, motion.positions, motion.velocities
-    times: Vector = np.linspace(0.0, count * _SAMPLE, count + 1)
-    way, rates = first[np.newaxis], np.zeros((1, len(first)))
-    if count:
-        ready = sequence(start, [count * _SAMPLE], [first])
-        way, rates = ready.vector_values(times).T, ready.derivative().vector_values(times).T
-    return (
-        np.concatenate([times, begun + motion.times]),
-        np.vstack([way, motion.positions]),
-        np.vstack([rates, motion.velocities]),
+
+    times: Vector
+    positions: Vector
+    velocities: Vector
+
+
+def _path_from_here(robot: LeggedGeometry, motion: JointMotion) -> _JointPath:
+    """Put a motion into the first posture, and a rest in it, before a planned motion.
+
+    Both take less time the nearer the robot is to that posture, and none if the robot is at rest in it.
+
+    Args:
+        robot: the robot.
+        motion: the planned motion.
+    """
+    start = robot.reference
+    first = motion.positions[0]
+    distance = float(np.abs(first - start).max())
+    # Rest to rest, the acceleration is proportional to distance / time²: it stays the same for time ~ sqrt(distance).
+    share = float(np.sqrt(min(distance / _FAR, 1.0))) if distance > _SAME else 0.0
+    largest_error = np.abs(robot.position - start).max()
+    is_at_rest = max(np.abs(robot.velocity).max(), largest_error) <= _AT_REST
+    rest_share = share if is_at_rest else 1.0
+    ready_samples = int(np.ceil(share * _READY_TIME / _SAMPLE))
+    rest_samples = int(np.ceil(rest_share * _SETTLE_TIME / _SAMPLE))
+    motion_start = (ready_samples + rest_samples) * _SAMPLE
+    if not motion_start:
+        return _JointPath(motion.times, motion.positions, motion.velocities)
+    ready_time = ready_samples * _SAMPLE
+    times: Vector = np.linspace(0.0, ready_time, ready_samples + 1)
+    # Without a way there is a single sample, in the first posture. The rest needs no samples of its own.
+    positions = first[np.newaxis]
+    velocities = np.zeros((1, len(first)))
+    if ready_samples:
+        ready = sequence(start, [ready_time], [first])
+        positions = ready.vector_values(times).T
+        velocities = ready.derivative().vector_values(times).T
+    return _JointPath(
+        times=np.concatenate([times, motion_start + motion.times]),
+        positions=np.vstack([positions, motion.positions]),
+        velocities=np.vstack([velocities, motion.velocities]),
     )

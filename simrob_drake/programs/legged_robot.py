@@ -1,4 +1,8 @@
-"""Program a legged robot by joint angles: SimRob's class Hum."""
+"""Program a robot with legs by joint angles and gaits: SimRob's class Hum.
+
+Each method that moves the robot runs the station and returns the result. A robot can store moves in its *program*, run
+it again from the start, and undo what was done last.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +18,7 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, checked
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, make_move
 from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import (
@@ -37,21 +41,23 @@ from simrob_drake.stations.station import StationLike
 
 
 class LeggedRobot(LeggedGeometry):
-    """A robot with legs, told by joint angles what to do: each move runs the station and returns its result.
+    """A robot with legs that is programmed by joint angles and gaits.
 
-    Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
-    on a dynamic station and with continuous acceleration on a kinematic one; axes that a move does not name stay where
-    their references are. Every run goes on from the state that the last one left: joints, velocities, pose of the
-    trunk. What cannot be done raises an error before anything moves, and leaves robot and program as they were. So does
-    a run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is
-    nothing to undo; ``message`` of the result tells what happened. What another monitor stops counts as done.
+    Axes are named by their names or aliases, and angles are absolute and in degrees. The axes of a move move at the
+    same time, at constant speed on a dynamic station and with continuous acceleration on a kinematic one. Axes that a
+    move does not name stay at their references. Every run continues from the state that the last one left: joints,
+    velocities, pose of the trunk.
+
+    A move that cannot be done raises an error before anything moves, and leaves robot and program unchanged. So does a
+    run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is nothing
+    to undo; the ``message`` of its result has the reason. A run that another monitor ends counts as done.
 
     Changes of the program move nothing.
 
     Attributes of :class:`LeggedGeometry`, and:
-        program: the moves and cells that are stored.
-        runs: what the last move or program was made of, in order.
-        move_spans: when each move of it began and ended, since the start of the first run.
+        program: the stored moves and cells.
+        runs: results of the runs of the last move or program, in their order.
+        move_spans: times at which each of its moves began and ended, since the start of the first run.
     """
 
     def __init__(
@@ -64,99 +70,109 @@ class LeggedRobot(LeggedGeometry):
         """Take a robot of a station.
 
         Args:
-            station: a workcell, or what makes one: a station's name, file or configuration.
-            robot: its name in the station; needed where there are several.
-            overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
+            station: a workcell; or name, file or configuration of a station, of which one is made.
+            robot: name of the robot in the station. It may be None if the station has a single robot.
+            overrides: new values of the station, as of :func:`simrob_drake.load_station`.
 
         Raises:
-            UnknownName: no such station or robot.
-            InvalidParameter: a station without a robot, or no robot named where there are several.
+            UnknownName: there is no such station or robot.
+            InvalidParameter: the station has no robot, or it has several and none is named.
         """
         super().__init__(workcell_of(station, overrides), robot)
         self.program = Program()
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
         self.move_spans: list[MoveSpan] = []
-        self._past: list[Snapshot] = []
+        self._past: list[Snapshot] = []  # states to which `undo` returns, the most recent one at the end
 
-    def _described(self) -> list[str]:
+    def _description(self) -> list[str]:
+        """Parts of the text that `repr` returns, with the feet and the length of the program."""
         feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
-        return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
+        return [*super()._description(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def do(self, move: Move | Mapping[str, Any], *, store: bool = False) -> SimulationResult | None:
-        """Do a move of any kind from the last state, and return its run; None of one that takes no time.
+        """Perform a move of any kind from the last state.
 
         Args:
-            move: one, or what would stand in a program's file, such as ``{"act": "bow"}``.
-            store: at the end of the program.
+            move: a move, or an entry of a program's file, such as ``{"act": "bow"}``.
+            store: whether the move is stored at the end of the program.
+
+        Returns:
+            The result of its run, or None if the move takes no time.
 
         Raises:
-            SimrobError: it is wrong, or cannot be done.
+            SimrobError: the move has a wrong key or value, or cannot be done.
         """
         runs = self._perform_moves([move_from(move)], store=store)
         return runs[-1] if runs else None
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
+        """Move axes from the last state without storing the move (TestMove). :meth:`undo` returns to the state before.
 
         Args:
-            target_deg: where axes go [deg], by name or alias.
-            duration: how long it takes [s].
+            target_deg: target of each axis by name or alias [deg].
+            duration: duration of the move [s].
 
         Raises:
-            UnknownName: no such axis; proposes the nearest.
-            JointLimitExceeded: tells which axis, and by how much.
-            InvalidParameter: an angle that is no number, or a duration that is not positive.
+            UnknownName: there is no such axis. The message proposes the nearest name.
+            JointLimitExceeded: a target is beyond a limit. The message names the axis and the excess.
+            InvalidParameter: an angle is no number, or the duration is not positive.
         """
         return self._run(move_of(target_deg, duration))
 
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """Move from the last state, and store the move at the end of the program (AddMove).
+        """Move axes from the last state, and store the move at the end of the program (AddMove).
 
-        A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
-        :meth:`test_move`.
+        The move is not stored if the run diverges or the robot falls. For arguments and errors see :meth:`test_move`.
         """
         return self._run(move_of(target_deg, duration), True)
 
     def step(self, move_time: float | None = None) -> SimulationResult:
-        """Go one step ahead, and store it (Paso).
+        """Take one step ahead, and store it (Paso).
 
-        A robot whose ``gaits.yaml`` has a sequence ``step``, as the humanoid of MATLAB, goes through its postures by
-        moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. The
-        others take one step of the first gait for their feet, of full length, and bring their feet together.
+        A robot whose ``gaits.yaml`` has a sequence ``step``, such as the humanoid of MATLAB, goes through its postures
+        by moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. Other
+        robots take one step of full length by the first gait for their feet, and bring their feet together.
 
         Args:
-            move_time: of each of the moves [s], 1 in the thesis; or of each step of the gait. Their own unless given.
+            move_time: duration of each of the moves, 1 in the thesis, or of each step of the gait [s]. If it is None,
+                that of the sequence or the gait.
 
         Raises:
-            SimrobError: as :meth:`walk`; or a time that is not positive.
+            SimrobError: see :meth:`walk`; or the time is not positive.
         """
         return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
 
     def walk(
-        self, steps: int, amplitude: float = 1.0, gait: str | None = None, *, store: bool = False, **changes: Any
+        self,
+        steps: int,
+        amplitude: float = 1.0,
+        gait: str | None = None,
+        *,
+        store: bool = False,
+        **changes: Any,
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 
-        The robot first takes the posture in which its gait begins, in up to 2.5 s; if it stands so, it walks at once.
-        Servos and floor are those of the gait while it walks, and steps of the solver are 10 ms at most; the floor
-        stays as large as it had to become.
+        The robot first moves into the posture in which its gait begins, in up to 2.5 s. If it is in this posture, it
+        walks at once. While it walks, the gains of the servos are those of the gait, and steps of the solver are at
+        most 10 ms. The floor becomes as large as the walk needs, and stays so.
 
         Args:
-            steps: how many step lengths ahead; the steps of the ramps (``ramp_steps``) and the last one, which brings
-                the feet together, come in addition. Legs in turn for a crawl.
-            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
-                how far all joints go.
-            gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
-            store: at the end of the program.
-            changes: other parameters of the gait to change, such as ``step_time``.
+            steps: count of full steps ahead. The steps of the ramps (``ramp_steps``) and the last one, which brings the
+                feet together, come in addition. For a crawl, the count of legs that swing.
+            amplitude: factor of the step length and, if the gait has them, of the distance sideways and the turn. For a
+                march, of how far all joints move.
+            gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``. If it is None, the first one for its feet.
+            store: whether the walk is stored at the end of the program.
+            **changes: values of other parameters of the gait, such as ``step_time``.
 
         Raises:
-            UnknownName: no such gait, or no such parameter of it; proposes the nearest.
-            OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
-            SimrobError: other feet or another station than the gait needs, or a parameter that cannot be.
+            UnknownName: there is no such gait, or it has no such parameter. The message proposes the nearest name.
+            OutOfReach, JointLimitExceeded: the legs cannot do the steps. The message has the excess.
+            SimrobError: the gait needs other feet or another station, or a parameter has an invalid value.
         """
-        return self._run(checked(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
+        return self._run(make_move(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
 
     def go(
         self,
@@ -168,74 +184,83 @@ class LeggedRobot(LeggedGeometry):
         strict: bool = False,
         store: bool = False,
     ) -> SimulationResult:
-        """Walk by a command from the last state, in steps that are made while it goes and answer what disturbs it.
+        """Walk at a commanded speed from the last state. Each step is decided during the walk, from measurements.
 
-        It does not stop at the end: another call goes on in the middle of the step, and one without speeds stops.
+        The robot does not stop at the end: another call continues in the middle of the step, and one without speeds
+        stops the robot.
 
         Args:
-            ahead: [m/s].
-            sideways: to the left [m/s].
-            turn: to the left [rad/s].
-            duration: [s].
-            strict: refuse what the legs cannot follow; it is clipped otherwise, and the result's summary says so.
-            store: at the end of the program.
+            ahead: speed ahead [m/s].
+            sideways: speed to the left [m/s].
+            turn: turning speed to the left [rad/s].
+            duration: duration of the walk [s].
+            strict: whether a command that the legs cannot follow is an error. Otherwise it is clipped, with a warning.
+            store: whether the walk is stored at the end of the program.
 
         Raises:
-            InvalidParameter: a robot without a walk by commands, or numbers that cannot be.
+            InvalidParameter: the robot has no such walk, or a value is invalid.
         """
         return self._run(GoMove.at(ahead, sideways, turn, duration=duration, strict=strict), store)
 
     def act(self, name: str, *, store: bool = False, **changes: Any) -> SimulationResult:
-        """Go through postures from the last state, or stand on three legs.
+        """Go through a sequence of postures from the last state, or stand on three legs.
 
-        The robot first takes the posture in which the act begins, in up to 2.5 s, or at once if it stands so.
+        The robot first moves into the first posture, in up to 2.5 s. If it is in this posture, it begins at once.
 
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
-            store: at the end of the program.
-            changes: its parameters to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+            store: whether the act is stored at the end of the program.
+            **changes: values of its parameters, such as ``repeat``, or ``foot`` of ``three_legs``.
 
         Raises:
-            SimrobError: as :meth:`walk`.
+            SimrobError: see :meth:`walk`.
         """
-        return self._run(checked(ActMove, name=name, **changes), store)
+        return self._run(make_move(ActMove, name=name, **changes), store)
 
     def get_up(self, *, attempts: int = 5, store: bool = False) -> SimulationResult:
-        """Get up where the robot has fallen, in so many attempts; ``message`` of the result says how that went.
+        """Get up where the robot has fallen. The ``message`` of the result has the outcome.
 
-        Raises InvalidParameter: a robot without postures for it in its ``gaits.yaml``, or a number that cannot be.
+        Args:
+            attempts: largest count of attempts.
+            store: whether the move is stored at the end of the program.
+
+        Raises:
+            InvalidParameter: the robot's ``gaits.yaml`` has no postures for getting up, or the count is invalid.
         """
-        return self._run(checked(GetUpMove, attempts=attempts), store)
+        return self._run(make_move(GetUpMove, attempts=attempts), store)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
-        """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
+        """Attach a piece to a tool of the robot; see :meth:`Workcell.attach`.
 
         Args:
-            piece: which.
-            tool: one of :attr:`tools`, such as ``left_hand``, or a link, such as ``trunk``; the first tool unless
-                given, on the humanoids the right hand, and the trunk of a quadruped.
-            pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
-            store: at the end of the program.
+            piece: name of the piece.
+            tool: one of :attr:`tools`, such as ``left_hand``, or a link, such as ``trunk``. If it is None, the first
+                tool: the right hand of a humanoid, the trunk of a quadruped.
+            pose: pose of the piece in the frame of the tool. If it is None, the piece stays where it is.
+            store: whether the move is stored at the end of the program.
 
         Raises:
-            UnknownName: no such piece or tool; proposes the nearest.
-            InvalidParameter: a piece that is more than 30 mm away, and no pose.
+            UnknownName: there is no such piece or tool. The message proposes the nearest name.
+            InvalidParameter: the piece is more than 30 mm away, and no pose is given.
         """
-        place = None if pose is None else pose_from_transform(as_transform(pose))
-        self.do(checked(AttachMove, piece=piece, tool=tool, pose=place), store=store)
+        pose_numbers = None if pose is None else pose_from_transform(as_transform(pose))
+        self.do(make_move(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
 
     def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
-        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
-        self.do(checked(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
+        """Release a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
+        self.do(make_move(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
 
     def run(self, program: Program | Path | str) -> SimulationResult:
-        """Run another program from the last state, as :meth:`simulate` runs the stored one, and store nothing.
+        """Run another program from the last state, without storing its moves.
 
         Args:
-            program: one, or the YAML file of one; it may have been made with another robot.
+            program: a program, or its YAML file. It may have been made with another robot.
+
+        Returns:
+            The result of its last run. :attr:`runs` has all of them.
 
         Raises:
-            SimrobError: a program without moves, a damaged file, or as :meth:`test_move`, naming the move.
+            SimrobError: the program has no moves, the file is damaged, or a move cannot be done. The message names it.
         """
         instance(
             program,
@@ -249,46 +274,51 @@ class LeggedRobot(LeggedGeometry):
             return self._perform(program_stages(self, loaded, self.cell.config, file))[-1]
 
     def planned(self, program: Program) -> tuple[ReferenceLike, float]:
-        """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
+        """Make the reference for a program of moves of joints from where the robot is. Nothing moves.
 
-        Nothing moves. ``cell.follow({robot.name: reference, ...}, duration)`` runs those of several robots at once.
-
-        Raises:
-            SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
-        """
-        return joint_reference(
-            self, leg_moves(instance(program, "program", Program, message("programs.a_program", "a Program")))
-        )
-
-    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
-        """Run all that is stored from the start (Sim); the robot goes on from its end.
-
-        Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
-        of its own; pieces change hands between runs. A monitor that ends a run ends the program; if the robot falls,
-        it goes on from where it was before.
-
-        Automatic, a sequencer goes through the references: to the next one when the joints have reached the last.
-        ``cells`` of the result tells when; one that takes longer than the time-out ends the run.
-
-        Args:
-            automatic: whether to do that, or how, such as ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
-                :class:`~simrob_drake.programs.program.Automatic`; as the program says unless given.
-            strict: a run with warnings raises a ``VerdictError``, and leaves robot and program as they were.
+        ``cell.follow({robot.name: reference, ...}, duration)`` runs the references of several robots at the same time.
 
         Returns:
-            the last run; :attr:`runs` has all of them, and :meth:`film` shows them as one.
+            The reference, and its duration [s].
 
         Raises:
-            SimrobError: an empty program, or what cannot be done from the start; names the move.
+            SimrobError: see :meth:`run`; or the program has a walk, an act or a piece.
+        """
+        instance(program, "program", Program, message("programs.a_program", "a Program"))
+        return joint_reference(self, leg_moves(program))
+
+    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
+        """Run the stored program from the start of the station (Sim). The next move continues from its end.
+
+        Moves of joints that follow each other are one run, and so is each walk and act, which has its own gains and
+        solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the robot
+        falls, the next move continues from the state before the program.
+
+        In an automatic program a sequencer leads the robot to the references, to each one when the joints have reached
+        the one before. The ``cells`` of the result have the times. A reference that takes longer than the time-out ends
+        the run.
+
+        Args:
+            automatic: whether the references run instead of the moves; or options for that, such as
+                ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
+                :class:`~simrob_drake.programs.program.Automatic`. If it is None, as the program says.
+            strict: whether a run with warnings raises a ``VerdictError``, and leaves robot and program unchanged.
+
+        Returns:
+            The result of the last run. :attr:`runs` has all of them, and :meth:`film` shows them as one.
+
+        Raises:
+            SimrobError: the program is empty, or a move cannot be done from the start. The message names it.
         """
         program = self.program if automatic is None else self.program.with_automatic(automatic)
         with following(self.cell, program.grid, program.changes, strict=truth(strict, "strict")):
             return self._perform(program_stages(self, program, self._start), from_start=True)[-1]
 
     def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
-        """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef), which lasts until they are reached.
+        """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef). Nothing moves.
 
-        Nothing moves. Arguments and errors are those of :meth:`test_move`; ``duration`` is that of the way there.
+        A cell lasts until its targets are reached; ``duration`` is that of the way there. For arguments and errors see
+        :meth:`test_move`.
         """
         cell = move_of(target_deg, duration)
         targets_on(self.model, cell.target_deg, message("programs.the_reference", "the reference"), cell.duration)
@@ -296,44 +326,54 @@ class LeggedRobot(LeggedGeometry):
         self.program = self.program.with_reference(cell)
 
     def remove(self, index: int = -1) -> None:
-        """Take a stored move out of the program, the last unless given; the robot stays where it is."""
+        """Remove a stored move from the program, by default the last one. The robot stays where it is."""
         program = self.program.removed(index)
         self._remember()
         self.program = program
 
     def edit(self, index: int, move: Move | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
-        """Change a stored move; the robot stays where it is.
+        """Change a stored move. The robot stays where it is.
 
         Args:
-            index: of the move, counted from 0; negative numbers count from the end.
-            move: in place of its targets [deg] or the whole move, as :meth:`insert` takes it.
-            duration: in place of the duration [s] of a move of joints.
+            index: index of the move, from 0. Negative indices count from the end.
+            move: new targets [deg] or a new move, see :meth:`insert`. If it is None, only the duration changes.
+            duration: new duration of a move of joints [s]. If it is None, the duration stays.
 
         Raises:
-            SimrobError: as :meth:`insert`, or no such move.
+            SimrobError: see :meth:`insert`; or the index is out of range.
         """
-        self.program.removed(index)  # there is one
+        self.program.removed(index)  # checks the index
         old = leg_moves(self.program)[index]
-        before = (old.target_deg, old.duration) if isinstance(old, JointMove) else (old, MOVE_TIME)
-        new = move_from(before[0] if move is None else move, duration, otherwise=before[1])
-        self._replace(self.program.edited(index, new))
+        content: Move | Mapping[str, Any] = old
+        old_duration = MOVE_TIME
+        if isinstance(old, JointMove):
+            content = old.target_deg
+            old_duration = old.duration
+        if move is not None:
+            content = move
+        self._replace(self.program.edited(index, move_from(content, duration, otherwise=old_duration)))
 
     def insert(self, index: int, move: Move | Mapping[str, Any], duration: float | None = None) -> None:
-        """Put a move before the stored one of number ``index``; the robot stays where it is.
+        """Insert a move into the stored program. The robot stays where it is.
 
         Args:
-            index: counted from 0; negative numbers count from the end.
-            move: targets [deg] by axis, or what stands in a program's file, such as ``{"walk": {"steps": 4}}``,
+            index: index that the move gets, from 0. Negative indices count from the end.
+            move: targets [deg] by axis, or an entry of a program's file, such as ``{"walk": {"steps": 4}}``,
                 ``{"act": "bow"}`` or ``{"attach": "parcel"}``.
-            duration: of a move of joints [s]; 1 unless given.
+            duration: duration of a move of joints [s]. If it is None, 1.
 
         Raises:
-            SimrobError: no such place, a move that is wrong, or a program that the robot cannot do from its start.
+            SimrobError: the index is out of range, the move has a wrong key or value, or the robot cannot perform the
+                new program from its start.
         """
         self._replace(self.program.inserted(index, move_from(move, duration)))
 
     def undo(self) -> None:
-        """Take back the last thing that was done, a test, a run or a change of the program: robot and program."""
+        """Undo the last run or change of the program: robot and program return to the state before.
+
+        Raises:
+            InvalidParameter: nothing has been done.
+        """
         if not self._past:
             raise InvalidParameter(
                 "undo",
@@ -347,15 +387,16 @@ class LeggedRobot(LeggedGeometry):
         return self.program.save(file)
 
     def load(self, file: Path | str) -> None:
-        """Take the program of a YAML file in place of the stored one; the robot stays where it is.
+        """Replace the stored program by that of a YAML file. The robot stays where it is.
 
         Raises:
-            SimrobError: a damaged file, or a program that this robot cannot do; names the file and the move.
+            SimrobError: the file is damaged, or this robot cannot perform the program. The message names the file and
+                the move.
         """
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.result.joined`."""
+        """Join :attr:`runs` to one result; see :func:`~simrob_drake.results.result.joined`."""
         return joined(self.runs, move_spans=self.move_spans)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
@@ -363,23 +404,42 @@ class LeggedRobot(LeggedGeometry):
         return self.result().film(file, frames=frames)
 
     def reset(self, *, keep_program: bool = False) -> None:
-        """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
+        """Return the station to its start, and delete the program unless ``keep_program`` is True (Reset)."""
         kept = self.program if truth(keep_program, "keep_program") else Program()
         self._remember()
         self._back_to_start()
         self.program = kept
 
     def _run(self, move: Move, store: bool = False) -> SimulationResult:
+        """Perform a move that takes time, and return the result of its run."""
         return self._perform_moves([move], store=store)[-1]
 
     def _perform_moves(self, moves: Sequence[Move], *, store: bool = False) -> list[SimulationResult]:
-        """Do moves from the last state, perhaps store them, and return the runs."""
-        return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
+        """Perform moves from the last state, and return the results of the runs.
+
+        Args:
+            moves: the moves.
+            store: whether they are stored at the end of the program.
+        """
+        stages = stages_of(self, moves, self.cell.config)
+        return self._perform(stages, store=moves if truth(store, "store") else ())
 
     def _perform(
-        self, stages: Sequence[ProgramStage], *, store: Sequence[Move] = (), from_start: bool = False
+        self,
+        stages: Sequence[ProgramStage],
+        *,
+        store: Sequence[Move] = (),
+        from_start: bool = False,
     ) -> list[SimulationResult]:
-        """Do stage after stage, and return the runs; what goes wrong leaves robot and program as they were."""
+        """Run stages one after the other, and return the results of the runs.
+
+        If a stage raises an error, or a run diverges or ends in a fall, robot and program are restored.
+
+        Args:
+            stages: the stages.
+            store: moves that are stored at the end of the program afterwards.
+            from_start: whether the station first returns to its start.
+        """
         snapshot = self._snapshot()
         runs: list[SimulationResult] = []
         spans: list[MoveSpan] = []
@@ -411,20 +471,32 @@ class LeggedRobot(LeggedGeometry):
         return runs
 
     def _back_to_start(self) -> None:
+        """Return the station to its start."""
         self.cell.change(self._start)
-        self.cell.state, self.cell.timeline.now = State.at_start_of(self._start), 0.0
+        self.cell.state = State.at_start_of(self._start)
+        self.cell.timeline.now = 0.0
 
     def _replace(self, program: Program, file: str = "") -> None:
+        """Replace the stored program, after a check from the start of the station.
+
+        Raises:
+            SimrobError: the robot cannot perform the program. The message names the move, and the file if there is one.
+        """
         check_program(self, program, self._start, file)
         self._remember()
         self.program = program
 
     def _remember(self, snapshot: Snapshot | None = None) -> None:
+        """Store a snapshot for :meth:`undo`, by default of the present state."""
         self._past.append(snapshot or self._snapshot())
 
     def _snapshot(self) -> Snapshot:
+        """Snapshot of the present state of robot and program."""
         return Snapshot(self.program, self.cell.state, self.cell.config, self.cell.timeline.now)
 
     def _restore(self, snapshot: Snapshot) -> None:
-        self.program, self.cell.state, self.cell.timeline.now = snapshot.program, snapshot.state, snapshot.now
+        """Return robot and program to a snapshot."""
+        self.program = snapshot.program
+        self.cell.state = snapshot.state
+        self.cell.timeline.now = snapshot.now
         self.cell.change(snapshot.config)

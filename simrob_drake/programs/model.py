@@ -1,13 +1,15 @@
-"""A station as its programs see it: where frames are, what it weighs, what is near what. It is never stepped.
+"""Geometry of a station for its programs: poses of frames, dynamics of robots, distances of bodies. It is not stepped.
 
-Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
+A piece has a *parent* on which it is fixed: the world, a robot or another piece. :func:`reparent_piece` makes a station
+in which it has another parent (SimRob's PegarEn). The *carrier* of a piece is the robot that carries it, perhaps by way
+of other pieces. A *free* piece has no parent: it moves by forces, and a robot can only *hold* it between its fingers.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +41,19 @@ from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
 from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
 
-_THICK = 0.1  # m, of a floor that is a box
+_FLOOR_THICKNESS = 0.1  # thickness of a box that replaces a floor [m]
+
+
+class _Hold(NamedTuple):
+    """A free piece between the fingers of a robot.
+
+    Attributes:
+        link: frame of one of the links that touch the piece.
+        pose: pose of the piece in that frame.
+    """
+
+    link: Frame
+    pose: RigidTransform
 
 
 class StationModel(PosedStation):
@@ -47,7 +61,7 @@ class StationModel(PosedStation):
 
     Attributes:
         config: the station.
-        robots: by name.
+        robots: its robots by name.
     """
 
     def __init__(self, config: StationConfig, *, collision: bool = False) -> None:
@@ -67,8 +81,11 @@ class StationModel(PosedStation):
             contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
         self.robots: dict[str, StationRobot] = self.station.robots
+        # Transform by which a robot on its own feet is away from where it begins, by its model instance. The plant has
+        # fixed bases: the poses of its frames are corrected by it.
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
-        self._held: dict[str, tuple[Frame, RigidTransform]] = {}
+        self._holds: dict[str, _Hold] = {}  # by piece
+        # By robot, how far its fingers are from their references, shape (n,) [rad or m], see `place_state`.
         self._offsets: dict[str, Vector] = {}
 
     @cached_property
@@ -83,163 +100,223 @@ class StationModel(PosedStation):
 
     @cached_property
     def rigid(self) -> "StationModel":
-        """The same station, its free pieces fixed where they begin; itself if there are none."""
-        free = {name: self.config.pieces[name] for name in self.config.free_pieces}
-        fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}
-        pieces = {**self.config.pieces, **fixed}
-        return StationModel(self.config.model_copy(update={"pieces": pieces})) if fixed else self
+        """The same station with its free pieces fixed where they begin. Without any, it is this model."""
+        if not self.config.free_pieces:
+            return self
+        pieces = dict(self.config.pieces)
+        for name in self.config.free_pieces:
+            pieces[name] = pieces[name].model_copy(update={"free": False, "parent": WORLD})
+        return StationModel(self.config.model_copy(update={"pieces": pieces}))
 
     def place_bases(self, state: State | None) -> None:
-        """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
+        """Place the robots that stand on their own feet as in a state.
+
+        Args:
+            state: the state. If it is None, the robots are where they begin.
+        """
         self._moved = {}
         for name, robot in self.robots.items():
             joint = self._base_joint(robot)
             if state is not None and self.floats(name) and joint in state.joints:
-                now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))  # w x y z first there
+                # A free joint has the quaternion (w, x, y, z) before the position.
+                now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))
                 self._moved[robot.instance] = now @ robot.base.inverse()
 
     def place_pieces(self, state: State | None) -> None:
-        """Put free pieces where they are in a state, or leave them where they begin."""
+        """Place the free pieces as in a state.
+
+        Args:
+            state: the state. If it is None, or has no such piece, the pieces are where they begin.
+        """
         for name, body in self.station.free_pieces.items():
             joint = None if state is None else state.joints.get(free_joint(name))
             if joint is not None:
-                pose = transform_from_xyz_quaternion(np.roll(joint.position, 3))
+                position = joint.position
             else:
                 begin = body.floating_positions_start()
-                pose = transform_from_xyz_quaternion(np.roll(self.initial[begin : begin + 7], 3))
+                position = self.initial[begin : begin + 7]
+            pose = transform_from_xyz_quaternion(np.roll(position, 3))
             self.plant.SetFreeBodyPose(self.context, body, pose)
 
     def place_state(
-        self, state: State | None, position: Callable[[str], Vector], reference: Callable[[str], Vector]
+        self,
+        state: State | None,
+        position: Callable[[str], Vector],
+        reference: Callable[[str], Vector],
     ) -> None:
-        """Put pieces where they are in a state, and robots where they should be in it, of each told (n,) [rad or m].
+        """Place the pieces as in a state, and the robots at their references.
 
-        What fingers hold in the state goes along from now on, and they stay as far from their references as they are:
-        what they press on is between them.
+        From now on, pieces that fingers hold in the state move with the robot in :meth:`place_robots`. The fingers
+        themselves stay as far from their references as they are now, because the piece is between them.
+
+        Args:
+            state: the state. If it is None, the pieces are where they begin.
+            position: function that gives the positions of a robot's axes by its name, shape (n,) [rad or m].
+            reference: function that gives their references, shape (n,) [rad or m].
         """
-        self._held, self._offsets = {}, {}
+        self._holds = {}
+        self._offsets = {}
         self.place_pieces(state)
         self.place_robots({name: position(name) for name in self.robots})
-        self._held = self._gripped()
+        self._holds = self._find_holds()
         for name, robot in self.robots.items():
-            fingers = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
-            self._offsets[name] = np.where(fingers, position(name) - reference(name), 0.0)
+            is_finger = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
+            self._offsets[name] = np.where(is_finger, position(name) - reference(name), 0.0)
         self.place_robots({name: reference(name) for name in self.robots})
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Put robots into postures (n,) [rad or m], with what their fingers hold; the others stay."""
+        """Place robots in postures (n,) [rad or m] by name, with what their fingers hold. The others stay."""
         super().place_robots({name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()})
-        for name, (link, pose) in self._held.items():
-            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
-        if self._held:
+        for name, hold in self._holds.items():
+            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(hold.link) @ hold.pose)
+        if self._holds:
             self.place(self.plant.GetPositions(self.context))
 
-    def frozen(self) -> StationConfig:
-        """Return the station moved by forces, as it is now: free pieces on what holds them, its floor a box."""
-        pieces, floor = dict(self.config.pieces), self.config.floor
+    def frozen_station(self) -> StationConfig:
+        """Make a dynamic station in which nothing but the robots can move.
+
+        Free pieces are fixed on what holds them, or in the world where they are now. A floor without terrain becomes a
+        box.
+        """
+        pieces = dict(self.config.pieces)
         for name, body in self.station.free_pieces.items():
-            link, place = self._held.get(name, (None, self.pose(body.body_frame())))
-            on = {"parent": WORLD} if link is None else {"parent": self.holders[name], "frame": link.name()}
+            hold = self._holds.get(name)
+            mount: dict[str, Any] = {"parent": WORLD}
+            place = self.pose(body.body_frame())
+            if hold is not None:
+                mount = {"parent": self.holders[name], "frame": hold.link.name()}
+                place = hold.pose
             pose = tuple(pose_from_transform(place).tolist())
-            pieces[name] = pieces[name].model_copy(update={**on, "free": False, "pose": pose})
+            pieces[name] = pieces[name].model_copy(update={**mount, "free": False, "pose": pose})
+        floor = self.config.floor
         if floor is not None and floor.terrain is None:
-            pose = self.resolved.ground.floor_pose @ RigidTransform(np.array([0.0, 0.0, -_THICK / 2]))
-            box: Any = {"box": (floor.size, floor.size, _THICK), "pose": tuple(pose_from_transform(pose).tolist())}
-            pieces[next(name for number in count() if (name := f"floor_{number}") not in pieces)] = PieceConfig(
-                parent=WORLD, **box
-            )
+            # The surface of the floor is the upper side of the box.
+            below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
+            floor_pose = self.resolved.ground.floor_pose @ below
+            box: Any = {
+                "box": (floor.size, floor.size, _FLOOR_THICKNESS),
+                "pose": tuple(pose_from_transform(floor_pose).tolist()),
+            }
+            names = (f"floor_{number}" for number in count())
+            unused_name = next(name for name in names if name not in pieces)
+            pieces[unused_name] = PieceConfig(parent=WORLD, **box)
             floor = None
-        changes: dict[str, Any] = {"mode": "dynamic", "solver": DiscreteSolver(kind="discrete"), "floor": floor}
-        changes |= {"pieces": pieces, "contact": self.resolved.config.contact, "prescribed": {}, "couplings": {}}
+        changes: dict[str, Any] = {
+            "mode": "dynamic",
+            "solver": DiscreteSolver(kind="discrete"),
+            "floor": floor,
+            "pieces": pieces,
+            "contact": self.resolved.config.contact,
+            "prescribed": {},
+            "couplings": {},
+        }
         return self.config.model_copy(update=changes)
 
     @property
     def holders(self) -> dict[str, str]:
         """Name of the robot whose fingers hold a piece, for each piece that is held."""
-        if not self._held:  # the usual case, and this property is read in every collision check
+        if not self._holds:  # the usual case, and this property is read in every collision check
             return {}
-        return self._robots_of(self._held)
+        return self._robots_of(self._holds)
 
     @contextmanager
     def holding_at(self, positions: Vector) -> Iterator[None]:
         """Context in which robots hold what their fingers touch from two sides at positions (nq,) of the plant.
 
-        In the context, :attr:`holders` and so the collision policy say so, wherever the plant is placed.
+        In the context, :attr:`holders` has these pieces wherever the plant is placed, and so the collision policy lets
+        the fingers touch them.
         """
-        before = self._held
+        holds_before = self._holds
         self.place(positions)
-        self._held = self._gripped()
+        self._holds = self._find_holds()
         try:
             yield
         finally:
-            self._held = before
+            self._holds = holds_before
 
     def gripping_robots(self) -> dict[str, str]:
         """Name of the robot whose fingers touch a free piece from two sides in the present postures, by piece."""
-        return self._robots_of(self._gripped())
+        return self._robots_of(self._find_holds())
 
-    def _robots_of(self, held: Mapping[str, tuple[Frame, RigidTransform]]) -> dict[str, str]:
-        """Name of the robot that each held piece's link belongs to, by piece.
-
-        Args:
-            held: by piece, the link that holds it and its pose in that link's frame.
-        """
+    def _robots_of(self, holds: Mapping[str, _Hold]) -> dict[str, str]:
+        """Name of the robot whose link holds each piece, by piece."""
         robots = {own.instance: name for name, own in self.robots.items()}
-        return {piece: robots[link.model_instance()] for piece, (link, _) in held.items()}
+        return {piece: robots[hold.link.model_instance()] for piece, hold in holds.items()}
 
-    def _gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
-        """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""
+    def _find_holds(self) -> dict[str, _Hold]:
+        """Find the free pieces that robots hold now, by name: at least two links of a robot with fingers touch them."""
         if not any(robot.model.fingers for robot in self.robots.values()):
             return {}
-        links: dict[tuple[str, str], dict[str, BodyIndex]] = {}
-        frames = self.station.scene_graph.model_inspector()
+        # By piece and robot: the body of each link that touches the piece, by the link's name.
+        touching = dict[tuple[str, str], dict[str, BodyIndex]]()
+        inspector = self.station.scene_graph.model_inspector()
         for pair in self.query().ComputePointPairPenetration():
-            for piece, link in ((pair.id_A, pair.id_B), (pair.id_B, pair.id_A)):
-                (name, _), (own, robot) = (owner_and_robot(self.station, shape) for shape in (piece, link))
-                if name in self.station.free_pieces and robot and self.robots[robot].model.fingers:
-                    body = self.plant.GetBodyFromFrameId(frames.GetFrameId(link))
-                    links.setdefault((name, robot), {})[own] = body.index()
-        held = {}
-        for (name, _), touching in links.items():
-            if len(touching) > 1:
-                link = self.plant.get_body(next(iter(touching.values()))).body_frame()
-                held[name] = link, self.pose(link).inverse() @ self.pose(self.station.free_pieces[name].body_frame())
-        return held
+            # Either shape of a pair may be the piece's.
+            for piece_shape, link_shape in ((pair.id_A, pair.id_B), (pair.id_B, pair.id_A)):
+                piece, _ = owner_and_robot(self.station, piece_shape)
+                link, robot = owner_and_robot(self.station, link_shape)
+                if piece in self.station.free_pieces and robot and self.robots[robot].model.fingers:
+                    body = self.plant.GetBodyFromFrameId(inspector.GetFrameId(link_shape))
+                    touching.setdefault((piece, robot), {})[link] = body.index()
+        holds = {}
+        for (piece, _), bodies in touching.items():
+            if len(bodies) > 1:
+                link_frame = self.plant.get_body(next(iter(bodies.values()))).body_frame()
+                piece_frame = self.station.free_pieces[piece].body_frame()
+                holds[piece] = _Hold(link_frame, self.pose(link_frame).inverse() @ self.pose(piece_frame))
+        return holds
 
     def motion(self, piece: str, state: State) -> JointState:
-        """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""
-        frame, plant, carrier = self.piece_origin(piece), self.plant, self.resolved.pieces[piece].carrier
-        pose, angular, linear = self.pose(frame), np.zeros(3), np.zeros(3)
+        """Compute position and velocity that a carried piece would have as a free piece.
+
+        Args:
+            piece: name of the piece.
+            state: state of the station, as this model is placed.
+
+        Returns:
+            State of the free joint: quaternion and position; angular [rad/s] and linear velocity [m/s] in the world.
+        """
+        plant = self.plant
+        frame = self.piece_origin(piece)
+        carrier = self.resolved.pieces[piece].carrier
+        pose = self.pose(frame)
+        angular = np.zeros(3)
+        linear = np.zeros(3)
         if carrier in self.robots:
             own = self.robots[carrier]
+            # The velocity by the axes, with the base at rest. The plant is left without velocities.
             plant.SetVelocities(self.context, own.axis_map.spread_velocities(state.velocities[carrier]))
-            speed = frame.CalcSpatialVelocityInWorld(self.context)
+            velocity = frame.CalcSpatialVelocityInWorld(self.context)
             plant.SetVelocities(self.context, np.zeros(plant.num_velocities()))
             turned = self._moved.get(own.instance, RigidTransform()).rotation()
-            angular, linear = turned @ speed.rotational(), turned @ speed.translational()
+            angular = turned @ velocity.rotational()
+            linear = turned @ velocity.translational()
             base = state.joints.get(self._base_joint(own)) if self.floats(carrier) else None
             if base is not None:
-                arm = pose.translation() - base.position[4:]
-                angular = angular + base.velocity[:3]
-                linear = linear + base.velocity[3:] + np.cross(base.velocity[:3], arm)
+                # A moving base adds its own velocity: v + omega x r.
+                base_angular = base.velocity[:3]
+                from_base = pose.translation() - base.position[4:]
+                angular = angular + base_angular
+                linear = linear + base.velocity[3:] + np.cross(base_angular, from_base)
         position = np.roll(xyz_quaternion_from_transform(pose), -3)
         return JointState(position, np.concatenate([angular, linear]))
 
     def _base_joint(self, robot: StationRobot) -> str:
+        """Name in a state of the free joint of a robot's root."""
         return f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
 
     def floats(self, robot: str) -> bool:
-        """Tell whether a robot of the station is held by nothing."""
+        """Whether the root of a robot moves freely, such as that of a robot on its own feet."""
         return self.config.engine.moves_by_forces and self.robots[robot].model.base == "floating"
 
     def pose(self, frame: Frame) -> RigidTransform:
-        """Return the pose of a frame in the world."""
+        """Pose of a frame in the world."""
         pose = super().pose(frame)
-        moved = self._moved.get(frame.model_instance())
+        moved = self._moved.get(frame.model_instance())  # the robot is away from where the plant has its base
         return pose if moved is None else moved @ pose
 
     def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:
-        """Return the chain of a robot's axes from the world, or another frame, to a frame."""
+        """Chain of a robot's axes from a base, or from the world if it is None, to a tool."""
         own = self.robots[robot]
         return Chain.of_plant(
             self.plant,
@@ -251,31 +328,43 @@ class StationModel(PosedStation):
         )
 
     def tool_in_use(self, robot: str) -> str:
-        """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
+        """Name of the tool to which a robot's tool centre point belongs: one of its own tools, or a piece.
+
+        It is empty if the robot has none.
+        """
         own = self.robots[robot]
         return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
-        """Return a piece's named frame, else its tool centre point; raises UnknownName: no such piece or frame."""
+        """Named frame of a piece, by default its tool centre point.
+
+        Raises:
+            UnknownName: there is no such piece, or the piece has no such frame.
+        """
         one_of(message("base.piece", "piece"), piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(message("programs.frame_of_piece", "frame of {piece}", piece=piece), frame, known)
         return self.station.piece_frame(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
-        """Return the frame in which a piece is described."""
+        """Frame in which the shapes of a piece are described."""
         return self.station.piece_frame(piece, piece)
 
     def links(self, robot: str) -> list[str]:
-        """Return the links of a robot that are none of its tools, which pieces can be put on, too."""
+        """Links of a robot that are none of its tools. Pieces can be fixed on them, too."""
         own = self.robots[robot].model
         return [link for link in own.links if link not in own.tools]
 
     def mount(self, parent: str, frame: str | None = None) -> Frame:
-        """Return the frame that pieces hang on whose parent is the world, a robot or a piece.
+        """Frame on which pieces with a parent are fixed.
 
-        That is a piece's ``frame``, else its tool centre point; a robot's tool or link of that name, else its first
-        tool. Raises UnknownName: no such frame, tool or link.
+        Args:
+            parent: ``world``, a robot or a piece.
+            frame: frame of a piece, or tool or link of a robot. If it is None, the tool centre point of a piece, or the
+                first tool of a robot.
+
+        Raises:
+            UnknownName: the parent has no such frame, tool or link.
         """
         if parent in self.config.pieces:
             return self.piece_frame(parent, TCP if frame is None else frame)
@@ -291,80 +380,140 @@ class StationModel(PosedStation):
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
     def dynamics(self, robot: str) -> Dynamics:
-        """Return the dynamics of a robot with what it carries, while the others stay as they are."""
+        """Equation of motion of a robot with what it carries, while the other robots are at rest."""
         own = self.robots[robot]
-        tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self.context)
         return Dynamics(
-            own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.limit_at_rest, positions=placed
+            own.model,
+            self.plant,
+            own.joints,
+            tool=own.tools.get(own.tcp),
+            torque_limit=own.gains.limit_at_rest,
+            positions=self.plant.GetPositions(self.context),
         )
 
 
-def reparented(
-    model: StationModel, piece: str, parent: str, *, frame: str | None = None, pose: PoseLike | None = None
+def reparent_piece(
+    model: StationModel,
+    piece: str,
+    parent: str,
+    *,
+    frame: str | None = None,
+    pose: PoseLike | None = None,
 ) -> StationConfig:
-    """Return a station in which a piece, with all that hangs on it, hangs on something else; the model is of it now.
+    """Make a station in which a piece has another parent. Pieces that are fixed on it come along.
 
-    ``parent`` is ``world``, a robot (its flange) or a piece (its tool centre point); ``frame`` a frame of that piece or
-    a tool of that robot instead; ``pose`` in there, else it stays where it is in the world. Raises UnknownName: no such
-    piece, parent or frame; InvalidParameter: the piece itself as its parent, or one that hangs on it.
+    The tool centre points of the robots follow: see :func:`_update_tools`.
+
+    Args:
+        model: the station as it is now.
+        piece: name of the piece.
+        parent: ``world``, a robot or another piece.
+        frame: frame of the parent piece instead of its tool centre point, or tool or link of the robot instead of its
+            first tool.
+        pose: pose of the piece in the parent's frame. If it is None, the piece stays where it is in the world.
+
+    Raises:
+        UnknownName: there is no such piece, parent or frame.
+        Unsuitable: a frame is named for the world.
+        InvalidParameter: the parent is the piece itself, or a piece that is fixed on it.
     """
     config = model.config
     one_of(message("base.piece", "piece"), piece, config.pieces)
     if parent != piece:
-        one_of(
-            message("programs.parent", "parent"),
-            parent,
-            [name for name in (WORLD, *config.robots, *config.pieces) if name != piece],
-        )
+        parents = [name for name in (WORLD, *config.robots, *config.pieces) if name != piece]
+        one_of(message("programs.parent", "parent"), parent, parents)
     if frame is not None and parent == WORLD:
         raise Unsuitable("frame", message("programs.world_without_frames", "the world has no frames"))
-    above = parent
-    while above in config.pieces:
-        if above == piece:
+    _check_no_loop(model, piece, parent)
+    mount = model.pose(model.mount(parent, frame))
+    place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
+    entry = config.pieces[piece].model_copy(
+        update={
+            "parent": parent,
+            "frame": frame,
+            "free": False,
+            "pose": tuple(pose_from_transform(place).tolist()),
+        }
+    )
+    changed = config.model_copy(update={"pieces": {**config.pieces, piece: entry}})
+    return _update_tools(model, changed, piece)
+
+
+def _check_no_loop(model: StationModel, piece: str, parent: str) -> None:
+    """Check that a new parent of a piece is not fixed on this piece.
+
+    Raises:
+        InvalidParameter: it is fixed on the piece, or is the piece itself.
+    """
+    ancestor = parent
+    while ancestor in model.config.pieces:
+        if ancestor == piece:
             expected = message("programs.parent_of_piece", "world, a robot, or a piece that does not hang on it")
             raise InvalidParameter(
                 message("programs.parent_of", "parent of {piece}", piece=piece),
                 message("programs.piece_itself", "the piece itself") if parent == piece else parent,
                 expected,
             )
-        above = model.resolved.pieces[above].parent
-    mount = model.pose(model.mount(parent, frame))
-    place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
-    entry = config.pieces[piece].model_copy(
-        update={"parent": parent, "frame": frame, "free": False, "pose": tuple(pose_from_transform(place).tolist())}
-    )
-    changed = config.model_copy(update={"pieces": {**config.pieces, piece: entry}})
-    return _with_tools(model, changed, piece)
+        ancestor = model.resolved.pieces[ancestor].parent
 
 
-def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
-    """Let the robot that took a piece use its tool centre point, and one that gave its tool away what carried it."""
-    old, carriers, robots = model.resolved.pieces, carriers_of(new), dict(new.robots)
-    giver, taker = old[piece].carrier, carriers[piece]
+def _update_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
+    """Update the tool centre points of the robot that gave a piece away and of the robot that took it.
+
+    The robot that took the piece with a tool uses the tool centre point of the piece. The robot that gave its tool away
+    uses the tool that carried it.
+
+    Args:
+        model: the station before.
+        new: the station after the change, with the old tool centre points.
+        piece: name of the piece.
+    """
+    old_pieces = model.resolved.pieces
+    carriers = carriers_of(new)
+    giver = old_pieces[piece].carrier
+    taker = carriers[piece]
     if giver == taker:
         return new
+    robots = dict(new.robots)
     if giver in robots:
         tool = model.tool_in_use(giver)
-        if carriers.get(tool, giver) != giver:
-            before = old[piece].parent
-            own, frame = model.robots[giver].model.tools, model.config.pieces[piece].frame
-            usual = frame if frame in own else next(iter(own), None)
-            changes = {"tcp": before if before in new.pieces else usual, "tcp_offset": None}
+        has_given_tool_away = carriers.get(tool, giver) != giver
+        changes: dict[str, Any]
+        if has_given_tool_away:
+            old_parent = old_pieces[piece].parent
+            own_tools = model.robots[giver].model.tools
+            frame = model.config.pieces[piece].frame
+            own_tool = frame if frame in own_tools else next(iter(own_tools), None)
+            changes = {"tcp": old_parent if old_parent in new.pieces else own_tool, "tcp_offset": None}
         else:
             changes = {"tcp": tool or None}
         robots[giver] = robots[giver].model_copy(update=changes)
     if taker in robots:
-        held = new.pieces[piece].parent in old or new.pieces[piece].frame not in model.links(taker)
-        used = {"tcp": piece, "tcp_offset": None} if held else {"tcp": model.tool_in_use(taker) or None}
-        robots[taker] = robots[taker].model_copy(update=used)
+        entry = new.pieces[piece]
+        # A piece on a link, such as a backpack on a trunk, is no tool.
+        is_taken_with_tool = entry.parent in old_pieces or entry.frame not in model.links(taker)
+        if is_taken_with_tool:
+            changes = {"tcp": piece, "tcp_offset": None}
+        else:
+            changes = {"tcp": model.tool_in_use(taker) or None}
+        robots[taker] = robots[taker].model_copy(update=changes)
     return new.model_copy(update={"robots": robots})
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
-    """Return one posture (n,); raises InvalidParameter: another shape, or numbers that are not finite."""
-    found = finite(values)
-    if found.shape != (axes,):
+    """Read a single posture of a user, shape (n,) [rad or m].
+
+    Args:
+        values: the posture.
+        axes: count n of the axes.
+        name: name of the posture for the error message.
+
+    Raises:
+        InvalidParameter: the posture has another shape, or numbers that are not finite.
+    """
+    posture = finite(values)
+    if posture.shape != (axes,):
         raise InvalidParameter(
             name, values, message("programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes)
         )
-    return found
+    return posture

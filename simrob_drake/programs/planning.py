@@ -1,9 +1,14 @@
-"""What planning a move of an arm starts from: its targets, as users give them, and what all moves share."""
+"""Planning of a move of an arm: its targets as users give them, and the steps that all moves share.
+
+A target is a *pose* of the tool, a *place* (a position that keeps the tool's orientation), or a posture of the axes.
+The frame of poses and places is the *work object*, see :data:`WorkObject`. A *way* is the path to one target, a
+*segment* is a path from rest to rest on which the postures are known.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol, TypeAlias, get_args, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +37,9 @@ from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name
 from simrob_drake.programs.segments import PathPoint, Segment, Way, pose_segment, through_zones, zone_size
+from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.time_optimal import Motors
-from simrob_drake.programs.timing import How, Limits, is_free, remedy, through_all, timed
+from simrob_drake.programs.timing import How, is_free, plan_timed, remedy, through_all
 from simrob_drake.programs.torques import check_torques, slowed_for_motors
 from simrob_drake.robots.catalog import RobotModel
 
@@ -43,21 +49,30 @@ class HasTool(Protocol):
     """A robot in whose tool's frame targets may be, such as an :class:`~simrob_drake.Arm`."""
 
     def tool_pose(self) -> RigidTransform:
-        """Return where its tool centre point is now, in the world."""
+        """Current pose of its tool centre point in the world."""
 
 
 WorkObject: TypeAlias = str | PoseLike | HasTool | None
-"""In whose frame targets are: a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's
-name or an arm (its tool centre point), a pose in any form, or None for the world."""
+"""Frame of targets.
+
+It is the name of a piece or a robot, or an arm, each for its tool centre point; a frame of a piece as ``piece.frame``;
+a pose in any form; or None for the world.
+"""
 PoseTargets: TypeAlias = Targets
-"""One pose or many, in any form, or places (3,) or (k, 3) that keep the tool's orientation."""
+"""One pose or several in any form, or places (3,) or (k, 3) [m] that keep the tool's orientation."""
 
 
 def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
-    """Return targets in a work object's frame, poses or places (3,) or (k, 3), as poses in the world, shape (k, 4, 4).
+    """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4).
 
-    Places take the orientation ``turn`` (3, 3) in the world. Raises InvalidParameter, with ``name``: another shape, or
-    not finite.
+    Args:
+        targets: poses in any form, or places (3,) or (k, 3) [m].
+        wobj: pose of the work object in the world.
+        turn: orientation in the world for places, shape (3, 3).
+        name: name of the targets for error messages.
+
+    Raises:
+        InvalidParameter: the targets have another shape, are not finite, or seem to be in other units.
     """
     check_units(targets, name)
     if is_place(targets):
@@ -68,7 +83,16 @@ def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: 
 
 
 def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str) -> Vector:
-    """Return places (3,) or (k, 3), or of poses, of a frame in the world (k, 3) [m]; raises InvalidParameter."""
+    """Convert places in the frame of a work object to positions in the world, shape (k, 3) [m].
+
+    Args:
+        points: places (3,) or (k, 3) [m], or poses, of which only the positions count.
+        wobj: pose of the work object in the world.
+        name: name of the places for error messages.
+
+    Raises:
+        InvalidParameter: there is no place, or one is not finite.
+    """
     if not is_place(points):
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
     rows = np.atleast_2d(finite(points))
@@ -78,136 +102,215 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
 
 
 def numbers_or_nothing(targets: Any) -> Vector:
-    """Return pose vectors or places as they are; an empty array of poses in other forms, and of what is no pose."""
+    """Pose vectors or places as an array. It is empty for poses in other forms, and for values that are no pose."""
+    nothing = np.zeros((0, 3))
     try:
         rows: Vector = np.asarray(targets, dtype=float)
     except (TypeError, ValueError, OverflowError):  # transforms, or rows of different lengths
-        return np.zeros((0, 3))
-    return rows if rows.ndim in (1, 2) and rows.shape[-1] in (3, POSE_SIZE) else np.zeros((0, 3))
+        return nothing
+    has_pose_shape = rows.ndim in (1, 2) and rows.shape[-1] in (3, POSE_SIZE)
+    return rows if has_pose_shape else nothing
 
 
 def check_units(targets: Any, name: str) -> None:
-    """Refuse poses and places whose numbers can only be millimetres or degrees; raises InvalidParameter: which."""
+    """Refuse poses and places whose numbers can only be millimetres or degrees.
+
+    Args:
+        targets: poses or places as the user gave them.
+        name: name of the targets for the error message.
+
+    Raises:
+        InvalidParameter: a length or an angle is too large.
+    """
     rows = np.atleast_2d(numbers_or_nothing(targets))
-    for values, most, unit, other, hint in (
-        (
-            rows[:, :3],
-            FARTHEST,
-            "m",
-            message("programs.millimetres", "millimetres"),
-            message("programs.lengths_in_metres", "lengths are in metres"),
-        ),
-        (
-            rows[:, 3:],
-            MOST_TURN,
-            "rad",
-            message("programs.degrees_word", "degrees"),
-            message("programs.angles_in_radians", "angles are in radians, as np.deg2rad() or targets_deg give them"),
-        ),
-    ):
-        beyond = values[np.abs(values) > most]
-        if beyond.size:
-            raise InvalidParameter(
-                name,
-                message("programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit),
-                message("programs.in_si_units", "in SI units; were these {other}? {hint}", other=other, hint=hint),
-            )
+    _check_unit(
+        rows[:, :3],
+        name,
+        largest=FARTHEST,
+        unit="m",
+        other=message("programs.millimetres", "millimetres"),
+        hint=message("programs.lengths_in_metres", "lengths are in metres"),
+    )
+    _check_unit(
+        rows[:, 3:],
+        name,
+        largest=MOST_TURN,
+        unit="rad",
+        other=message("programs.degrees_word", "degrees"),
+        hint=message("programs.angles_in_radians", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+    )
+
+
+def _check_unit(values: Vector, name: str, *, largest: float, unit: str, other: str, hint: str) -> None:
+    """Refuse values that are too large to be in their unit.
+
+    Args:
+        values: the values, of any shape.
+        name: name of the targets that they belong to.
+        largest: largest value that is accepted.
+        unit: unit of the values.
+        other: name of the unit in which they may be by mistake.
+        hint: sentence about the right unit.
+
+    Raises:
+        InvalidParameter: a value is larger.
+    """
+    beyond = values[np.abs(values) > largest]
+    if beyond.size:
+        raise InvalidParameter(
+            name,
+            message("programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit),
+            message("programs.in_si_units", "in SI units; were these {other}? {hint}", other=other, hint=hint),
+        )
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
-    """Tell whether targets are places [x y z], not poses."""
+    """Whether targets are places [x y z], not poses."""
     if isinstance(targets, RigidTransform):
         return False
     if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
         return False
     try:
         shape = np.shape(targets)
-    except ValueError:  # ragged
+    except ValueError:  # rows of different lengths
         return False
     return len(shape) in (1, 2) and shape[-1] == 3
 
 
 def is_single(targets: PoseTargets) -> bool:
-    """Tell whether targets are one pose or place, not rows of them."""
+    """Whether targets are a single pose or place, not several."""
     return isinstance(targets, RigidTransform) or np.shape(targets) in ((3,), (6,), (4, 4))
 
 
 def pose_numbers(pose: PoseLike) -> list[float]:
-    """Return a pose as a file has it, [x y z Rz Ry Rx]; numbers that it was given by are kept to the last bit."""
+    """Pose as a file has it: [x y z Rz Ry Rx] [m, rad].
+
+    Numbers of a pose vector are kept to the last bit: converting them to a transform and back would change them.
+    """
     if not isinstance(pose, RigidTransform) and np.shape(pose) == (POSE_SIZE,):
         return [float(value) for value in np.asarray(pose)]
     return [float(value) for value in pose_from_transform(as_transform(pose))]
 
 
 def row_numbers(targets: Any) -> Any:
-    """Return targets as numbers, pose vectors in place of matrices and transforms; a name stays one."""
+    """Targets as numbers for a file: places, postures, or pose vectors in place of matrices and transforms.
+
+    The name of a posture is returned unchanged.
+    """
     if isinstance(targets, str):
         return targets
     if is_place(targets):
         return np.asarray(targets, dtype=float).tolist()
     try:
         values: Vector = np.asarray(targets, dtype=float)
+        are_matrices = values.shape[-2:] == (4, 4)
     except (TypeError, ValueError):  # transforms
-        values = np.zeros((4, 4))
-    return values.tolist() if values.shape[-2:] != (4, 4) else poses_from_matrices(pose_matrices(targets, "")).tolist()
+        are_matrices = True
+    if are_matrices:
+        return poses_from_matrices(pose_matrices(targets, "")).tolist()
+    return values.tolist()
 
 
-POINTS, ARC_POINTS = 10, 20  # points on the way to a target unless others are asked for, as in SimRob; of arcs
+POINTS = 10
+"""Default count of points on the way to a target, as in SimRob."""
+ARC_POINTS = 20
+"""Default count of points on an arc."""
 
-_MOST_POINTS = 10_000
-_POINTS_A_ZONE, _ENOUGH = 4, 2000
+_MOST_POINTS = 10_000  # largest count of points that a user may set
+# A spline bends within zones only: it needs so many points for the length of each, but never more than enough.
+_POINTS_PER_ZONE = 4
+_ENOUGH_POINTS = 2000
 
 
 @dataclass(frozen=True)
 class Planning:
-    """What planning a move of one robot starts from."""
+    """Start of a move of one robot, and its surroundings.
 
-    robot: str  # its name in the station
+    Attributes:
+        robot: name of the robot in the station.
+        model: model of the robot.
+        chain: its axes from the world to the tool.
+        start: posture from which the move begins, shape (n,) [rad or m].
+        solver: solver of the inverse kinematics for moves that name none.
+        rate_limits: limits of speed and acceleration of the axes.
+        frame: function that gives the pose of a work object in the world.
+        collide: function that raises an error if a plan has a collision.
+        motors: function that prepares the motors of robots, by their names, that move at the same time.
+        space: function that prepares the space in which robots, by their names, have to move without collisions.
+    """
+
+    robot: str
     model: RobotModel
-    chain: Chain  # from the world to the tool
-    start: Vector  # the posture from which the move begins, shape (n,) [rad or m]
-    solver: SolverLike  # of moves that name none
-    rate_limits: Limits  # of the axes
-    frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
-    collide: Callable[[Plan], None]  # raises where a plan leads into something
-    motors: Callable[[Sequence[str]], Motors]  # gives what those of robots that move together can do
-    space: Callable[[Sequence[str]], FreeSpace]  # gives what robots that move together must not touch
+    chain: Chain
+    start: Vector
+    solver: SolverLike
+    rate_limits: RateLimits
+    frame: Callable[[WorkObject], RigidTransform]
+    collide: Callable[[Plan], None]
+    motors: Callable[[Sequence[str]], Motors]
+    space: Callable[[Sequence[str]], FreeSpace]
 
     @property
     def pose(self) -> Vector:
-        """The pose of the tool at the start, shape (4, 4)."""
+        """Pose of the tool at the start, shape (4, 4)."""
         return np.asarray(self.chain.forward(self.start)[0])
 
     def inverse(self, solver: SolverLike | None) -> Solver:
-        """Return the solver of the inverse kinematics, the usual one if None."""
+        """Solver of the inverse kinematics, or that of the robot if None."""
         return solver_for(self.chain, self.solver if solver is None else solver)
 
     def postures(self, targets: npt.ArrayLike | str, name: str = "targets") -> Vector:
-        """Return postures (k, n) [rad or m], also of one by name; where those of fingers are left out, they stay."""
+        """Read target postures of a user, shape (k, n) [rad or m].
+
+        Args:
+            targets: a posture (n,), several (k, n), or the name of one of the robot's postures. The positions of
+                fingers may be left out: then the fingers stay.
+            name: name of the targets for error messages.
+
+        Raises:
+            UnknownName: the robot has no posture of this name.
+            InvalidParameter: the postures have a wrong shape.
+        """
         if isinstance(targets, str):
             targets = self.model.posture(targets, self.start)
-        rows, fingers = numbers(targets), list(self.model.fingers)
-        if fingers and rows.ndim in (1, 2) and rows.shape[-1] == len(self.start) - len(fingers):
-            whole = np.tile(self.start, (*rows.shape[:-1], 1)) if rows.ndim > 1 else self.start.copy()
-            whole[..., [place for place in range(len(self.start)) if place not in fingers]] = rows
-            rows = whole
-        return self.chain.postures(rows if fingers else targets, name)
+        fingers = list(self.model.fingers)  # indices of axes
+        if not fingers:
+            return self.chain.postures(targets, name)
+        rows = numbers(targets)
+        others = [axis for axis in range(len(self.start)) if axis not in fingers]
+        if rows.ndim in (1, 2) and rows.shape[-1] == len(others):
+            all_axes = np.broadcast_to(self.start, (*rows.shape[:-1], len(self.start))).copy()
+            all_axes[..., others] = rows
+            rows = all_axes
+        return self.chain.postures(rows, name)
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
-        """Return targets in a work object's frame as poses in the world, shape (k, 4, 4)."""
+        """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4)."""
         return world_poses(targets, self.frame(wobj), self.pose[:3, :3])
 
     def along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
-        """Plan a move whose tool goes one way after the other."""
-        zone = zone_of(how, len(ways))
-        start, segments = self.start, list[Segment]()
-        for index, (way, count) in enumerate(grouped(ways, zone, points)):
-            name = target_name(index, len(ways))
-            segments.append(pose_segment(inverse, way, start, points=count, target=name))
-            start = segments[-1].end
-        return self.checked(segments, how, points)
+        """Plan a move of the tool along paths.
 
-    def checked(
+        Args:
+            ways: path to each target.
+            inverse: solver of the inverse kinematics.
+            how: options of the move.
+            points: count of points on the way to each target.
+
+        Raises:
+            SimrobError: a point cannot be reached, or the move exceeds a limit or has a collision.
+        """
+        zone = zone_of(how, len(ways))
+        start = self.start
+        segments = list[Segment]()
+        for index, (way, count) in enumerate(join_ways(ways, zone, points)):
+            name = target_name(index, len(ways))
+            segment = pose_segment(inverse, way, start, points=count, target=name)
+            segments.append(segment)
+            start = segment.end
+        return self.plan_segments(segments, how, points)
+
+    def plan_segments(
         self,
         segments: list[Segment],
         how: How,
@@ -217,43 +320,88 @@ class Planning:
         through: bool = False,
         hint: str = "",
     ) -> Plan:
-        """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
+        """Plan the timing of segments, and check the move.
+
+        Args:
+            segments: segments of the move.
+            how: options of the move.
+            points: count of points on the way to each target.
+            rows: target postures, which are checked first, shape (k, n) [rad or m]. If it is None, the ends of the
+                segments.
+            through: whether the axes pass the targets without rest.
+            hint: text that is added to messages about the targets.
+
+        Raises:
+            SimrobError: the move exceeds a limit or has a collision.
+        """
         if through:
             plan = through_all(self.robot, segments, how, points, self.rate_limits)
         else:
-            plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
+            plan = plan_timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        check = how.get("check", CHECKED)  # not looked at yet: it may be anything
+        check = how.get("check", CHECKED)  # not validated yet: the user may have given a value of any type
         is_unchecked = isinstance(check, str) and check == "nothing"
+        # If the user left the timing to the planner, the move may take as long as the motors need.
         if is_free(how) and not is_unchecked:
             plan = slowed_for_motors(self.motors([self.robot]), plan)
-        plan = self.looked_at(plan, how, ends, hint)
+        plan = self.check_limits_of(plan, how, ends, hint)
         if plan.check == "collision":
             self.collide(plan)
         return plan
 
-    def looked_at(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
-        """Look at the limits of a plan, first of its ends (k, n), for which messages may have a hint."""
-        asked = how.get("check", CHECKED)
-        check: Check = "limits" if asked is None else asked
+    def check_limits_of(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
+        """Check the limits of a plan as its options demand. Collisions are not checked here.
+
+        Args:
+            plan: the plan.
+            how: options of the move, of which `check` decides what is checked.
+            ends: target postures, which are checked first, shape (k, n) [rad or m].
+            hint: text that is added to messages about the targets.
+
+        Returns:
+            The plan, with its `check`.
+
+        Raises:
+            UnknownName: the option `check` has an unknown value.
+            SimrobError: the plan exceeds a limit. The message names the first such point.
+        """
+        requested = how.get("check", CHECKED)
+        check: Check = "limits" if requested is None else requested
         one_of(message("programs.check", "check"), check, get_args(Check))
-        if check != "nothing":
-            count = len(plan.arrivals)
-            names = [PathPoint(plan.points, target_name(index, count)) for index in range(count)]
-            looks, times = plan.looks, plan.arrivals[-len(ends) :]
-            check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
-            check_limits(self.chain, looks, plan.postures(looks), plan.point_at)
-            for order, limits in enumerate(self.rate_limits, 1):
-                advice = partial(remedy, how, order)
-                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.point_at, advice)
-            if self.model.tcp_speed is not None:
-                check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
-            check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))
+        if check == "nothing":
+            return replace(plan, check=check)
+        count = len(plan.arrivals)
+        targets = [PathPoint(plan.points, target_name(index, count)) for index in range(count)]
+
+        def target_at(time: float) -> PathPoint:
+            """Name of the target that is reached at a time [s]."""
+            return targets[int(np.searchsorted(plan.arrivals, time))]
+
+        # With zones there are fewer ends than targets: the ends are the last ones.
+        end_times = plan.arrivals[-len(ends) :]
+        check_limits(self.chain, end_times, ends, target_at, hint)
+        times = plan.looks
+        check_limits(self.chain, times, plan.postures(times), plan.point_at)
+        for order, limits in enumerate(self.rate_limits, start=1):
+            advice = partial(remedy, how, order)
+            check_rates(self.chain, plan.trajectory, times, limits, order, plan.point_at, advice)
+        if self.model.tcp_speed is not None:
+            check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
+        check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))
         return replace(plan, check=check)
 
 
 def zone_of(how: How, count: int) -> float:
-    """Return the zone of a move to so many targets [m]; 0 to rest at each."""
+    """Size of the zones of a move [m]. It is 0 if the move rests at each target.
+
+    Args:
+        how: options of the move.
+        count: count of targets.
+
+    Raises:
+        InvalidParameter: the zone is invalid, or a move to a single target has one.
+        Unsuitable: a move with zones has times of its targets.
+    """
     zone = zone_size(how.get("zone", "fine"))
     if zone and count < 2:
         expected = message(
@@ -269,31 +417,60 @@ def zone_of(how: How, count: int) -> float:
     return zone
 
 
-def grouped(ways: Sequence[Way], zone: float, points: int) -> list[tuple[Way, int]]:
-    """Return what is gone without a rest, and of how many points: each way, or with a zone [m] all as one."""
+class SampledWay(NamedTuple):
+    """A path from rest to rest, and the count of points at which it is sampled."""
+
+    way: Way
+    points: int
+
+
+def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]:
+    """Join paths that are gone without a rest between them.
+
+    Args:
+        ways: path to each target.
+        zone: size of the zones [m]. If it is 0, the move rests at each target, and no paths are joined.
+        points: count of points on the way to each target.
+    """
     if not zone:
-        return [(way, points) for way in ways]
-    whole = through_zones(ways, zone)
-    enough = min(int(_POINTS_A_ZONE * whole.length / zone), _ENOUGH)  # for a spline that bends in the zones alone
-    return [(whole, max(points * len(ways), enough))]
+        return [SampledWay(way, points) for way in ways]
+    joined = through_zones(ways, zone)
+    enough = min(int(_POINTS_PER_ZONE * joined.length / zone), _ENOUGH_POINTS)
+    return [SampledWay(joined, max(points * len(ways), enough))]
 
 
 def points_of(how: How, default: int) -> int:
-    """Return how many points are on the way to a target; other keys than those of :class:`How` are refused."""
+    """Count of points on the way to each target.
+
+    Args:
+        how: options of the move.
+        default: count if the options have none.
+
+    Raises:
+        UnknownName: an option is none of :class:`How`.
+        InvalidParameter: the count is no integer, or out of range.
+    """
     for key in how:
         one_of(message("programs.option_of_move", "option of a move"), key, How.__annotations__)
     return whole(how.get("points", default), "points", 1, _MOST_POINTS)
 
 
 def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
-    """Return what to ask of postures (k, n) that would do if they were in degrees; empty if they would not."""
-    turned = np.where(chain.revolute, np.deg2rad(rows), rows)
-    fit = chain.limits.are_within(turned)
-    whole_turns = (np.abs(rows) > 2 * np.pi) & chain.revolute
-    return (
-        message(
+    """Hint for postures that would be within the limits if they were in degrees.
+
+    Args:
+        chain: the axes.
+        rows: the postures, shape (k, n) [rad or m].
+
+    Returns:
+        The hint, or an empty text if the postures are not likely to be in degrees.
+    """
+    in_radians = np.where(chain.revolute, np.deg2rad(rows), rows)
+    would_fit = chain.limits.are_within(in_radians)
+    # An angle of more than a whole turn is not likely to be meant in radians.
+    exceeds_turn = (np.abs(rows) > 2 * np.pi) & chain.revolute
+    if would_fit and exceeds_turn.any():
+        return message(
             "programs.were_these_degrees", "; angles are in radians: were these degrees? np.deg2rad(...) turns them"
         )
-        if fit and whole_turns.any()
-        else ""
-    )
+    return ""

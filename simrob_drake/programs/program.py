@@ -1,6 +1,8 @@
-"""A program of a robot: moves by name, of axes, gaits, tools and pieces, that mean the same on every robot; and cells.
+"""Programs of robots: moves of axes, gaits, tools and pieces, one after the other.
 
-A sequencer lies over the reference, beneath the loops that the station has, for one run.
+An *automatic* program has references instead, also called *cells*: postures to which a *sequencer* leads the robot, one
+after the other, each when the last one is reached. The sequencer is a controller that is added to the station for one
+run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,26 +25,32 @@ from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.programs.moves.kinds import AnyMove, check_move
 from simrob_drake.programs.moves.move import Move, move_name, reference_name
+from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.file_paths import changes_with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
-NAME = "automatic"  # what the sequencer is called in the station that runs a program
+NAME = "automatic"
+"""Name of the sequencer in the station that runs an automatic program."""
 
 
 class Automatic(Pace):
-    """How a robot goes through the references of a program."""
+    """Options by which a robot goes through the references of a program."""
 
     timeout: Positive = 15.0
-    """How long a cell may take [s]."""
+    """Longest time for one cell [s]."""
 
 
 def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
-    """Return how to go through cells, True for as usual.
+    """Read the options of an automatic program from an argument of a user.
+
+    Args:
+        value: the options, a mapping of their keys, or True for the defaults.
 
     Raises:
-        InvalidConfig: a wrong entry of a mapping; InvalidParameter: no mapping at all.
+        InvalidConfig: the mapping has a wrong entry.
+        InvalidParameter: the value is no mapping.
     """
     if value is True:
         return Automatic()
@@ -53,10 +61,18 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
 
 
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:
-    """Let a robot go through cells from where it is, while others hold their places; the run ends with the last one.
+    """Run the cells of an automatic program from where a robot is, while other robots hold their positions.
 
-    Sequencers that the station has for the robot do nothing meanwhile. Raises InvalidParameter: no cell, a target
-    beyond its limits, or a kinematic station; InvalidConfig: a cell whose way takes longer than the time-out.
+    The run ends with the last cell. Sequencers that the station has for the robot are left out during the run.
+
+    Args:
+        robot: the robot.
+        cells: the cells.
+        pace: options of the program.
+
+    Raises:
+        InvalidParameter: there is no cell, a target is beyond its limits, or the station is kinematic.
+        InvalidConfig: the way to a cell takes longer than the time-out.
     """
     if not cells:
         raise InvalidParameter(
@@ -64,66 +80,74 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
             message("programs.without_references", "without references"),
             message("programs.with_references", "one with some: add_reference() stores them"),
         )
-    own = robot.cell.config
-    others = {
-        name: one
-        for name, one in own.controllers.items()
-        if not (isinstance(one, Sequencer) and (one.robot or own.only_robot) == robot.name)
-    }
+    config = robot.cell.config
+    others = {}
+    for name, controller in config.controllers.items():
+        is_own_sequencer = isinstance(controller, Sequencer) and (controller.robot or config.only_robot) == robot.name
+        if not is_own_sequencer:
+            others[name] = controller
+    # Controllers act in the order of their priorities. The sequencer sets the reference, on which all others act.
+    priorities = [loop.priority or 0 for loop in loops_of(others).values()]
     section = validated(
         Sequencer,
         {
             "kind": "sequencer",
             "robot": robot.name,
-            "priority": min((loop.priority or 0 for loop in loops_of(others).values()), default=0) - 1,
+            "priority": min(priorities, default=0) - 1,
             "cells": [Cell(targets_deg=move.target_deg, duration=move.duration) for move in cells],
             "ends": True,
             **pace.model_dump(),
         },
         NAME,
     )
-    longest = len(cells) * (pace.timeout + 1 / section.rate) + 2 / section.rate  # with the first sample and the last
-    station = own.model_copy(update={"controllers": {**others, NAME: section}})
+    # Each cell may be one sample late, and so may the first and the last sample of the run.
+    sample = 1 / section.rate
+    longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
+    station = config.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    return robot.cell.follow_as(station, {}, longest, forget=NAME)  # the next sequence begins anew
+    return robot.cell.follow_as(station, {}, longest, forget=NAME)  # the next sequence begins at its first cell
 
 
 Reference = Annotated[JointMove, PlainSerializer(JointMove.entry)]
 
 
-def _as_usual(value: Any) -> Any:
-    return ({} if value else None) if isinstance(value, bool) else value
+def _expand_bool(value: Any) -> Any:
+    """Expand True to a mapping without keys, whose options are the defaults, and False to None."""
+    if isinstance(value, bool):
+        return {} if value else None
+    return value
 
 
 class Program(Strict):
-    """What a robot is told: moves, and cells for a sequencer. Every change gives a new program.
+    """Moves of a robot, or cells for a sequencer. A program does not change: methods return a changed copy.
 
     A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``,
     ``{release: box}``, ``{wait: 0.5}`` or ``{play: 5}``; of an arm also ``{move_l: {targets, wobj, speed, ...}}``,
-    likewise ``move_abs_j``, ``move_j`` and ``move_c``, ``{tool: pencil}`` or ``{together: [...]}``.
-    The files beside :mod:`simrob_drake.programs.moves.kinds` have all keys, :mod:`simrob_drake.programs.timeline` those
-    of changes.
+    and in the same way ``move_abs_j``, ``move_j`` and ``move_c``, ``{tool: pencil}`` or ``{together: [...]}``.
+    All keys are in the folder of :mod:`simrob_drake.programs.moves.kinds`, those of changes in
+    :mod:`simrob_drake.programs.timeline`.
     """
 
     description: str = ""
-    """What it is, in a line."""
+    """Description of the program in one line."""
     station: str | None = None
-    """Where `simrob run` runs it: a station's name, or a file from where the program lies."""
+    """Station on which `simrob run` runs the program: a name, or a file relative to the folder of the program."""
     robot: str | None = None
-    """Which robot of that station; needed where there are several. Moves of arms may name others."""
+    """Robot of that station. It is needed if there are several. Moves of arms may name other robots."""
     moves: tuple[AnyMove, ...] = ()
-    """One after the other, from where the robot stands at the start."""
+    """Moves, one after the other, from where the robot is at the start."""
     references: tuple[Reference, ...] = ()
-    """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
+    """Cells (SimRob's ``joint{k}``) to which a sequencer leads the robot, each for as long as it takes."""
     grid: Duration | None = None
-    """Runs are cut at multiples of this time [s], from each of which they can be repeated; 0.05 with changes."""
+    """Time between the points at which runs are divided, and from which they can be repeated [s]; 0.05 with changes."""
     changes: tuple[Annotated[Change, PlainSerializer(Change.entry)], ...] = ()
-    """What happens to the station while the moves run: settings, pushes, drags."""
-    automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
-    """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
+    """Changes of the station while the moves run: settings, pushes, drags."""
+    automatic: Annotated[Automatic | None, BeforeValidator(_expand_bool)] = None
+    """Options with which the references run instead of the moves, such as `{tolerance_deg: 3}`, or `true`."""
 
     @model_validator(mode="after")
     def _something_automatic(self) -> Self:
+        """Check that an automatic program has references."""
         if self.automatic and not self.references:
             raise ValueError(
                 message("programs.automatic_without_references", "automatic: references are run, and there are none")
@@ -132,7 +156,7 @@ class Program(Strict):
 
     @property
     def duration(self) -> float:
-        """Of all moves of joints [s]; what walks and acts take depends on the robot."""
+        """Duration of all moves of joints [s]. That of walks and acts depends on the robot, and is not included."""
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
@@ -143,54 +167,64 @@ class Program(Strict):
 
     __str__ = __repr__
 
+    @property
+    def plays_references(self) -> bool:
+        """Whether the only move is to play the references of the station, so that messages need not name the move."""
+        return len(self.moves) == 1 and isinstance(self.moves[0], PlayMove)
+
     def added(self, *moves: Move) -> "Program":
-        """Return the program with moves behind it."""
+        """Make a copy with further moves at the end."""
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
     def inserted(self, index: int, move: Move) -> "Program":
-        """Return the program with a move before the one of number ``index``, counted from 0; its length: at the end.
+        """Make a copy with another move.
+
+        Args:
+            index: index that the move gets, from 0. Negative indices count from the end. The count of moves means the
+                end of the program.
+            move: the move.
 
         Raises:
-            InvalidParameter: no such number.
+            InvalidParameter: the index is out of range.
         """
         _check_moves(move)
-        place = self._place(index, len(self.moves))
-        return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place:])})
+        from_start = self._check_index(index, len(self.moves))
+        return self.model_copy(update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])})
 
     def removed(self, index: int) -> "Program":
-        """Return the program without a move; negative numbers count from the end.
+        """Make a copy without the move of an index, which counts from the end if it is negative.
 
         Raises:
-            InvalidParameter: no such number.
+            InvalidParameter: the index is out of range.
         """
-        place = self._place(index, len(self.moves) - 1)
-        return self.model_copy(update={"moves": (*self.moves[:place], *self.moves[place + 1 :])})
+        from_start = self._check_index(index, len(self.moves) - 1)
+        return self.model_copy(update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])})
 
     def edited(self, index: int, move: Move) -> "Program":
-        """Return the program with another move in place of one.
+        """Make a copy in which another move replaces that of an index, which counts from the end if it is negative.
 
         Raises:
-            InvalidParameter: no such number.
+            InvalidParameter: the index is out of range.
         """
         _check_moves(move)
-        place = self._place(index, len(self.moves) - 1)
-        return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place + 1 :])})
+        from_start = self._check_index(index, len(self.moves) - 1)
+        return self.model_copy(update={"moves": (*self.moves[:from_start], move, *self.moves[from_start + 1 :])})
 
     def with_automatic(self, pace: bool | Automatic | Mapping[str, Any]) -> "Program":
-        """Return the program with another way to be run.
+        """Make a copy that is automatic, with options as of :func:`pace_of`; or not automatic, with False.
 
         Raises:
-            SimrobError: as :func:`pace_of`.
+            SimrobError: see :func:`pace_of`.
         """
         return self.model_copy(update={"automatic": None if pace is False else pace_of(pace)})
 
     def on(self, station: str) -> "Program":
-        """Return the program with another station that it is to run on."""
+        """Make a copy for another station, a name or a file."""
         return self.model_copy(update={"station": station})
 
     def with_reference(self, cell: JointMove) -> "Program":
-        """Return the program with a cell behind the others."""
+        """Make a copy with a further cell at the end."""
         instance(
             cell,
             "cell",
@@ -200,41 +234,61 @@ class Program(Strict):
         return self.model_copy(update={"references": (*self.references, cell)})
 
     def save(self, file: Path | str) -> Path:
-        """Write the program as YAML, in place of what the file holds, and return the file.
+        """Write the program as YAML. An existing file is replaced.
+
+        Returns:
+            The file.
 
         Raises:
-            OutputError: it cannot be written; then what was there stays as it was.
+            OutputError: the file cannot be written. An existing one stays unchanged.
         """
         target = as_path(file, "file")
         written_at_once(target, self.text())
         return target
 
     def text(self) -> str:
-        """Return the program as YAML."""
+        """Program as YAML. Keys without a value are left out."""
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         how: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 120, "default_flow_style": None}
         return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
 
     @classmethod
     def load(cls, file: Path | str) -> "Program":
-        """Return the program that a YAML file holds.
+        """Read a program from a YAML file.
 
         Raises:
-            InvalidConfig: a file that cannot be read or is damaged; names the file, the move and the key, or the line.
+            InvalidConfig: the file cannot be read, or is damaged. The message names the file, and the move and the key,
+                or the line.
         """
         source = as_path(file, "file")
-        program, folder, border = cls.of_content(read_yaml(source), source), source.absolute().parent, Border(source)
-        changes = tuple(
-            change.model_copy(update={"set": changes_with_absolute_paths(change.set, folder, border)})
-            if change.set
-            else change
-            for change in program.changes
-        )
-        return program.model_copy(update={"changes": changes}) if changes else program
+        program = cls.of_content(read_yaml(source), source)
+        if not program.changes:
+            return program
+        # Files that changes of the station name are relative to the folder of the program. The border checks that a
+        # program from elsewhere reads no files outside its own folder.
+        folder = source.absolute().parent
+        border = Border(source)
+        changes = []
+        for change in program.changes:
+            if change.set:
+                settings = changes_with_absolute_paths(change.set, folder, border)
+                changes.append(change.model_copy(update={"set": settings}))
+            else:
+                changes.append(change)
+        return program.model_copy(update={"changes": tuple(changes)})
 
     @classmethod
     def of_text(cls, text: str, where: str = message("programs.the_program", "the program")) -> "Program":
-        """Return the program that a YAML text holds, likewise; errors call it as ``where`` says."""
+        """Read a program from a YAML text.
+
+        Args:
+            text: the text.
+            where: name of the program for error messages.
+
+        Raises:
+            InvalidConfig: the text is damaged.
+            InvalidParameter: the text is no mapping.
+        """
         content = parse_yaml(text, where)
         return cls.of_content(
             instance(content, where, dict, message("programs.mapping_with_moves", "a mapping with moves")), where
@@ -242,18 +296,35 @@ class Program(Strict):
 
     @classmethod
     def of_content(cls, content: dict[str, Any], source: Path | str) -> "Program":
-        """Return the program of a mapping, likewise; errors call it as ``source`` says."""
+        """Read a program from the content of a file.
+
+        Args:
+            content: the content.
+            source: name of the program, or its file, for error messages.
+
+        Raises:
+            InvalidConfig: an entry is wrong. The message names the move and the key.
+        """
         for index, entry in enumerate(_entries(content, "moves")):
             check_move(entry, move_name(index, len(content["moves"]), str(source)))
         for index, entry in enumerate(_entries(content, "references")):
             check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
         return validated(cls, content, source)
 
-    def _place(self, index: int, last: int) -> int:
+    def _check_index(self, index: int, last: int) -> int:
+        """Check the index of a move, and count it from the start.
+
+        Args:
+            index: the index. It counts from the end if it is negative.
+            last: largest index that is allowed.
+
+        Raises:
+            InvalidParameter: the index is out of range.
+        """
         count = len(self.moves)
         instance(index, "index", int, message("programs.number_of_move", "the number of a move"))
-        place = index + count if index < 0 else index
-        if not 0 <= place <= last:
+        from_start = index + count if index < 0 else index
+        if not 0 <= from_start <= last:
             known = message(
                 "programs.known_numbers",
                 "from {first} to {last}, the program has {moves} {moves:move|moves}",
@@ -264,7 +335,7 @@ class Program(Strict):
             raise InvalidParameter(
                 "index", index, known if last >= 0 else message("programs.no_move_yet", "of a move; there is none")
             )
-        return place
+        return from_start
 
 
 def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
@@ -274,6 +345,11 @@ def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
 
 
 def _check_moves(*moves: object) -> None:
+    """Check that values are moves.
+
+    Raises:
+        InvalidParameter: one is not.
+    """
     for move in moves:
         instance(
             move, "move", Move, message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})")

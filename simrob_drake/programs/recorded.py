@@ -1,4 +1,4 @@
-"""A station whose runs are shown and recorded: run again, saved as one result, done again elsewhere."""
+"""A station whose runs can be shown, recorded, repeated, saved as one result, and done again on another station."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +10,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.programs.model import one_posture
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
-from simrob_drake.programs.tape import Take
+from simrob_drake.programs.tape import Entry, Stage, Take
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
@@ -19,10 +19,10 @@ from simrob_drake.stations.station import StationLike, config_of
 
 
 class RecordedStation(StatefulStation):
-    """An :class:`StatefulStation` that shows what is done with it, and records it from :meth:`record` on."""
+    """A :class:`StatefulStation` that shows its runs in a browser window, and records them from :meth:`record` on."""
 
     def record(self) -> None:
-        """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
+        """Delete the recording, and record all runs from now on (SimRob's ``Rec()``)."""
         self.tape.record()
 
     def pause(self) -> None:
@@ -30,34 +30,39 @@ class RecordedStation(StatefulStation):
         self.tape.running = False
 
     def resume(self) -> None:
-        """Go on recording (``Rec(1)``)."""
+        """Continue recording (``Rec(1)``)."""
         self.tape.running = True
 
     def show(self) -> str:
-        """Open a browser window, in which everything from now on is shown at the pace of the clock.
+        """Open a browser window that shows all runs from now on, in real time.
 
         Returns:
-            its address, on this computer only.
+            Address of the window, which is valid on this computer only.
         """
         if self._window is None:
             self._window = LiveView(self.config, self._shown_state())
         return self._window.url
 
     def draw(self, postures: dict[str, Vector]) -> None:
-        """Show robots in postures (n,) in the window, without moving them."""
-        shown = instance(
-            postures, "postures", Mapping, message("programs.mapping_by_robot", "a mapping by robot")
-        ).items()
-        postures = {
-            name: one_posture(
-                q, len(self.robot(name).axes), message("programs.posture_called", "postures: {name}", name=name)
-            )
-            for name, q in shown
-        }
+        """Show robots in other postures in the window, without moving them.
+
+        Args:
+            postures: posture of each robot by name, shape (n,) [rad or m]. The other robots are shown where they are.
+
+        Raises:
+            UnknownName: there is no such robot.
+            InvalidParameter: a posture has another shape, or the value is no mapping.
+        """
+        instance(postures, "postures", Mapping, message("programs.mapping_by_robot", "a mapping by robot"))
+        shown = {}
+        for name, posture in postures.items():
+            axis_count = len(self.robot(name).axes)
+            label = message("programs.posture_called", "postures: {name}", name=name)
+            shown[name] = one_posture(posture, axis_count, label)
         self.show()
         assert self._window is not None
         now = self._shown_state()
-        self._window.draw(self.config, State({**now.positions, **postures}, now.velocities, now.references))
+        self._window.draw(self.config, State({**now.positions, **shown}, now.velocities, now.references))
 
     def close(self) -> None:
         """Close the window."""
@@ -66,30 +71,37 @@ class RecordedStation(StatefulStation):
             self._window = None
 
     def replay(self) -> list[SimulationResult]:
-        """Run the recorded moves again, each from the state that it began in (``Rep()``); nothing else changes."""
+        """Run the recorded moves again, each from its own start (``Rep()``). The station does not change."""
         return self.tape.replay()
 
     def result(self) -> SimulationResult:
-        """Return all that was recorded as one result: what happened, stitched by time, and nothing run again.
+        """Join all recorded runs to one result. Nothing is run again.
 
-        Pieces that change hands stand free in it: their poses are signals, ``piece.<piece>.x`` and so on.
+        Pieces that are attached or released between the runs are free pieces in the result: their poses are signals,
+        ``piece.<piece>.x`` and so on.
 
         Raises:
             InvalidParameter: nothing was recorded.
         """
         self.tape.check_some()
-        moves, last = self.tape.moves(), self.tape.takes[-1]
+        moves = self.tape.moves()
         text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
-        left = last.config if self.tape.entries[-1] is last else self.config
-        numbered = enumerate(self.tape.entries)
-        runs = [entry.result.numbered(number) for number, entry in numbered if isinstance(entry, Take)]
-        return joined(runs, left=left, program=text)
+        last_take = self.tape.takes[-1]
+        # Changes after the last run are in the station of this object only.
+        ends_with_run = self.tape.entries[-1] is last_take
+        final_station = last_take.config if ends_with_run else self.config
+        runs = [
+            entry.result.numbered(number)
+            for number, entry in enumerate(self.tape.entries)
+            if isinstance(entry, Take)  # a change has a number as well
+        ]
+        return joined(runs, left=final_station, program=text)
 
     def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
-        """Write all that was recorded to a folder; see :meth:`SimulationResult.save`.
+        """Write the recording to a folder; see :meth:`SimulationResult.save`.
 
-        ``program.yaml`` is in it where a file can say all that was done: moves of arms without a solver of your own,
-        pieces, tools and waits.
+        The folder has a ``program.yaml`` if a file can say all that was done: moves of arms without a solver of your
+        own, pieces, tools and waits.
 
         Raises:
             InvalidParameter: nothing was recorded.
@@ -98,43 +110,59 @@ class RecordedStation(StatefulStation):
         return self.result().save(folder, **options)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
-        """Write all that was recorded as a film; see :meth:`SimulationResult.film`."""
+        """Write the recording as a film; see :meth:`SimulationResult.film`."""
         return self.result().film(file, frames=frames)
 
     def simulate(
-        self, station: "StationLike | None" = None, *, duration: float | None = None, strict: bool = False
+        self,
+        station: "StationLike | None" = None,
+        *,
+        duration: float | None = None,
+        strict: bool = False,
     ) -> SimulationResult:
-        """Do again all that was recorded, on this station or another (SimRob's ``Sim``); this one stays as it is.
+        """Do again all that was recorded, on this station or on another one (SimRob's ``Sim``).
 
-        Moves that follow each other are one run; what is attached and let go in between is so there, too.
+        This object does not change. Moves that follow each other are one run; pieces are attached and released between
+        the runs as in the recording.
 
         Args:
-            station: another one with robots and pieces of the same names, such as the dynamic one; it begins at its
-                own initial posture if the recording began at that of its station.
-            duration: of the whole [s]; as recorded unless given.
-            strict: as the station's own.
+            station: another station with robots and pieces of the same names, such as the dynamic one. If it is None,
+                the station of the recording. It begins at its own initial posture if the recording began at that of its
+                station.
+            duration: duration of all runs together [s]. If it is None, as recorded.
+            strict: whether a run with warnings raises an error. It does, too, if this station is strict.
 
         Raises:
-            VerdictError: with ``strict`` a run that has warnings.
-            InvalidParameter: nothing was recorded, or the takes do not join: such a tape can be replayed.
-            SimrobError: a piece that cannot be taken or let go there.
+            VerdictError: a run has warnings, and ``strict`` is True.
+            InvalidParameter: nothing was recorded, or two runs do not join. Such a recording can be replayed.
+            SimrobError: a piece cannot be attached or released there.
         """
-        stages, first = self.tape.stages(duration), self.tape.takes[0]
+        stages = self.tape.stages(duration)
+        first = self.tape.takes[0]
         cell = type(self)(first.config if station is None else config_of(station))
-        cell.state, cell.progress, cell.strict = first.start or cell.state, self.progress, self.strict or strict
-        runs: list[SimulationResult] = []
+        cell.state = first.start or cell.state
+        cell.progress = self.progress
+        cell.strict = self.strict or strict
+        runs = list[SimulationResult]()
         for stage in stages:
-            if not isinstance(stage, tuple):
-                ((key, content),) = stage.items()  # what was noted between runs
-                if key == "tool":
-                    cell.tool(cell.robot_name(content["robot"]), content.get("name") or content["pose"])
-                else:
-                    (cell.attach if key == "attach" else cell.release)(**content)
+            if not isinstance(stage, Stage):
+                cell._repeat_change(stage)
                 continue
-            runs.append(cell.follow(*stage))
+            runs.append(cell.follow(stage.references, stage.duration))
             if runs[-1].ending not in GOES_ON:
                 break
         return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
 
+    def _repeat_change(self, entry: Entry) -> None:
+        """Change this station by a recorded entry: attach or release a piece, or change a tool."""
+        ((key, content),) = entry.items()
+        if key == "tool":
+            self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])
+        elif key == "attach":
+            self.attach(**content)
+        else:
+            self.release(**content)
 
-STATION = "station.yaml"  # where a saved program finds the station that it began in
+
+STATION = "station.yaml"
+"""File in which a saved program finds the station in which it began."""

@@ -1,17 +1,19 @@
-"""The parts of a move, each from rest to rest: its way, through zones, and postures on it that a spline keeps to.
+"""Paths and motions of an arm: from the path to a target to the spline that the axes follow.
 
-A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
-would leave its line or arc, points are put in between until it does not.
+A *path* (:class:`Way`) is geometry without time: the poses of the tool, or the postures of the axes, at each part of
+the path from 0 to 1. Paths to several targets can be joined within *zones*, so that the tool turns from one to the next
+without coming to rest. A :class:`Segment` is a path on which the postures are known. The path of a tool is solved at
+few points that are joined by a spline; where the tool would leave its line or arc between them, points are added.
 
-The part of the way at a part of the time is that of :func:`~simrob_drake.blocks.references.smooth`, or of a law that
-cruises; what depends on it smoothly is interpolated.
+A :class:`Stretch` is a motion: a segment that a law of time makes a function of time. The law gives the part of the
+path that is gone at each time, see :class:`~simrob_drake.blocks.cruise.TimeLaw`.
 """
 
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import BsplineBasis
@@ -29,22 +31,29 @@ from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
 
-_LARGEST = 200  # mm, of RAPID's zones
-_SMALLEST = 3e-4  # m: z0
-_KNOWN = message(
+_LARGEST_ZONE = 200  # largest zone of RAPID, z200 [mm]
+_SMALLEST_ZONE = 3e-4  # size of RAPID's zone z0 [m]
+_KNOWN_ZONES = message(
     "programs.known_zones",
     "'fine', 'z0' to 'z{largest}' for so many millimetres, or a number from {smallest:g} [m]",
-    largest=_LARGEST,
-    smallest=_SMALLEST,
+    largest=_LARGEST_ZONE,
+    smallest=_SMALLEST_ZONE,
 )
-_TOO_WIDE = 1 + 1e-9
+_ROUNDING = 1 + 1e-9  # factor by which a zone may be too large because of rounding errors
 
-Curve = Callable[[Vector], Vector]  # gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way
+Curve = Callable[[Vector], Vector]
+"""Function that gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a path."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """A way to one target, or past several: where it leads at its parts, how long it is [m], where the targets are."""
+    """A path to one target, or past several targets.
+
+    Attributes:
+        curve: postures or poses at parts of the path.
+        length: length of the path of the tool [m].
+        passes: parts of the path at which the targets are, shape (m,).
+    """
 
     curve: Curve
     length: float
@@ -52,33 +61,46 @@ class Way:
 
 
 def zone_size(zone: object) -> float:
-    """Return how far from a target a zone begins [m]; 0 for ``fine``; raises InvalidParameter: no zone."""
+    """Size of a zone: the distance from a target at which the tool begins to turn to the next one [m].
+
+    Args:
+        zone: ``fine`` for the size 0, a name of RAPID such as ``z10`` for 10 mm, or the size [m].
+
+    Raises:
+        InvalidParameter: there is no such zone.
+    """
     if not isinstance(zone, str):
         size = positive(zone, "zone", "m")
-        if size < _SMALLEST:
-            raise InvalidParameter("zone", zone, _KNOWN)
+        if size < _SMALLEST_ZONE:
+            raise InvalidParameter("zone", zone, _KNOWN_ZONES)
         return size
     if zone == "fine":
         return 0.0
     number = re.fullmatch(r"z(\d{1,3})", zone)
-    if number is None or int(number[1]) > _LARGEST:
-        raise InvalidParameter("zone", quoted(zone), _KNOWN)
-    return max(int(number[1]) / 1e3, _SMALLEST)
+    if number is None or int(number[1]) > _LARGEST_ZONE:
+        raise InvalidParameter("zone", quoted(zone), _KNOWN_ZONES)
+    return max(int(number[1]) / 1e3, _SMALLEST_ZONE)
 
 
 def through_zones(ways: Sequence[Way], zone: float) -> Way:
-    """Return ways to one target each as one that passes their targets within zones [m], as RAPID's are.
+    r"""Join paths to one target each, so that the tool passes the targets within zones as in RAPID.
 
-    Two ways that meet are laid over each other within the zone: what is left of the first, and what is gone of the
-    second. Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) = 2 t^3 - t^4` with :math:`t
-    = (x + 1) / 2` is gone of the second and :math:`g(-x)` left of the first, so that place, direction and curvature go
-    on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`. Raises InvalidParameter: a zone
-    larger than half of a way that leads into or out of it.
+    Let x be the distance behind the corner between two paths, in zones, from -1 to 1. Within the zone the motions of
+    both paths are added: of the second, :math:`g(x) = 2 t^3 - t^4` with :math:`t = (x + 1) / 2` is gone, and of the
+    first, :math:`g(-x)` is left. Position, direction and curvature are continuous, because :math:`g'` rises from 0 to 1
+    and :math:`g(x) - g(-x) = x`.
+
+    Args:
+        ways: the paths, one after the other.
+        zone: size of the zones [m].
+
+    Raises:
+        InvalidParameter: the zone is larger than half of a path that leads into or out of one.
     """
-    ends = np.cumsum([way.length for way in ways])
+    ends = np.cumsum([way.length for way in ways])  # length of the joined path at each target [m]
     for index, pair in enumerate(pairwise(ways)):
         most = min(way.length for way in pair) / 2
-        if zone > most * _TOO_WIDE:
+        if zone > most * _ROUNDING:
             expected = message(
                 "programs.largest_zone",
                 "at most {most:.4g} mm at targets[{index}]: half of the shorter way that meets there",
@@ -88,118 +110,171 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
             raise InvalidParameter("zone", compound("{zone:.4g} mm", zone=1e3 * zone), expected)
 
     def curve(parts: Vector) -> Vector:
+        """Postures or poses at parts (k,) of the joined path, which are in ascending order."""
         gone = parts * ends[-1]
-        number = np.minimum(np.searchsorted(ends, gone), len(ways) - 1)
-        shares = [(way, gone[number == row] - ends[row]) for row, way in enumerate(ways)]  # parts rise
-        found = np.concatenate([_on(way, short_of) for way, short_of in shares if short_of.size])
+        # First without zones: each part belongs to one of the paths.
+        indices = np.minimum(np.searchsorted(ends, gone), len(ways) - 1)
+        pieces = []
+        for index, way in enumerate(ways):
+            from_end = gone[indices == index] - ends[index]
+            if from_end.size:
+                pieces.append(_before_end(way, from_end))
+        result = np.concatenate(pieces)
+        # Then the parts within each zone are replaced.
         for corner, (before, after) in zip(ends, pairwise(ways), strict=False):
-            near = np.abs(gone - corner) < zone
-            if near.any():
-                x = (gone[near] - corner) / zone
-                left, entered = _on(before, -zone * _gone(-x)), _on(after, zone * _gone(x) - after.length)
-                found[near] = _laid_over(left, before.curve(np.ones(1))[0], entered)
-        return found
+            is_near = np.abs(gone - corner) < zone
+            if is_near.any():
+                x = (gone[is_near] - corner) / zone
+                left = _before_end(before, -zone * _zone_share(-x))
+                entered = _before_end(after, zone * _zone_share(x) - after.length)
+                corner_value = before.curve(np.ones(1))[0]
+                result[is_near] = _add_motions(left, corner_value, entered)
+        return result
 
     return Way(curve, float(ends[-1]), ends / ends[-1])
 
 
-def _on(way: Way, short_of: Vector) -> Vector:
-    """Return where a way leads at distances (k,) before its end, which are negative [m]."""
-    return way.curve(np.clip(1 + short_of / way.length, 0.0, 1.0))
+def _before_end(way: Way, from_end: Vector) -> Vector:
+    """Postures or poses of a path at distances from its end, shape (k,) [m]. The distances are negative."""
+    return way.curve(np.clip(1 + from_end / way.length, 0.0, 1.0))
 
 
-def _gone(x: Vector) -> Vector:
+def _zone_share(x: Vector) -> Vector:
+    """Function g of :func:`through_zones`: share of a zone that is gone of the second path."""
     t = (x + 1) / 2
     return np.asarray(t**3 * (2 - t))
 
 
-def _laid_over(left: Vector, corner: Vector, entered: Vector) -> Vector:
-    """Return what two motions (k, ...) through a corner make together."""
-    if left.ndim == 2:
+def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
+    """Add the motion that ends in a corner and the motion that begins there.
+
+    Args:
+        left: postures (k, n) or poses (k, 4, 4) of the first motion.
+        corner: posture (n,) or pose (4, 4) of the corner.
+        entered: postures or poses of the second motion.
+    """
+    is_posture = left.ndim == 2
+    if is_posture:
         return left + entered - corner
-    places = left[:, :3, 3] + entered[:, :3, 3] - corner[:3, 3]
-    return stacked(places, left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3])
+    positions = left[:, :3, 3] + entered[:, :3, 3] - corner[:3, 3]
+    rotations = left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3]
+    return stacked(positions, rotations)
 
 
-PATH_TOLERANCE = 2e-5  # how far the tool may be from its line or arc between two points [m]
+PATH_TOLERANCE = 2e-5
+"""Largest distance of the tool from its line or arc between two points [m]."""
 
-_LEAST_POINTS = 8
-_MOST_POINTS = 5000
-_SMALL_TURN = 0.2  # rad from one point to the next that the incremental solver follows whatever its limit is
-_JUMP = 0.5  # rad or m between points above which a motion that does not shrink with more points counts as a jump
-_SHRINKS = 0.8  # a continuous motion between points halves when their number doubles
+_LEAST_POINTS = 6  # least count of points of a path, and of a motion: a spline of degree five needs six
+_MOST_POINTS = 5000  # largest count of points that are added to a path
+_SMALL_TURN = 0.2  # turn from one point to the next that the incremental solver follows whatever its limit is [rad]
+_JUMP = 0.5  # motion between two points that may be a jump [rad or m]
+_SHRINKS = 0.8  # a motion that becomes shorter than this part if the points double is no jump: a continuous one halves
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Postures on the way to one target, or to several that are passed within zones."""
+    """Postures on a path from rest to rest: to one target, or to several that are passed within zones.
 
-    parts: Vector  # of its way, from 0 to 1, shape (k,)
-    postures: Vector  # there, shape (k, n) [rad or m]
-    length: float  # of the tool's way [m]
-    passes: Vector  # the parts at which targets are
+    Attributes:
+        parts: parts of the path, from 0 to 1, shape (k,).
+        postures: positions of the axes there, shape (k, n) [rad or m].
+        length: length of the path of the tool [m].
+        passes: parts of the path at which the targets are, shape (m,).
+    """
+
+    parts: Vector
+    postures: Vector
+    length: float
+    passes: Vector
 
     @property
     def end(self) -> Vector:
-        """Where it ends, shape (n,)."""
+        """Last posture, shape (n,) [rad or m]."""
         return np.asarray(self.postures[-1])
 
 
 def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
-    """Return the straight way in the space of the joints between two postures (n,)."""
+    """Straight path of the axes between two postures (n,) [rad or m].
+
+    Args:
+        chain: the axes, for the length of the tool's path.
+        start: posture at the start.
+        end: posture at the end.
+    """
 
     def curve(parts: Vector) -> Vector:
+        """Postures (k, n) at parts (k,) of the path."""
         return np.asarray(start + parts[:, np.newaxis] * (end - start))
 
     return Way(curve, tool_length(chain, curve(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
 
 
 def joint_segment(way: Way, *, points: int) -> Segment:
-    """Return the postures of a way in the space of the joints."""
+    """Sample a path of the axes at a count of points, or at the least count if that is larger."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
     return Segment(parts, way.curve(parts), way.length, way.passes)
 
 
 def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
-    """Return postures, ``points`` at least, that lead the tool from a posture (n,) along a ``way`` of poses (k, 4, 4).
+    """Find postures that lead the tool along a path of poses.
 
-    Raises Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
-    postures, as far as it says, if it comes to the end; BrokenPath: points that no continuous motion joins.
+    Points are added until the tool is within :data:`PATH_TOLERANCE` of the path also half-way between them.
+
+    Args:
+        solver: solver of the inverse kinematics. The incremental solver may leave the path, past singular postures, by
+            its distance `stray`, if it comes to the end.
+        way: the path of poses.
+        start: posture at the start, shape (n,) [rad or m].
+        points: least count of points on the path.
+        target: name of the target for messages.
+
+    Raises:
+        Unreachable: no posture reaches a point.
+        BrokenPath: no continuous motion joins the points.
     """
-    chain, poses = solver.chain, way.curve
-    stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0
+    chain = solver.chain
+    poses = way.curve
+    stray = 0.0
     count = max(points, _LEAST_POINTS)
-    if isinstance(solver, IncrementalSolver):  # it follows small turns only
+    if isinstance(solver, IncrementalSolver):
+        stray = solver.stray
         first, last = poses(np.array([0.0, 1.0]))
-        count = max(count, int(np.ceil(turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
+        turn = turned_by(first[:3, :3], last[:3, :3])
+        count = max(count, int(np.ceil(turn / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
     targets = poses(parts)
     solutions = solver.solve(targets[1:], start)
-    if not (solutions.reached[-1] and (solutions.position_error <= stray).all()):
+    has_arrived = solutions.reached[-1] and (solutions.position_error <= stray).all()
+    if not has_arrived:
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
-    exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else
+    # A solver that may stray, or that ignores a part of the pose, does not follow the path: more points do not help.
+    follows_path = _largest_distance(chain, postures, targets) < PATH_TOLERANCE
     jump = np.inf
-    while exact:
-        last_jump, jump = jump, float(np.abs(np.diff(postures, axis=0)).max())
-        if (jump > _JUMP and jump > _SHRINKS * last_jump) or len(parts) > _MOST_POINTS:
-            raise _broken(chain, postures, parts, points, target)
+    while follows_path:
+        last_jump = jump
+        jump = float(np.abs(np.diff(postures, axis=0)).max())
+        is_jump = jump > _JUMP and jump > _SHRINKS * last_jump
+        if is_jump or len(parts) > _MOST_POINTS:
+            raise _broken_path(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
         guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
         desired = poses(between)
-        if _away(chain, guesses, desired) < PATH_TOLERANCE:
+        if _largest_distance(chain, guesses, desired) < PATH_TOLERANCE:
             break
         solutions = solver.solve(desired, guesses)
         _require(solutions, between, desired, points, target)
-        order = np.argsort(np.concatenate([parts, between]), kind="stable")
-        parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
+        all_parts = np.concatenate([parts, between])
+        order = np.argsort(all_parts, kind="stable")
+        parts = all_parts[order]
+        postures = np.vstack([postures, solutions.positions])[order]
     return Segment(parts, postures, way.length, way.passes)
 
 
 def tool_length(chain: Chain, postures: Vector) -> float:
-    """Return how far the tool goes from posture to posture (k, n), by chords [m]."""
-    places = chain.forward(postures)[:, :3, 3]
-    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    """Length of the path of the tool through postures (k, n) [rad or m], by the chords between them [m]."""
+    positions = chain.forward(postures)[:, :3, 3]
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
 class PathPoint(NamedTuple):
@@ -239,111 +314,167 @@ def named_point(part: float, points: int, target: str) -> PathPoint:
     )
 
 
-def _away(chain: Chain, postures: Vector, targets: Vector) -> float:
-    """Return the largest distance of the tool from targets (k, 4, 4), with postures (k, n) [m]."""
+def _largest_distance(chain: Chain, postures: Vector, targets: Vector) -> float:
+    """Largest distance of the tool in postures (k, n) from the positions of targets (k, 4, 4) [m]."""
     return float(np.linalg.norm(chain.forward(postures)[:, :3, 3] - targets[:, :3, 3], axis=1).max())
 
 
 def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str) -> None:
-    """Check that a solver reached the poses (k, 4, 4) at all parts (k,) of a way, from 0 to 1.
+    """Check that a solver reached all poses.
+
+    Args:
+        solutions: result of the solver.
+        parts: parts of the path at which the poses are, from 0 to 1, shape (k,).
+        targets: the poses, shape (k, 4, 4).
+        points: count of points on the path for messages.
+        target: name of the target for messages.
 
     Raises:
-        Unreachable: it did not; the error names the first such point, see :func:`named_point`.
+        Unreachable: the solver missed a pose. The message names the first one, see :func:`named_point`.
     """
     if solutions.reached.all():
         return
-    row = solutions.first_missed
-    number, name = named_point(float(parts[row]), points, target)
-    place = ", ".join(f"{value:.4g}" for value in targets[row, :3, 3])
-    raise solutions.unreachable(
-        row,
-        target
-        if parts[row] == 1.0
-        else message("programs.target_at_place", "{name} (at {place} m)", name=name, place=place),
-        index=number - 1,
-    )
+    missed = solutions.first_missed
+    number, name = named_point(float(parts[missed]), points, target)
+    if parts[missed] == 1.0:  # the target itself, whose position the user knows
+        where = target
+    else:
+        place = ", ".join(f"{value:.4g}" for value in targets[missed, :3, 3])
+        where = message("programs.target_at_place", "{name} (at {place} m)", name=name, place=place)
+    raise solutions.unreachable(missed, where, index=number - 1)
 
 
-def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:
+def _broken_path(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:
+    """Make the error for the largest jump of an axis between two of the postures (k, n) at parts (k,) of a path."""
     jumps = np.abs(np.diff(postures, axis=0))
-    row, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
-    number, name = named_point(float(parts[row]), points, target)
-    jump = float(jumps[row, axis])
+    before, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+    number, name = named_point(float(parts[before]), points, target)
+    jump = float(jumps[before, axis])
     shown = angle(jump) if chain.revolute[axis] else compound("{jump:.3g} m", jump=jump)
     return BrokenPath(name, chain.names[axis], point=number, jump=jump, shown=shown)
 
 
-_DEGREE = 5
-_LEAST_POINTS, _FINER = 6, 1.5  # of a motion: its points, and how many times as dense as those of its way
+_DEGREE = 5  # of all splines: position, velocity and acceleration are smooth
+_FINER = 1.5  # how many times as many points a motion has as its path
 
 
 def free_spline(parts: Vector, postures: Vector) -> BSpline:
-    """Return the spline of degree five through postures (k, n) at parts (k,), its ends as they come."""
+    """Spline of degree five through postures (k, n) at parts (k,), without conditions on its ends."""
     result: BSpline = make_interp_spline(parts, postures, k=_DEGREE)
     return result
 
 
-Slopes = tuple[Vector, Vector]  # first and second derivative at an end of a curve, each of shape (n,)
+class EndSlopes(NamedTuple):
+    """Derivatives at an end of a motion.
+
+    Attributes:
+        velocity: first derivative, shape (n,).
+        acceleration: second derivative, shape (n,).
+    """
+
+    velocity: Vector
+    acceleration: Vector
 
 
-def spline(times: Vector, postures: Vector, ends: tuple[Slopes, Slopes] | None = None) -> BSpline:
-    """Return the spline of degree five through postures (k, n) at times (k,) [s], at rest at both ends unless told."""
-    rest = np.zeros(postures.shape[1])
-    conditions: Any = [list(enumerate(slopes, 1)) for slopes in ends or ((rest, rest),) * 2]  # the stubs know words
-    result: BSpline = make_interp_spline(times, postures, k=_DEGREE, bc_type=tuple(conditions))
+class Slopes(NamedTuple):
+    """Derivatives at both ends of a motion."""
+
+    first: EndSlopes
+    last: EndSlopes
+
+
+def spline(times: Vector, postures: Vector, ends: Slopes | None = None) -> BSpline:
+    """Spline of degree five through postures at times.
+
+    Args:
+        times: times, shape (k,) [s].
+        postures: postures, shape (k, n) [rad or m].
+        ends: velocities and accelerations at both ends. If it is None, the spline is at rest there.
+    """
+    if ends is None:
+        rest_slopes = EndSlopes(np.zeros(postures.shape[1]), np.zeros(postures.shape[1]))
+        ends = Slopes(rest_slopes, rest_slopes)
+    # For each end a list of the order of a derivative and its value. The type stubs know names of conditions only.
+    conditions: Any = tuple([(1, end.velocity), (2, end.acceleration)] for end in ends)
+    result: BSpline = make_interp_spline(times, postures, k=_DEGREE, bc_type=conditions)
     return result
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A motion: the spline through postures (k, n) [rad or m] at times (k,) [s], with slopes at its ends.
+    """A motion: the spline through postures at times.
 
-    Without slopes it goes from rest to rest.
+    Attributes:
+        times: times, shape (k,) [s].
+        postures: positions of the axes, shape (k, n) [rad or m].
+        ends: velocities and accelerations at both ends. If it is None, the motion is from rest to rest.
     """
 
     times: Vector
     postures: Vector
-    ends: tuple[Slopes, Slopes] | None = None
+    ends: Slopes | None = None
 
     def of_axes(self, axes: slice) -> "Stretch":
-        """Return the motion of some of the axes."""
-        ends = None if self.ends is None else tuple((speed[axes], push[axes]) for speed, push in self.ends)
-        return Stretch(self.times, self.postures[:, axes], cast(tuple[Slopes, Slopes] | None, ends))
-
-    def at(self, begin: float, factor: float = 1.0) -> "Stretch":
-        """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""
+        """Motion of some of the axes."""
         ends = None
         if self.ends is not None:
-            first, last = ((speed / factor, push / factor**2) for speed, push in self.ends)
-            ends = first, last
+            own_ends = [EndSlopes(end.velocity[axes], end.acceleration[axes]) for end in self.ends]
+            ends = Slopes(*own_ends)
+        return Stretch(self.times, self.postures[:, axes], ends)
+
+    def at(self, begin: float, factor: float = 1.0) -> "Stretch":
+        """The same motion at another time.
+
+        Args:
+            begin: by how much later it begins [s].
+            factor: how many times as long it takes.
+        """
+        ends = None
+        if self.ends is not None:
+            slower_ends = [EndSlopes(end.velocity / factor, end.acceleration / factor**2) for end in self.ends]
+            ends = Slopes(*slower_ends)
         return Stretch(begin + factor * self.times, self.postures, ends)
 
 
 def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]:
-    """Return the motions by which a way is gone that leads through postures (k, n) at its parts (k,), from 0 to 1.
+    r"""Make motions of a path and a law of time: one for each polynomial of the law.
 
-    Each is that of one polynomial of the law: no spline smoothes the acceleration or jerk that jumps between two.
+    A single spline over the whole law would smooth the jumps of acceleration or jerk between two polynomials. With the
+    path q(s) and the law s(t), the derivatives at the ends of each motion are
+    :math:`\dot q = q' \dot s` and :math:`\ddot q = q'' \dot s^2 + q' \ddot s`.
+
+    Args:
+        parts: parts of the path, from 0 to 1, shape (k,).
+        postures: postures at these parts, shape (k, n) [rad or m].
+        law: the law of time.
     """
-    way = free_spline(parts, postures)
-    slope, bend = way.derivative(1), way.derivative(2)
+    path = free_spline(parts, postures)
+    slope = path.derivative(1)
+    curvature = path.derivative(2)
     motions = []
     for piece, (begin, end) in enumerate(pairwise(law.breaks)):
+        # A polynomial on which a larger part of the path is gone needs more points.
         share = float(np.ptp(law.at([begin, end], piece)))
         times = np.linspace(begin, end, _LEAST_POINTS + int(_FINER * share * len(parts)))
-        gone, speed, push = (law.at(times, piece, order) for order in range(3))
-        gone = np.clip(gone, 0.0, 1.0)
-        ends = [(slope(gone[k]) * speed[k], bend(gone[k]) * speed[k] ** 2 + slope(gone[k]) * push[k]) for k in (0, -1)]
-        motions.append(Stretch(times, way(gone), (ends[0], ends[1])))
+        gone = np.clip(law.at(times, piece, 0), 0.0, 1.0)
+        rate = law.at(times, piece, 1)
+        rate_change = law.at(times, piece, 2)
+        ends = []
+        for index in (0, -1):
+            velocity = slope(gone[index]) * rate[index]
+            acceleration = curvature(gone[index]) * rate[index] ** 2 + slope(gone[index]) * rate_change[index]
+            ends.append(EndSlopes(velocity, acceleration))
+        motions.append(Stretch(times, path(gone), Slopes(*ends)))
     return tuple(motions)
 
 
 def rest(posture: Vector, begin: float, end: float) -> Stretch:
-    """Return the motion that stays at a posture (n,) from one time to another [s]."""
+    """Rest in a posture (n,) [rad or m] from one time to another [s]."""
     return Stretch(np.array([begin, end]), np.array([posture, posture]))
 
 
 def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
-    """Return the trajectory of shape (n, 1) of motions that follow each other without a gap in time."""
+    """Trajectory of shape (n, 1) of motions that follow each other without a gap in time."""
     curves = []
     for stretch in stretches:
         fitted = spline(stretch.times, stretch.postures, stretch.ends)
@@ -353,8 +484,17 @@ def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
 
 
 def until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
-    """Return motions with a rest behind them, so that they last until ``end`` [s]."""
-    begin = float(stretches[-1].times[-1]) if stretches else 0.0
+    """Add a rest behind motions, so that they last until a time.
+
+    Args:
+        stretches: the motions. There may be none.
+        posture: posture of the rest if there are no motions, shape (n,) [rad or m].
+        end: time at which the rest ends [s]. If it is not after the motions, these are returned unchanged.
+    """
+    begin = 0.0
+    if stretches:
+        begin = float(stretches[-1].times[-1])
+        posture = stretches[-1].postures[-1]
     if begin >= end:
         return stretches
-    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))
+    return (*stretches, rest(posture, begin, end))

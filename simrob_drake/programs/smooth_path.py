@@ -66,7 +66,7 @@ def find_faster_path(search: Search, postures: Vector, corner_count: int, limits
     """
     model = search.space.model
     try:
-        station = PosedStation(model.frozen())
+        station = PosedStation(model.frozen_station())
     except SimrobError:  # a link without mass cannot be moved by forces, which this station assumes
         return None
     # Positions that belong to no axis are those of bases that are not fixed.

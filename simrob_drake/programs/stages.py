@@ -1,12 +1,16 @@
-"""A program of a robot with legs in stages that run one after the other, each within the limits of its joints.
+"""Programs of a robot with legs, cut into stages that run one after the other.
 
-Moves of joints that follow each other are one run, each walk and act is one, and pieces change hands between runs. All
-of a program is checked before the first stage runs.
+A *stage* is one run of the station, or an action that takes no time. Moves of joints that follow each other are one
+stage, each walk and each act is one, and pieces are attached and released between runs. The whole program is checked
+before its first stage runs.
+
+An *automatic* program has references instead of moves: postures to which the robot goes, each with a condition.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +23,7 @@ from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming, reference_name
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, make_move, move_name, naming, reference_name
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
 from simrob_drake.results.record.run import MoveSpan, move_title
@@ -30,12 +34,20 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.config import StationConfig
 
-SEQUENCE = "step"  # the sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one
+SEQUENCE = "step"
+"""Name of the sequence in a robot's ``gaits.yaml`` that is a single step by joint angles."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What a robot goes back to when something is undone: a program, where a station is, how it is, its time [s]."""
+    """State to which a robot returns when something is undone.
+
+    Attributes:
+        program: the program.
+        state: state of the station. If it is None, the station has not moved yet.
+        config: description of the station.
+        now: time of the station [s].
+    """
 
     program: Program
     state: State | None
@@ -45,13 +57,13 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class ProgramStage:
-    """A part of a program that is one run, or takes no time.
+    """A stage of a program, with the moves that it contains.
 
     Attributes:
-        run: runs the stage.
+        run: function that runs the stage.
         first: index of its first move in the program.
-        durations: how long its moves take [s], one each. That of a single move is known only when the stage has run,
-            and is 0 before; the references of an automatic program have none.
+        durations: duration of each of its moves [s]. That of a single move is known only after the run, and is 0
+            before. The references of an automatic program have no durations.
     """
 
     run: Stage
@@ -59,9 +71,14 @@ class ProgramStage:
     durations: Sequence[float] = ()
 
     def spans(self, begin: float, end: float) -> list[MoveSpan]:
-        """Find when each move of the stage began and ended, of a run from ``begin`` to ``end`` [s].
+        """Find when each move of the stage began and ended.
 
-        Moves that were not begun, because the run was ended before, are left out.
+        Args:
+            begin: time at which the run of the stage began [s].
+            end: time at which it ended [s].
+
+        Returns:
+            One span for each move, without those that had not begun when the run ended.
         """
         spans: list[MoveSpan] = []
         last = len(self.durations) - 1
@@ -77,28 +94,38 @@ class ProgramStage:
 
 
 def stages_of(
-    robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = ""
+    robot: LeggedGeometry,
+    moves: Sequence[Move],
+    station: StationConfig,
+    file: str = "",
 ) -> list[ProgramStage]:
-    """Cut a robot's checked moves into stages, from a station on.
+    """Check moves of a robot, and cut them into stages.
 
-    Moves of joints that follow each other are one stage, each other move is one.
+    Args:
+        robot: the robot.
+        moves: the moves.
+        station: the station as it will be before the first move.
+        file: file of the program for messages. It is empty if there is none.
 
     Raises:
-        SimrobError: a move that cannot be done; names the move, and its file.
+        SimrobError: the robot cannot perform a move. The message names the move and the file.
     """
-    outlook = Outlook(station)
+    outlook = Outlook(station)  # each move changes it to the station as it will be after the move
     stages: list[ProgramStage] = []
-    joint_moves: list[JointMove] = []  # of the stage that goes on; empty after another move
+    joint_moves: list[JointMove] = []  # moves of the last stage, if it consists of moves of joints
     for number, move in enumerate(moves):
         name = move_name(number, len(moves), file)
-        with naming("" if isinstance(move, JointMove) or (len(moves) == 1 and not file) else name):
+        # Moves of joints name themselves in their messages, and a single move needs no name.
+        is_only_move = len(moves) == 1 and not file
+        needs_name = not isinstance(move, JointMove) and not is_only_move
+        with naming(name if needs_name else ""):
             stage = move.stage(robot, outlook, name)
         if not isinstance(move, JointMove):
             joint_moves = []
             stages.append(ProgramStage(stage, first=number, durations=(0.0,)))
             continue
         if joint_moves:
-            stages.pop()  # it is made anew with one move more
+            stages.pop()  # a new one with one move more replaces it
         joint_moves = [*joint_moves, move]
         first = number + 1 - len(joint_moves)
         durations = [joint_move.duration for joint_move in joint_moves]
@@ -107,11 +134,16 @@ def stages_of(
 
 
 def stages_of_program(
-    robot: LeggedGeometry, program: Program, station: StationConfig, file: str = ""
+    robot: LeggedGeometry,
+    program: Program,
+    station: StationConfig,
+    file: str = "",
 ) -> list[ProgramStage]:
-    """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
+    """Check a program, and cut it into stages, see :func:`stages_of`. An automatic program is a single stage.
 
-    Raises InvalidParameter: a program that does nothing; SimrobError: as :func:`stages_of`.
+    Raises:
+        InvalidParameter: the program has no move that takes time.
+        SimrobError: the robot cannot perform a move.
     """
     _check_references(robot, program, file)
     if program.automatic:
@@ -121,7 +153,11 @@ def stages_of_program(
 
 
 def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
-    """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
+    """Moves of a program for a robot with legs.
+
+    Raises:
+        InvalidParameter: a move is for arms.
+    """
     for number, move in enumerate(program.moves):
         if not move.of_legs:
             expected = message(
@@ -132,7 +168,11 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
 
 
 def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
-    """Check that a robot can do all of a program, moves and references; raises SimrobError: as :func:`stages_of`."""
+    """Check that a robot can perform a program, both its moves and its references.
+
+    Raises:
+        SimrobError: the robot cannot perform a move, or cannot reach a reference.
+    """
     _check_references(robot, program, file)
     stages_of(robot, leg_moves(program, file), station, file)
 
@@ -142,17 +182,39 @@ def check_takes_time(
     name: str = message("programs.the_program", "the program"),
     expected: str = message("programs.moves_stored", "one with moves: add_move() stores them"),
 ) -> None:
-    """Check that a program to be run does something that takes time; raises InvalidParameter: it does not."""
+    """Check that at least one move of a program takes time.
+
+    Args:
+        moves: the moves.
+        name: name of the program for the message.
+        expected: what would be right, for the message.
+
+    Raises:
+        InvalidParameter: no move takes time.
+    """
     if not any(move.takes_time for move in moves):
         state = message("programs.without_taking_time", "without a move that takes time") if moves else "empty"
         raise InvalidParameter(name, state, expected)
 
 
-def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[ReferenceLike, float]:
-    """Return the reference that moves of joints are from where a robot is, and its duration [s].
+class JointReference(NamedTuple):
+    """Reference of the axes of a robot.
 
-    Raises InvalidParameter: no move, or one that is no move of joints; SimrobError: what the robot cannot do; names the
-    move.
+    Attributes:
+        reference: the reference, as :func:`simrob_drake.simulate` accepts it.
+        duration: its duration [s].
+    """
+
+    reference: ReferenceLike
+    duration: float
+
+
+def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> JointReference:
+    """Make the reference for moves of joints from where a robot is.
+
+    Raises:
+        InvalidParameter: there is no move, or one that is no move of joints.
+        SimrobError: the robot cannot reach a target. The message names the move.
     """
     check_takes_time(moves)
     joint_moves = list[JointMove]()
@@ -165,55 +227,94 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
             )
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
+    duration = float(times[-1])
     if robot.cell.config.engine.moves_by_forces:
-        return (times, postures), float(times[-1])
-    return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
+        # The servos of a dynamic station get straight lines between the postures, as in SimRob.
+        return JointReference((times, postures), duration)
+    # A kinematic station is wherever the reference is, which therefore has to be smooth.
+    return JointReference(sequence(postures[0], times[1:].tolist(), list(postures[1:])), duration)
 
 
-def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
-    """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
+class TimedPostures(NamedTuple):
+    """Postures at the ends of moves of joints.
 
-    Axes that no move names stay as at the start (n,) [rad or m]. Raises SimrobError: as :func:`targets_on`.
+    Attributes:
+        times: times at which the moves end, from 0 on, shape (k + 1,) [s].
+        postures: positions of the axes at these times, shape (k + 1, n) [rad or m].
     """
-    times, postures = [0.0], [np.array(start, dtype=float)]
+
+    times: Vector
+    postures: Vector
+
+
+def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> TimedPostures:
+    """Compute the postures at the ends of moves of joints.
+
+    Args:
+        model: the robot.
+        moves: the moves.
+        start: posture at the start, shape (n,) [rad or m]. Axes that no move names stay there.
+
+    Raises:
+        SimrobError: a target is wrong, see :func:`targets_on`.
+    """
+    times = [0.0]
+    postures = [np.array(start, dtype=float)]
     for number, move in enumerate(moves):
         posture = postures[-1].copy()
         where = move_name(number, len(moves))
-        for place, position in targets_on(model, move.target_deg, where, move.duration).items():
-            posture[place] = position
+        for index, position in targets_on(model, move.target_deg, where, move.duration).items():
+            posture[index] = position
         times.append(times[-1] + move.duration)
         postures.append(posture)
-    return np.array(times), np.array(postures)
+    return TimedPostures(np.array(times), np.array(postures))
 
 
 def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[Move]:
-    """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
+    """Make the moves of one step ahead.
 
-    ``move_time`` is of each move or step, their own unless given [s]. Raises InvalidParameter: a robot without feet or
-    gaits, without a gait for the feet that it wears, or a time that is not positive.
+    They are those of the robot's sequence ``step``. If it has none for its feet, they are one full step of its first
+    gait.
+
+    Args:
+        model: the robot.
+        feet: kind of its feet in the station.
+        move_time: duration of each move, or of the step [s]. If it is None, those of the sequence or the gait.
+
+    Raises:
+        InvalidParameter: the robot has no feet, no gaits, or no gait for these feet; or the time is not positive.
     """
     if model.feet is None:
         raise InvalidParameter(
             "robot", model.name, message("programs.robot_with_legs", "one with legs: step() is for legged robots")
         )
-    own = gaits_of(model, steps=False).get(SEQUENCE)
-    if isinstance(own, Posing) and carries(model, feet, own.made_for(model)):
-        return _moves_of(model, own, move_time)
-    known = gaits_of(model, steps=True)
-    gait = known[first_gait(model, feet, known)]
-    changes = {**gait.one_step, **({} if move_time is None else {gait.pace: move_time})}
-    return [checked(WalkMove, steps=1, **changes)]
+    own_step = gaits_of(model, steps=False).get(SEQUENCE)
+    if isinstance(own_step, Posing) and carries(model, feet, own_step.made_for(model)):
+        return _moves_of_sequence(model, own_step, move_time)
+    gaits = gaits_of(model, steps=True)
+    gait = gaits[first_gait(model, feet, gaits)]
+    changes = dict(gait.one_step)
+    if move_time is not None:
+        changes[gait.pace] = move_time
+    return [make_move(WalkMove, steps=1, **changes)]
 
 
-def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[Move]:
-    times = np.diff([0.0, *(target.time for target in own.targets)])
-    return [
-        move_of(
-            target.target_deg if isinstance(target.target_deg, dict) else _targets_of_driven(model, target.target_deg),
-            float(time) if move_time is None else move_time,
-        )
-        for target, time in zip(own.targets, times, strict=True)
-    ]
+def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | None) -> list[Move]:
+    """Make one move of joints for each posture of a sequence.
+
+    Args:
+        model: the robot.
+        posing: the sequence.
+        move_time: duration of each move [s]. If it is None, the time between the postures of the sequence.
+    """
+    durations = np.diff([0.0, *(target.time for target in posing.targets)])
+    moves = list[Move]()
+    for target, duration in zip(posing.targets, durations, strict=True):
+        target_deg = target.target_deg
+        if not isinstance(target_deg, dict):
+            target_deg = _targets_of_driven(model, target_deg)
+        moves.append(move_of(target_deg, float(duration) if move_time is None else move_time))
+    return moves
 
 
 def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, float]:
@@ -224,11 +325,18 @@ def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, f
 
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
+    """Check the targets of all references of a program.
+
+    Raises:
+        SimrobError: a target is wrong, see :func:`targets_on`. The message names the reference.
+    """
     for number, cell in enumerate(program.references):
-        cell.refuse_check(reference_name(number, file))
-        targets_on(robot.model, cell.target_deg, reference_name(number, file))
+        name = reference_name(number, file)
+        cell.refuse_check(name)
+        targets_on(robot.model, cell.target_deg, name)
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:
+    """Run moves of joints, one after the other, as one run."""
     reference, duration = joint_reference(robot, moves)
     return robot.cell.follow({robot.name: reference}, duration)

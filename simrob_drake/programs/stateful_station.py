@@ -1,7 +1,11 @@
-"""A station that goes on where its last run left it."""
+"""A station that keeps its state from run to run, so that each run begins where the last one ended.
+
+A *plan* is a motion of an arm that has been checked, see :class:`~simrob_drake.programs.plan.Plan`; its *stretches* are
+the splines that it consists of. The *reference* of a robot is where its axes should be: its next move begins there.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,12 +19,12 @@ from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.free_path import FreeSpace
-from simrob_drake.programs.grasps import let_go, taken, with_efforts
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.grasps import release_piece, take_piece, with_efforts
+from simrob_drake.programs.model import StationModel, reparent_piece
 from simrob_drake.programs.plan import Plan, check_moves
 from simrob_drake.programs.planning import HasTool, Planning, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
-from simrob_drake.programs.tape import Entry, Take, Tape, asked_move, in_words, run_entry
+from simrob_drake.programs.tape import Entry, Take, Tape, asked_move, plans_caption, run_entry
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.run import AskedMove
@@ -30,47 +34,54 @@ from simrob_drake.simulation import OnStep, ReferenceLike, Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
-GOES_ON = ("completed", "monitor")  # endings of a run after which the next one begins where it ended
-_SAME_PLACE = 1e-9  # how far from the robot's reference a plan may begin [rad or m]
+GOES_ON = ("completed", "monitor")
+"""Endings of a run after which the next run begins where it ended."""
+
+_SAME_PLACE = 1e-9  # largest distance from the robot's reference at which a plan may begin [rad or m]
 
 
 class StatefulStation(ABC):
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
-    A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
-    that diverges or is interrupted, whose result still tells what happened.
+    A move that cannot be done raises an error before anything moves, and leaves the station unchanged. So does a run
+    that diverges or is interrupted; its result is still returned.
 
     Attributes:
-        config: the station, with its pieces where they hang now.
-        state: where it is; None before the first run.
-        tape: what was recorded.
-        progress: show a bar on a terminal while it runs; off at first.
-        strict: a run with warnings raises an error, too, and leaves the station as it was; off at first.
-        timeline: what happens to it beside what its robots do.
-        watcher: is told of each step of a run, as ``on_step`` of :func:`simrob_drake.simulate`, in the window's place.
+        config: the station, with its pieces on their present parents.
+        state: its state. It is None before the first run.
+        tape: the recorded runs.
+        progress: whether a bar on a terminal shows the progress of a run. The default is False.
+        strict: whether a run with warnings raises an error, too, and leaves the station unchanged. The default is
+            False.
+        timeline: what happens to the station while its robots move, such as pushes.
+        watcher: callback of each step of a run, as ``on_step`` of :func:`simrob_drake.simulate`. It replaces the
+            browser window. It is None if there is none.
     """
 
     def __init__(self, station: StationLike, overrides: Mapping[str, Any] | None = None) -> None:
-        """Take a station.
+        """Load a station.
 
         Args:
             station: a name of :func:`simrob_drake.station_names`, a YAML file, a configuration, or a built station.
-            overrides: what to change in it, as :func:`simrob_drake.load_station` takes it.
+            overrides: changes of the station, as of :func:`simrob_drake.load_station`.
 
         Raises:
-            SimrobError: as :func:`simrob_drake.load_station`.
+            SimrobError: see :func:`simrob_drake.load_station`.
         """
         config = config_of(station, overrides)
-        self.config = config.model_copy(update={"program": None})  # who has the station at hand says what is done
+        # The station's own program is not run: calls of this object decide what the robots do.
+        self.config = config.model_copy(update={"program": None})
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
-        self.progress = self.strict = False
+        self.progress = False
+        self.strict = False
         self.timeline = Timeline()
         self.watcher: OnStep | None = None
         self._window: LiveView | None = None
         self._runner: Runner | None = None
         self._model = StationModel(self.config)
-        self._collision_free: tuple[object, ...] = ()  # what was found so last
+        # Station, state and plans of the last collision check without a finding, see `check_collisions`.
+        self._collision_free: tuple[object, ...] = ()
 
     def __repr__(self) -> str:
         robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
@@ -78,34 +89,42 @@ class StatefulStation(ABC):
         return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
 
     def position(self, robot: str) -> Vector:
-        """Return where a robot's axes are, shape (n,) [rad or m]."""
+        """Positions of a robot's axes, shape (n,) [rad or m]."""
         initial = self.robot(robot).initial
         return (initial if self.state is None else self.state.positions[robot]).copy()
 
     def velocity(self, robot: str) -> Vector:
-        """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
+        """Velocities of a robot's axes, shape (n,) [rad/s or m/s]."""
         initial = self.robot(robot).initial
         return np.zeros_like(initial) if self.state is None else self.state.velocities[robot].copy()
 
     def reference(self, robot: str) -> Vector:
-        """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
+        """References of a robot's axes, from which its next move begins, shape (n,) [rad or m]."""
         initial = self.robot(robot).initial
         return (initial if self.state is None else self.state.references[robot]).copy()
 
     @property
     def model(self) -> StationModel:
-        """The station's plant, where it is and in the postures that it has now."""
+        """The station's plant with robots and pieces where they are now."""
         self._model.place_pieces(self.state)
         self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
         return self._model
 
     def robot(self, name: str) -> StationRobot:
-        """Return what a robot is in the station's plant."""
+        """Robot of the station's plant, by its name."""
         return self._model.robots[one_of(message("base.robot", "robot"), name, self._model.robots)]
 
     def robot_name(self, name: str | None) -> str:
-        """Return a robot's name, the only one's unless named; raises UnknownName, InvalidParameter: none, several."""
+        """Check the name of a robot.
+
+        Args:
+            name: the name. If it is None, the only robot of the station is meant.
+
+        Raises:
+            UnknownName: there is no such robot.
+            InvalidParameter: the station has no robot, or none is named and there are several.
+        """
         robots = self.config.robots
         if not robots:
             raise InvalidParameter(
@@ -125,15 +144,15 @@ class StatefulStation(ABC):
         return one_of(message("base.robot", "robot"), self.config.only_robot if name is None else name, robots)
 
     def frame(self, wobj: WorkObject) -> RigidTransform:
-        """Return the pose of a work object in the world.
+        """Pose of a work object in the world.
 
         Args:
-            wobj: None or "world"; a piece's name (its tool centre point), or one of its frames as ``piece.frame``; a
-                robot's name or an :class:`Arm` (its tool centre point now); or a pose in any form.
+            wobj: None or "world"; the name of a piece (its tool centre point), or one of its frames as ``piece.frame``;
+                the name of a robot or an :class:`Arm` (its tool centre point now); or a pose in any form.
 
         Raises:
-            UnknownName: no such piece, frame or robot.
-            InvalidParameter: something that is no pose.
+            UnknownName: there is no such piece, frame or robot.
+            InvalidParameter: the value is no pose.
         """
         if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
             return RigidTransform()
@@ -142,22 +161,27 @@ class StatefulStation(ABC):
         if not isinstance(wobj, str):
             check_units(wobj, "wobj")
             return as_transform(wobj)
-        model, (name, *frame) = self.model, wobj.split(".", 1)
-        if name in model.robots and not frame:
+        model = self.model
+        name, dot, frame = wobj.partition(".")
+        if name in model.robots and not dot:
             robot = model.robots[name]
             return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
         one_of(message("programs.work_object", "work object"), name, [*self.config.pieces, WORLD, *self.config.robots])
-        return model.pose(model.piece_frame(name, *frame))
+        return model.pose(model.piece_frame(name, frame) if dot else model.piece_frame(name))
 
     def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
-        """Run planned moves at the same time, while the other robots hold their places.
+        """Run planned moves at the same time, while the other robots hold their positions.
 
         Args:
-            plans: of different robots, such as ``left.plan.move_l(...)``; none just lets the time pass.
-            duration: of the run [s]; until the last move ends unless given.
+            plans: plans of different robots, such as ``left.plan.move_l(...)``. Without any, all robots wait.
+            duration: duration of the run [s]. If it is None, until the last move ends.
 
         Returns:
-            the run; unless it diverged or was interrupted, the next one begins where it ended.
+            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+
+        Raises:
+            InvalidParameter: see :meth:`check_together`; or there is neither a plan nor a duration.
+            PathCollision: see :meth:`check_together`.
         """
         self.check_together(*plans)
         if not plans and duration is None:
@@ -172,15 +196,16 @@ class StatefulStation(ABC):
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         several = len(self.config.robots) > 1
         entry = run_entry(plans, duration, self.frame, several=several)
-        did, moves = in_words(plans, duration, several=several), tuple(asked_move(plan, self._model) for plan in plans)
-        return self._run(references, end, stretches, entry, did, moves)
+        caption = plans_caption(plans, several=several)
+        moves = tuple(asked_move(plan, self._model) for plan in plans)
+        return self._run(references, end, stretches, entry, caption, moves)
 
     def check_together(self, *plans: Plan) -> None:
         """Check that planned moves can be run at the same time from where the robots are.
 
         Raises:
-            InvalidParameter: something that is no plan, two of one robot, or one that begins elsewhere.
-            PathCollision: they would run into something, where that is to be looked at.
+            InvalidParameter: a value is no plan, two plans are of the same robot, or a plan begins elsewhere.
+            PathCollision: bodies would collide, and a plan has the option to check collisions.
         """
         for plan in plans:
             instance(plan, "plans", Plan, message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"))
@@ -195,18 +220,20 @@ class StatefulStation(ABC):
                     message("programs.made_for_other_place", "made for another place"),
                     message("programs.planned_at_robot", "planned where the robot is"),
                 )
-        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
+        # Each plan was checked alone when it was made, with the other robots at rest where they were then.
+        if any(plan.check == "collision" for plan in plans):
             self.check_collisions(*plans)
 
     def follow(self, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
-        """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
+        """Run references, while the other robots hold their positions.
 
         Args:
-            references: by robot; that nothing jumps where they begin is up to whoever gives them.
-            duration: of the run [s].
+            references: reference of each robot by name, as :func:`simrob_drake.simulate` accepts it. The caller makes
+                sure that it begins where the robot is, so that nothing jumps.
+            duration: duration of the run [s].
 
         Returns:
-            the run; unless it diverged or was interrupted, the next one begins where it ended.
+            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
         """
         instance(references, "references", Mapping, message("programs.mapping_by_robot", "a mapping by robot"))
         seconds(duration)
@@ -223,13 +250,28 @@ class StatefulStation(ABC):
         did: str = "",
         moves: tuple[AskedMove, ...] = (),
     ) -> SimulationResult:
-        """Run references of all robots, and record that; ``entry`` is what a program's file has of it."""
-        config, start = self.config, self.state
+        """Run references of all robots, and record the run.
+
+        Args:
+            references: reference of each robot by name.
+            duration: duration of the run [s].
+            stretches: motions of each robot by name. It is None if the run has no planned moves.
+            entry: entry of a program's file that makes this run again. It is None if no file can.
+            did: caption of the run.
+            moves: the planned moves.
+        """
+        config = self.config
+        start = self.state
         if self.timeline.grid is not None:
             result = run_timed(self, references, duration)
         else:
-            how: dict[str, Any] = {"progress": self.progress, "on_step": self.on_step}
-            result = self.runner_of(config).run(reference=references, duration=duration, start=start, **how)
+            result = self.runner_of(config).run(
+                reference=references,
+                duration=duration,
+                start=start,
+                progress=self.progress,
+                on_step=self.on_step,
+            )
         result = replace(result, did=did, moves=moves).check(self.strict)
         if result.ending in GOES_ON:
             self.state = result.final_state
@@ -240,90 +282,108 @@ class StatefulStation(ABC):
         return result
 
     def follow_as(
-        self, station: StationConfig, references: Mapping[str, ReferenceLike], duration: float, *, forget: str = ""
+        self,
+        station: StationConfig,
+        references: Mapping[str, ReferenceLike],
+        duration: float,
+        *,
+        forget: str = "",
     ) -> SimulationResult:
-        """Follow references on a station that is another one for this run alone, but for its floor, which stays so.
+        """Run references on another station for this run only. Afterwards, only its floor remains.
 
-        What the controller to ``forget`` has come to is forgotten behind it.
+        Args:
+            station: the other station, with the same robots.
+            references: reference of each robot by name.
+            duration: duration of the run [s].
+            forget: name of a controller whose state is deleted afterwards, so that it begins anew next time.
         """
         own = self.config
         self.change(station)
         try:
             return self.follow(references, duration)
         finally:
+            # A floor that had to become larger stays so: the robot may stand on the new part.
             self.change(own.model_copy(update={"floor": station.floor}))
             if forget and self.state is not None:
-                left = {name: one for name, one in self.state.blocks.items() if name != f"controller.{forget}"}
-                self.state = replace(self.state, blocks=left)
+                forgotten = f"controller.{forget}"
+                blocks = {name: block for name, block in self.state.blocks.items() if name != forgotten}
+                self.state = replace(self.state, blocks=blocks)
 
     @abstractmethod
     def planning(self, robot: str | None) -> Planning:
-        """Return what plans moves of an arm, from where its reference is; the only one need not be named."""
+        """Prepare the planning of a move of an arm from its reference. None means the only robot of the station."""
 
     def take(
-        self, piece: str, robot: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
+        self,
+        piece: str,
+        robot: str | None = None,
+        *,
+        frame: str | None = None,
+        pose: PoseLike | None = None,
     ) -> None:
-        """Let a robot take a piece with the tool that it has now; see :meth:`attach`."""
+        """Attach a piece to the tool that a robot uses now; see :meth:`attach`."""
         name = self.robot_name(robot)
         tool = self.model.tool_in_use(name)
         self.attach(piece, tool if tool in self.config.pieces else name, frame=frame, pose=pose)
 
     def wait(self, duration: float) -> SimulationResult:
-        """Let time pass [s] while all robots hold their places; on a dynamic station they settle."""
+        """Run the station for a time [s] while all robots hold their positions. With dynamics they come to rest."""
         return self.run(duration=duration)
 
     def play(self, duration: float) -> SimulationResult:
-        """Let all robots follow the references of the station's file for a time [s], from where they are."""
-        self.tape.note(None)
+        """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
+        self.tape.note(None)  # the references depend on the station's file, so another station cannot repeat them
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
     def attach(
         self, piece: str, parent: str = WORLD, *, frame: str | None = None, pose: PoseLike | None = None
     ) -> None:
-        """Let a piece hang on something else (SimRob's PegarEn); it keeps its place in the world, to rounding.
+        """Attach a piece to a robot or another piece (SimRob's PegarEn). It keeps its pose in the world, to rounding.
 
-        The robot that takes it uses its tool centre point from then on, and on a dynamic station feels its weight;
-        one that gives it away goes back to the tool that carried it. Velocities stay as they are.
+        The robot that takes the piece uses the piece's tool centre point from then on, and on a dynamic station it
+        feels its weight. A robot that gives its tool away uses the tool that carried it. Velocities stay unchanged.
 
         Args:
-            piece: which; what hangs on it comes along.
+            piece: name of the piece. Pieces that are fixed on it come along.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
             frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
-                instead of the first tool: a backpack hangs on the trunk.
-            pose: the piece's pose in the parent's frame, to put it there from wherever it is.
+                instead of its first tool, such as the trunk for a backpack.
+            pose: pose of the piece in the parent's frame, to which it jumps from wherever it is.
 
         Raises:
-            UnknownName: no such piece, parent or frame.
-            InvalidParameter: the piece itself as its parent, or one that hangs on it; or a robot takes it without a
-                ``pose`` from more than 30 mm away: the tool's tool centre point, or the link, from its shapes.
+            UnknownName: there is no such piece, parent or frame.
+            InvalidParameter: the parent is the piece itself or one that is fixed on it; or a robot takes the piece
+                without a ``pose`` from more than 30 mm away.
         """
         if pose is None:
-            self._change(taken(self.model, piece, parent, frame=frame))
+            self._change(take_piece(self.model, piece, parent, frame=frame))
         else:
             check_units(pose_from_transform(as_transform(pose)), "pose")
-            self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
-        place = None if pose is None else pose_numbers(pose)
-        self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": place}})
+            self._change(reparent_piece(self.model, piece, parent, frame=frame, pose=pose))
+        numbers = None if pose is None else pose_numbers(pose)
+        self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": numbers}})
 
     def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
-        """Let go of a piece, in the world or on another piece.
+        """Release a piece, in the world or on another piece.
 
-        In the world of a dynamic station it is free from then on: it goes on as fast as it was carried, falls, and
-        rests on what it meets. On another piece, and on a kinematic station, it hangs where it is.
+        In the world of a dynamic station the piece is free from then on: it starts with the velocity with which it was
+        carried, falls, and comes to rest on what it meets. On another piece, and on a kinematic station, it is fixed
+        where it is.
 
         Args:
-            piece: which.
-            parent: ``world``, or a piece that it hangs on from then on.
+            piece: name of the piece.
+            parent: ``world``, or a piece on which it is fixed from then on.
             frame: a frame of that piece, instead of its tool centre point.
-            fixed: hang it in the world, too.
+            fixed: whether the piece is fixed in the world, too.
 
         Raises:
-            UnknownName: no such piece, parent or frame.
-            InvalidParameter: it would fall for ever: no contact, no shape that collides, nothing beneath it; or it
-                has no mass.
+            UnknownName: there is no such piece, parent or frame.
+            InvalidParameter: it would fall forever, because there is no contact, no shape that collides or nothing
+                below it; or it has no mass.
         """
-        model, state = self.model, self.state
-        config = let_go(model, piece, parent, frame=frame, fixed=fixed)
+        model = self.model
+        state = self.state
+        config = release_piece(model, piece, parent, frame=frame, fixed=fixed)
         if state is not None and config.pieces[piece].free:
             state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
         self._change(config)
@@ -333,11 +393,16 @@ class StatefulStation(ABC):
     def tool(self, robot: str, tool: str | PoseLike) -> None:
         """Change the tool centre point of a robot; see :meth:`Arm.tool`.
 
+        Args:
+            robot: name of the robot.
+            tool: name of a tool, a link or a carried piece; or a pose in the frame of the present tool centre point.
+
         Raises:
             UnknownName: the robot has no such tool or link.
-            InvalidParameter: the pose of the tool is none, or it is in other units than m and rad.
+            InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
-        entry, own = self.config.robots[robot], self.model.robots[robot]
+        entry = self.config.robots[robot]
+        own = self.model.robots[robot]
         if isinstance(tool, str):
             one_of(
                 message("programs.tool_of_robot", "tool of {robot}", robot=robot), tool, [*own.tools, *own.model.links]
@@ -354,15 +419,20 @@ class StatefulStation(ABC):
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
     def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
-        """Have motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+        """Set torque limits of some motors of a robot, by axis [N·m or N]. The other motors keep theirs."""
         self._change(with_efforts(self.config, self.robot(robot), efforts))
 
     def change(self, config: StationConfig) -> None:
-        """Go on from this state with a changed station, such as other gains; raises InvalidParameter: other robots."""
+        """Continue from this state with a changed station, such as one with other gains.
+
+        Raises:
+            InvalidParameter: the station has other robots.
+        """
         self._change(config)
         self.tape.note(None)
 
     def _change(self, config: StationConfig) -> None:
+        """Change the station, without a note on the tape; see :meth:`change`."""
         instance(config, "config", StationConfig, message("programs.loaded_station", "what load_station() gives"))
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter(
@@ -370,46 +440,61 @@ class StatefulStation(ABC):
                 list(config.robots),
                 message("programs.of_station_with", "of a station with {robots}", robots=", ".join(self.config.robots)),
             )
-        model = StationModel(config)  # if it cannot be built, all stays as it was
-        self.config, self._model = config, model
+        model = StationModel(config)  # raises an error before anything is changed
+        self.config = config
+        self._model = model
         if self._window:
             self._window.draw(config, self._shown_state())
 
     def check_collisions(self, *plans: Plan) -> None:
-        """Check that moves run at once hit nothing, other robots at rest; raises PathCollision: the first point."""
-        parts = (part for plan in plans for part in (plan.robot, plan.stretches, plan.check))
-        looked_at = (self.config, self.state, *parts)
-        if list(map(id, looked_at)) == list(map(id, self._collision_free)):  # all of which are kept, and do not change
+        """Check that moves at the same time have no collision, while the other robots are at rest.
+
+        Raises:
+            PathCollision: bodies collide. The message names the first point.
+        """
+        # The same plans are often checked twice: when they are made, and when they run. The objects never change, and
+        # they are kept, so that equal identities mean equal objects.
+        checked: list[object] = [self.config, self.state]
+        for plan in plans:
+            checked += [plan.robot, plan.stretches, plan.check]
+        if [id(part) for part in checked] == [id(part) for part in self._collision_free]:
             return
         check_moves(self.collision_model, plans)
-        self._collision_free = looked_at
+        self._collision_free = tuple(checked)
 
     @property
     def collision_model(self) -> StationModel:
-        """The station's plant with the shapes that collide, robots where they should be now."""
-        return self._placed(self._model.colliding)
-
-    def free_space(self, robots: Sequence[str]) -> FreeSpace:
-        """Return what robots that move together must not touch; raises StartInCollision: one touches something now."""
-        return FreeSpace(self.collision_model, {robot: self.reference(robot) for robot in robots})
-
-    def _placed(self, model: StationModel) -> StationModel:
+        """The station's plant with collision shapes, the robots at their references."""
+        model = self._model.colliding
         model.place_state(self.state, self.position, self.reference)
         return model
 
-    def _shown_state(self) -> State:
-        def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:
-            return {robot: value(robot) for robot in self.config.robots}
+    def free_space(self, robots: Sequence[str]) -> FreeSpace:
+        """Prepare the space in which robots that move at the same time have to avoid collisions.
 
-        return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
+        Raises:
+            StartInCollision: a robot is in collision now.
+        """
+        return FreeSpace(self.collision_model, {robot: self.reference(robot) for robot in robots})
+
+    def _shown_state(self) -> State:
+        """State for the browser window. Before the first run, the robots are at rest in their initial postures."""
+        if self.state is not None:
+            return self.state
+        robots = list(self.config.robots)
+        return State(
+            {robot: self.position(robot) for robot in robots},
+            {robot: self.velocity(robot) for robot in robots},
+            {robot: self.reference(robot) for robot in robots},
+        )
 
     def runner_of(self, config: StationConfig) -> Runner:
-        """Return what runs the station as a configuration of it says; the last one is kept."""
+        """Runner of a station. The last one is kept, because building it takes time."""
         if self._runner is None or self._runner.config != config:
             self._runner = Runner(config)
         return self._runner
 
     @property
     def on_step(self) -> OnStep | None:
-        """What is told of each step of a run."""
+        """Callback of each step of a run: the watcher, or else the browser window. It is None without either."""
         return self.watcher or (self._window.on_step if self._window else None)

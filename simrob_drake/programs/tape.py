@@ -1,9 +1,13 @@
-"""What a workcell recorded: what ran and what came of it, and what was taken, let go and changed in between."""
+"""Recording of a workcell: its runs, and the changes of the station between them.
+
+A *take* is one run with everything that is needed to repeat it. An *entry* is a move as the file of a program has it.
+If all that happened can be written as entries, the recording can be saved as a program.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -24,76 +28,117 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import ReferenceLike, simulate
 from simrob_drake.stations.config import StationConfig
 
-_SAME = 1e-12  # m and parts of a rotation: rounding
-_JOINS = 1e-9  # rad or m between the end of a move and the beginning of the next
+_SAME = 1e-12  # largest difference of two equal poses, by rounding [m, or 1 for rotations]
+_JOINS = 1e-9  # largest distance between the end of a move and the begin of the next [rad or m]
 
-Entry: TypeAlias = dict[str, Any]  # a move as a program's file has it; between runs one that takes no time
-Stage: TypeAlias = tuple[Mapping[str, ReferenceLike], float]
-"""References by robot, and for how long they are followed [s]."""
+Entry: TypeAlias = dict[str, Any]
+"""A move as the file of a program has it, such as ``{"wait": 1.0}``."""
+
+
+class Stage(NamedTuple):
+    """References that are followed in one run.
+
+    Attributes:
+        references: reference of each robot, by name.
+        duration: duration of the run [s].
+    """
+
+    references: Mapping[str, ReferenceLike]
+    duration: float
 
 
 @dataclass(frozen=True)
 class Take:
-    """One run: the station as it was, where it began, what every robot was asked to do, and what came of it."""
+    """One run, with everything that is needed to repeat it.
 
-    config: StationConfig  # the station, with its pieces where they hung then
-    start: State | None  # where it began; None at the configuration's initial posture
-    references: Mapping[str, ReferenceLike]  # of every robot
-    duration: float  # of the run [s]
+    Attributes:
+        config: the station, with its pieces on the parents that they had.
+        start: state at the start. It is None for the initial posture of the station.
+        references: reference of every robot, by name.
+        duration: duration of the run [s].
+        result: result of the run.
+        stretches: motions of every robot, by name. It is None if the references are no planned moves.
+        entry: entry of a program's file that makes this run again. It is None if no file can.
+    """
+
+    config: StationConfig
+    start: State | None
+    references: Mapping[str, ReferenceLike]
+    duration: float
     result: SimulationResult
-    stretches: Mapping[str, tuple[Stretch, ...]] | None = None  # the motions of every robot, where moves were planned
-    entry: Entry | None = None  # what a program's file has of it; None if no file can say it
+    stretches: Mapping[str, tuple[Stretch, ...]] | None = None
+    entry: Entry | None = None
 
     def run(self) -> SimulationResult:
-        """Run it again, from the same state: the same motion, sample by sample."""
+        """Run it again from the same state. The motion is the same, sample by sample."""
         references = dict(self.references)
         return simulate(self.config, reference=references, duration=self.duration, start=self.start, progress=False)
 
 
 @dataclass
 class Tape:
-    """The runs of a workcell since :meth:`record`, in order, and the changes between them.
+    """Runs of a workcell since :meth:`record`, and the changes of the station between them.
 
-    A result holds all signals and states of its run, so they are kept from then on only.
+    A result keeps all signals and states of its run in memory. So results are kept only if the user wants to record.
+
+    Attributes:
+        entries: runs, and changes between them as entries, in their order. The first one is a run.
+        running: whether the next run and the next change are recorded.
+        whole: whether a program's file can say all that happened since the first run.
     """
 
-    entries: list[Take | Entry] = field(default_factory=list)  # what was recorded; it begins with a run
-    running: bool = False  # whether what comes next is recorded too
-    whole: bool = True  # whether a program's file can say all that happened since the first run
+    entries: list[Take | Entry] = field(default_factory=list)
+    running: bool = False
+    whole: bool = True
 
     @property
     def takes(self) -> list[Take]:
-        """What ran."""
+        """The recorded runs."""
         return [entry for entry in self.entries if isinstance(entry, Take)]
 
     def record(self) -> None:
-        """Forget everything, and record from now on (SimRob's ``Rec()``)."""
-        self.entries, self.running, self.whole = [], True, True
+        """Delete the recording, and record from now on (SimRob's ``Rec()``)."""
+        self.entries = []
+        self.running = True
+        self.whole = True
 
     def keep(self, take: Take) -> None:
-        """Keep a run, if the tape is running."""
-        self.whole = self.whole and (self.running or not self.entries) and take.entry is not None
+        """Record a run, if the tape is running."""
+        # A run that is left out makes a gap, unless it is before the first recorded one.
+        makes_gap = bool(self.entries) and not self.running
+        if makes_gap or take.entry is None:
+            self.whole = False
         if self.running:
             self.entries.append(take)
 
     def note(self, change: Entry | None) -> None:
-        """Keep a change of the station, None for one that no file can say; the first run knows those before it."""
-        if self.entries:
-            self.whole = self.whole and self.running and change is not None
-            if self.running and change is not None:
-                self.entries.append(change)
+        """Record a change of the station, if the tape is running.
+
+        Args:
+            change: entry of the change. It is None if no file can say it.
+        """
+        if not self.entries:
+            return  # the first run has the station with all changes before it
+        if self.running and change is not None:
+            self.entries.append(change)
+        else:
+            self.whole = False
 
     def moves(self) -> list[Any]:
-        """Return what a program's file has of all that was recorded; nothing if no file can say it."""
+        """Entries of a program that repeats the recording. The list is empty if a part of it is no entry."""
         moves = [entry.entry if isinstance(entry, Take) else entry for entry in self.entries]
         return moves if self.whole else []
 
     def replay(self) -> list[SimulationResult]:
-        """Run every take again from the state that it began in (SimRob's ``Rep()``); nothing else changes."""
+        """Run every take again from its own start (SimRob's ``Rep()``). The station does not change."""
         return [take.run() for take in self.takes]
 
     def check_some(self) -> None:
-        """Check that something was recorded; raises InvalidParameter: nothing."""
+        """Check that a run was recorded.
+
+        Raises:
+            InvalidParameter: nothing was recorded.
+        """
         if not self.entries:
             raise InvalidParameter(
                 message("programs.the_recording", "the recording"),
@@ -102,56 +147,84 @@ class Tape:
             )
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
-        """Return all that was recorded in stages, so long [s]; raises InvalidParameter: nothing, or not joined."""
+        """Divide the recording into stages: runs that follow each other are one, and each change is one.
+
+        Args:
+            duration: duration of all runs together [s]. If it is None, as recorded.
+
+        Raises:
+            InvalidParameter: nothing was recorded, or two runs that follow each other do not join.
+            Unsuitable: a duration is given, and a run has references of its own.
+        """
         self.check_some()
         takes = self.takes
-        factor = 1.0 if duration is None else seconds(duration) / sum(take.duration for take in takes)
-        for one, other in pairwise(takes):
-            if one.stretches is None or other.stretches is None:
-                raise InvalidParameter(
-                    message("programs.the_recording", "the recording"),
-                    message("programs.with_own_references", "with references of its own"),
-                    message("programs.replayed_by_takes", "replayed take by take: replay()"),
-                )
-            after = other.stretches
-            gaps = [np.abs(own[-1].postures[-1] - after[robot][0].postures[0]) for robot, own in one.stretches.items()]
-            if max(gap.max() for gap in gaps) > _JOINS:
-                raise InvalidParameter(
-                    message("programs.the_recording", "the recording"),
-                    message("programs.with_gaps", "with gaps"),
-                    message("programs.replayed_by_takes", "replayed take by take: replay()"),
-                )
-        found: list[Stage | Entry] = []
-        for runs, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
+        factor = 1.0
+        if duration is not None:
+            factor = seconds(duration) / sum(take.duration for take in takes)
+        for earlier, later in pairwise(takes):
+            _check_joined(earlier, later)
+        stages: list[Stage | Entry] = []
+        for are_takes, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
-            found += [_as_one([entry for entry in entries if isinstance(entry, Take)], factor)] if runs else []
-            found += [entry for entry in entries if not isinstance(entry, Take)]
-        return found
+            if are_takes:
+                stages.append(_join_takes([entry for entry in entries if isinstance(entry, Take)], factor))
+            stages += [entry for entry in entries if not isinstance(entry, Take)]
+        return stages
 
 
-def _as_one(takes: list[Take], factor: float) -> Stage:
-    if any(take.config != takes[0].config for take in takes):
-        raise InvalidParameter(
-            message("programs.the_recording", "the recording"),
-            message("programs.of_changed_station", "of a station that changed"),
-            message("programs.replayed_by_takes", "replayed take by take: replay()"),
-        )
-    if len(takes) == 1 and takes[0].stretches is None:
+def _check_joined(earlier: Take, later: Take) -> None:
+    """Check that one run begins where the other ended.
+
+    Raises:
+        InvalidParameter: there is a gap between them, or one has references that are no planned moves.
+    """
+    if earlier.stretches is None or later.stretches is None:
+        raise _not_joined(message("programs.with_own_references", "with references of its own"))
+    for robot, stretches in earlier.stretches.items():
+        gap = np.abs(stretches[-1].postures[-1] - later.stretches[robot][0].postures[0])
+        if gap.max() > _JOINS:
+            raise _not_joined(message("programs.with_gaps", "with gaps"))
+
+
+def _not_joined(state: str) -> InvalidParameter:
+    """Make the error for a recording that cannot be one run. Its takes can still be run one by one."""
+    return InvalidParameter(
+        message("programs.the_recording", "the recording"),
+        state,
+        message("programs.replayed_by_takes", "replayed take by take: replay()"),
+    )
+
+
+def _join_takes(takes: list[Take], factor: float) -> Stage:
+    """Join runs that follow each other.
+
+    Args:
+        takes: the runs, which begin where the one before ended.
+        factor: factor of their durations.
+
+    Raises:
+        InvalidParameter: the station was changed between them.
+        Unsuitable: the factor is not 1, and a run has references that are no planned moves.
+    """
+    first = takes[0]
+    if any(take.config != first.config for take in takes):
+        raise _not_joined(message("programs.of_changed_station", "of a station that changed"))
+    if len(takes) == 1 and first.stretches is None:
         if factor != 1.0:
             raise Unsuitable(
                 "duration", message("programs.own_duration", "the references have a duration of their own")
             )
-        return takes[0].references, takes[0].duration
-    motions: dict[str, list[Stretch]] = {}
+        return Stage(first.references, first.duration)
+    motions = dict[str, list[Stretch]]()
     begin = 0.0
     for take in takes:
-        for robot, own in (take.stretches or {}).items():
-            motions.setdefault(robot, []).extend(stretch.at(begin, factor) for stretch in own)
+        for robot, stretches in (take.stretches or {}).items():
+            motions.setdefault(robot, []).extend(stretch.at(begin, factor) for stretch in stretches)
         begin += factor * take.duration
-    return {robot: trajectory(own) for robot, own in motions.items()}, begin
+    return Stage({robot: trajectory(stretches) for robot, stretches in motions.items()}, begin)
 
 
-def recorded(
+def with_entry(
     plan: Plan,
     key: str,
     planning: Planning,
@@ -162,34 +235,70 @@ def recorded(
     solver: SolverLike | None = None,
     **more: Any,
 ) -> Plan:
-    """Return a plan with the entry of a file that makes it again, of what the call was given; None where none can."""
-    used = planning.solver if solver is None else solver
-    moved = None if wobj is None else planning.frame(wobj)
-    if not isinstance(used, str):
-        return replace(plan, entry=None, frame=moved)
-    frame: Any = None if isinstance(wobj, str) and wobj == WORLD else wobj
-    if isinstance(wobj, HasTool):
-        frame = getattr(wobj, "name", None)
-    elif frame is not None and not isinstance(frame, str):
-        frame = pose_numbers(frame)
-    rows = None if targets is None else row_numbers(targets)
-    content = {"targets": rows, "robot": planning.robot, **how, "wobj": frame, **more}
+    """Make a copy of a plan with the entry of a program's file that makes the move again.
+
+    Args:
+        plan: the plan.
+        key: key of the move, such as ``move_l``.
+        planning: the start of the move.
+        targets: targets as the user gave them. If it is None, the move has others, which are in `more`.
+        how: options of the move as the user gave them.
+        wobj: the work object.
+        solver: solver of the inverse kinematics. If it is None, that of the robot.
+        **more: further keys of the move. Keys with the value None are left out.
+
+    Returns:
+        The plan with its entry and the pose of its work object. The entry is None if no file can say the move, because
+        its solver has no name.
+    """
+    solver_name = planning.solver if solver is None else solver
+    wobj_pose = None if wobj is None else planning.frame(wobj)
+    if not isinstance(solver_name, str):
+        return replace(plan, entry=None, frame=wobj_pose)
+    content = {
+        "targets": None if targets is None else row_numbers(targets),
+        "robot": planning.robot,
+        **how,
+        "wobj": _wobj_entry(wobj),
+        **more,
+    }
     if "via" in more:
         content["via"] = row_numbers(more["via"])
-    if used != "auto":
-        content["solver"] = used
-    if content.get("check", "") is None:  # a file without the key checks collisions
+    if solver_name != "auto":
+        content["solver"] = solver_name
+    # A file without the key checks collisions, so that None has to be written.
+    if "check" in content and content["check"] is None:
         content["check"] = "limits"
-    made = {name: plain(value) for name, value in content.items() if value is not None}
-    return replace(plan, entry={key: made}, frame=moved)
+    entry = {name: plain(value) for name, value in content.items() if value is not None}
+    return replace(plan, entry={key: entry}, frame=wobj_pose)
+
+
+def _wobj_entry(wobj: WorkObject) -> Any:
+    """Work object as a program's file has it: a name, a pose [x y z Rz Ry Rx], or None for the world."""
+    if isinstance(wobj, HasTool):  # an arm
+        return getattr(wobj, "name", None)
+    if isinstance(wobj, str):
+        return None if wobj == WORLD else wobj
+    return None if wobj is None else pose_numbers(wobj)
 
 
 def run_entry(
-    plans: Sequence[Plan], duration: float | None, frame: Callable[[WorkObject], RigidTransform], *, several: bool
+    plans: Sequence[Plan],
+    duration: float | None,
+    frame: Callable[[WorkObject], RigidTransform],
+    *,
+    several: bool,
 ) -> Entry | None:
-    """Return what a file has of planned moves run at the same time, in a duration [s]; None if it can't say it.
+    """Make the entry of a program's file for planned moves that run at the same time.
 
-    ``frame`` gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
+    Args:
+        plans: the plans. Without any, the entry is a wait.
+        duration: duration of the run [s]. If it is None, until the last move ends.
+        frame: function that gives the pose of a work object now.
+        several: whether the station has several robots, so that the moves have to name theirs.
+
+    Returns:
+        The entry, or None if no file can say one of the moves.
     """
     if not plans:
         return {"wait": float(duration or 0.0)}
@@ -198,22 +307,41 @@ def run_entry(
         if plan.entry is None:
             return None
         ((key, content),) = plan.entry.items()
-        wobj = content.get("wobj")
-        if plan.frame is not None and isinstance(wobj, str) and wobj != plan.robot:
-            try:
-                moved = not frame(wobj).IsNearlyEqualTo(plan.frame, _SAME)
-            except SimrobError:  # a robot of another station
-                moved = True
-            if moved:
-                content = {**content, "wobj": pose_numbers(plan.frame)}
-        moves.append({key: {name: value for name, value in content.items() if several or name != "robot"}})
-    if duration is None:
-        return moves[0] if len(moves) == 1 else {"together": moves}
-    return {"together": moves, "duration": float(duration)}
+        if _has_wobj_moved(plan, content.get("wobj"), frame):
+            # Its name would mean another pose now.
+            assert plan.frame is not None
+            content = {**content, "wobj": pose_numbers(plan.frame)}
+        if not several:
+            content = {name: value for name, value in content.items() if name != "robot"}
+        moves.append({key: content})
+    if duration is not None:
+        return {"together": moves, "duration": float(duration)}
+    return moves[0] if len(moves) == 1 else {"together": moves}
+
+
+def _has_wobj_moved(plan: Plan, wobj: Any, frame: Callable[[WorkObject], RigidTransform]) -> bool:
+    """Whether a work object that has a name is elsewhere than when a move was planned.
+
+    Args:
+        plan: the plan of the move.
+        wobj: the work object as the plan's entry has it. The robot's own tool moves with it, and does not count.
+        frame: function that gives the pose of a work object now.
+    """
+    if plan.frame is None or not isinstance(wobj, str) or wobj == plan.robot:
+        return False
+    try:
+        return not frame(wobj).IsNearlyEqualTo(plan.frame, _SAME)
+    except SimrobError:  # a robot of another station
+        return True
 
 
 def asked_move(plan: Plan, model: StationModel) -> AskedMove:
-    """Return what a run of a planned move is asked for, on a station as it is then."""
+    """Describe a planned move for the result of its run.
+
+    Args:
+        plan: the plan.
+        model: the station in which it runs.
+    """
     content = next(iter(plan.entry.values())) if plan.entry else {}
     robot = model.robots[plan.robot]
     return AskedMove(
@@ -228,13 +356,22 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
     )
 
 
-def in_words(plans: Sequence[Plan], duration: float | None, *, several: bool) -> str:
-    """Return what a run of planned moves does, in a few words; whose moves they are where there are several robots."""
-    names = [plan.kind for plan in plans]
-    if not all(names):
+def plans_caption(plans: Sequence[Plan], *, several: bool) -> str:
+    """Caption of a run of planned moves.
+
+    Args:
+        plans: the plans. Without any, the caption is "wait".
+        several: whether the station has several robots, so that the caption names theirs.
+
+    Returns:
+        The caption, or an empty text if a plan has no kind.
+    """
+    if not plans:
+        return "wait"
+    if not all(plan.kind for plan in plans):
         return ""
-    words = (
-        message("programs.plan_of_robot", "{name} of {robot}", name=name, robot=plan.robot) if several else name
-        for name, plan in zip(names, plans, strict=True)
+    if not several:
+        return ", ".join(plan.kind for plan in plans)
+    return ", ".join(
+        message("programs.plan_of_robot", "{name} of {robot}", name=plan.kind, robot=plan.robot) for plan in plans
     )
-    return ", ".join(words) or "wait"

@@ -1,11 +1,13 @@
 """Moves that take as little time as speeds, accelerations and torques of the joints allow (TOPP-RA, Pham & Pham, 2018).
 
-Along a given way the fastest motion has accelerations that jump from one limit to another. Here each is the mean over a
-short time, so that it is continuous; then the whole is slowed down as far as the motors ask for it.
+A *law* is the part of a path at which the robots are over time, from 0 to 1. The fastest law along a path has
+accelerations that jump from one limit to another. Here each value of the law is replaced by its mean over a short time,
+so that the acceleration is continuous. Then the whole motion is slowed down as far as the motors need it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.math import BsplineBasis
@@ -22,101 +24,210 @@ from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.segments import Segment, Stretch, free_spline
 
-_GRID = 100, 300  # places on a way where limits hold, at least and at most
-_MEAN, _PART = 0.02, 0.125  # s over which accelerations are averaged, but at most this part of the motion
-_SAMPLES, _FINE = 8, 8  # of a mean, and of a sample
-_FULL = 0.995  # of the limits: what is averaged overshoots
-_NONE = 1e6  # what limits nothing
-_TRIES, _ENOUGH = 6, 1 + 1e-9
+_LEAST_GRID = 100  # least count of intervals of the path, at whose ends the limits hold
+_MOST_GRID = 300  # largest count of them
+_MEAN_TIME = 0.02  # time over which the law is averaged [s]
+_LARGEST_MEAN = 0.125  # largest part of the motion over which the law is averaged [1]
+_SAMPLES = 8  # count of samples of the averaged law in the time of one mean
+_FINE_SAMPLES = 8  # count of samples of the law between two of these, by which it is integrated
+_USED_PART = 0.995  # part of the limits that the law uses, because the averaged one overshoots [1]
+_UNLIMITED = 1e6  # limit of axes that have none; the solver accepts no infinity
+
+# Slowing a motion down for the motors: count of tries, and the factor beyond the limit that ends them.
+_TRIES = 6
+_ENOUGH = 1 + 1e-9
+# Count of tries if torques of motors fall with their speed. A step by the square root of the excess is exact for
+# torques of inertia, but takes away only half of the excess there.
 _TRIES_WITH_LINES = 24
-"""Largest count of steps in which a motion is slowed down for motors whose torque falls with their speed. A step by the
-square root of the excess, as torques of inertia need it, takes away only half of it there."""
+
+
+class _Law(NamedTuple):
+    """A sampled law.
+
+    Attributes:
+        times: times of the samples, shape (k,) [s].
+        parts: part of the path at these times, from 0 to 1, shape (k,).
+    """
+
+    times: Vector
+    parts: Vector
+
+
+class FastestMotion(NamedTuple):
+    """A motion along a path in the least time.
+
+    Attributes:
+        stretch: the motion, from rest to rest.
+        passes: times at which it passes the targets, shape (k,) [s].
+    """
+
+    stretch: Stretch
+    passes: Vector
+
+
+class _RobotMotion(NamedTuple):
+    """Motion of one of several robots, sampled at m times.
+
+    Attributes:
+        robot: the robot.
+        dynamics: its equation of motion.
+        positions: positions of its n axes, shape (m, n) [rad or m].
+        velocities: velocities, shape (m, n) [rad/s or m/s].
+        accelerations: accelerations, shape (m, n) [rad/s² or m/s²].
+    """
+
+    robot: StationRobot
+    dynamics: Dynamics
+    positions: Vector
+    velocities: Vector
+    accelerations: Vector
+
+    def torque_excess(self, factor: float) -> float:
+        """Largest torque over its limit if the motion takes `factor` times as long [1]."""
+        velocities = self.velocities / factor
+        torques = self.dynamics.inverse_dynamics(self.positions, velocities, self.accelerations / factor**2)
+        return float(self.robot.gains.torque_shares(torques, velocities).max())
 
 
 @dataclass(frozen=True, eq=False)
 class Motors:
-    """What the motors of robots that move together can do, with what these carry."""
+    """Motors of robots that move at the same time, with what these robots carry.
 
-    model: StationModel  # of the station, with nothing free in it
-    robots: Sequence[str]  # that move, in turn
+    Attributes:
+        model: the station, without pieces that move freely.
+        robots: names of the robots that move. Arrays of this class have their axes one robot after the other.
+    """
+
+    model: StationModel
+    robots: Sequence[str]
 
     @property
     def station_robots(self) -> list[StationRobot]:
-        """The robots that move, in turn, with their motors and limits in the station."""
+        """The robots that move, with their motors and limits in the station."""
         return [self.model.robots[robot] for robot in self.robots]
 
-    def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
-        """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].
+    def fastest(self, segment: Segment, speed: float | None) -> FastestMotion:
+        """Compute the fastest motion along a path, from rest to rest.
 
-        Their tools are no faster than ``speed`` [m/s]. Raises InvalidParameter: a way where motors could not even hold
-        them.
+        Args:
+            segment: the path of all robots.
+            speed: largest speed of their tools [m/s]. If it is None, they have no limit.
+
+        Raises:
+            InvalidParameter: the motors could not even hold the robots on the path.
         """
-        way = free_spline(segment.parts, segment.postures)
-        times, parts = _averaged(self._law(way, len(segment.parts), speed))
-        stretch = Stretch(times, way(parts))
-        factor = self._slower(stretch)
-        return stretch.at(0.0, factor), factor * np.interp(segment.passes, parts, times)
+        path = free_spline(segment.parts, segment.postures)
+        law = _average(self._jumping_law(path, len(segment.parts), speed))
+        stretch = Stretch(law.times, path(law.parts))
+        factor = self._needed_slowdown(stretch)
+        passes = factor * np.interp(segment.passes, law.parts, law.times)
+        return FastestMotion(stretch.at(0.0, factor), passes)
 
-    def _law(self, way: BSpline, points: int, speed: float | None) -> Trajectory:
-        """Return how far along a way the robots are over time, from 0 to 1, with accelerations that jump."""
-        plant, own = self.model.plant, [self.model.robots[robot] for robot in self.robots]
-        control, begin = np.tile(plant.GetPositions(self.model.context), (len(way.c), 1)), 0
-        speeds, pushes, torques = (np.full(plant.num_velocities(), _NONE) for _ in range(3))
-        for robot in own:
-            axes, places = slice(begin, begin + len(robot.axes)), robot.axis_map.velocity_places
-            control = robot.axis_map.spread_positions(way.c[:, axes], control)
-            speeds[places] = _FULL * robot.speed_limits
-            pushes[places] = np.minimum(_FULL * robot.model.accelerations, _NONE)
-            most = np.minimum(_FULL * (robot.gains.limit_at_rest - robot.model.friction), _NONE)
-            torques[places] = np.where(robot.gains.passive, _NONE, most)
-            begin = axes.stop
-        path = BsplineTrajectory(BsplineBasis(way.k + 1, way.t.tolist()), list(control[:, :, np.newaxis]))
-        problem = Toppra(path, plant, np.linspace(0.0, 1.0, int(np.clip(points, *_GRID)) + 1))
+    def _jumping_law(self, path: BSpline, points: int, speed: float | None) -> Trajectory:
+        """Compute the fastest law along a path, with accelerations that jump.
+
+        Args:
+            path: postures of all robots as a function of the part of the path.
+            points: count of points of the path, which determines how many intervals are checked.
+            speed: largest speed of the tools [m/s], or None.
+
+        Raises:
+            InvalidParameter: the motors could not even hold the robots on the path.
+        """
+        plant = self.model.plant
+        robots = self.station_robots
+        # Limits and control points of the spline for all positions of the plant, also of robots that do not move.
+        speeds = np.full(plant.num_velocities(), _UNLIMITED)
+        accelerations = np.full(plant.num_velocities(), _UNLIMITED)
+        torques = np.full(plant.num_velocities(), _UNLIMITED)
+        control_points = np.tile(plant.GetPositions(self.model.context), (len(path.c), 1))
+        first_axis = 0
+        for robot in robots:
+            axes = slice(first_axis, first_axis + len(robot.axes))
+            indices = robot.axis_map.velocity_places
+            control_points = robot.axis_map.spread_positions(path.c[:, axes], control_points)
+            speeds[indices] = _USED_PART * robot.speed_limits
+            accelerations[indices] = np.minimum(_USED_PART * robot.model.accelerations, _UNLIMITED)
+            # Friction takes its part of the torque; the plant of the solver has none.
+            left_torques = np.minimum(_USED_PART * (robot.gains.limit_at_rest - robot.model.friction), _UNLIMITED)
+            torques[indices] = np.where(robot.gains.passive, _UNLIMITED, left_torques)
+            first_axis = axes.stop
+        basis = BsplineBasis(path.k + 1, path.t.tolist())
+        trajectory = BsplineTrajectory(basis, list(control_points[:, :, np.newaxis]))
+        interval_count = int(np.clip(points, _LEAST_GRID, _MOST_GRID))
+        problem = Toppra(trajectory, plant, np.linspace(0.0, 1.0, interval_count + 1))
         problem.AddJointVelocityLimit(-speeds, speeds)
-        problem.AddJointAccelerationLimit(-pushes, pushes)
+        problem.AddJointAccelerationLimit(-accelerations, accelerations)
         problem.AddJointTorqueLimit(-torques, torques)
-        for robot in own if speed is not None else ():
-            problem.AddFrameTranslationalSpeedLimit(robot.tools[robot.tcp], speed)
-        found = problem.SolvePathParameterization()
-        if found is None:
+        if speed is not None:
+            for robot in robots:
+                problem.AddFrameTranslationalSpeedLimit(robot.tools[robot.tcp], speed)
+        law = problem.SolvePathParameterization()
+        if law is None:
             raise InvalidParameter(
                 "profile",
                 "time_optimal",
                 message("programs.motors_cannot_hold", "another one: the motors cannot hold the robot on this way"),
             )
-        return found
+        return law
 
-    def _slower(self, stretch: Stretch) -> float:
-        """Return in how many times its time the motors can do a motion."""
+    def _needed_slowdown(self, stretch: Stretch) -> float:
+        """Compute the factor, at least 1, by which a motion has to take longer so that the motors can follow.
+
+        Args:
+            stretch: the motion of all robots.
+        """
         plan = Plan(self.robots[0], (stretch,), stretch.times[-1:], len(stretch.times))
-        factor, begin, parts = 1.0, 0, list[tuple[StationRobot, Dynamics, Vector, Vector, Vector]]()
+        positions, velocities, accelerations = plan.motion(plan.looks)
+        factor = 1.0
+        motions = list[_RobotMotion]()
+        first_axis = 0
         for name in self.robots:
             robot = self.model.robots[name]
-            axes = slice(begin, begin := begin + len(robot.axes))
-            q, v, a = (rows[:, axes] for rows in plan.motion(plan.looks))
-            factor = max(factor, np.abs(v / robot.speed_limits).max())
-            factor = max(factor, np.sqrt(np.abs(a / robot.model.accelerations).max()))
-            parts.append((robot, self.model.dynamics(name), q, v, a))
-        has_lines = any(robot.gains.line is not None for robot, *_ in parts)
+            axes = slice(first_axis, first_axis + len(robot.axes))
+            first_axis = axes.stop
+            motion = _RobotMotion(
+                robot,
+                self.model.dynamics(name),
+                positions[:, axes],
+                velocities[:, axes],
+                accelerations[:, axes],
+            )
+            # Speeds fall with the factor, accelerations with its square.
+            factor = max(factor, np.abs(motion.velocities / robot.speed_limits).max())
+            factor = max(factor, np.sqrt(np.abs(motion.accelerations / robot.model.accelerations).max()))
+            motions.append(motion)
+        # The torque has parts that do not fall with the factor, such as gravity: the excess is reduced step by step.
+        has_lines = any(motion.robot.gains.line is not None for motion in motions)
         for _ in range(_TRIES_WITH_LINES if has_lines else _TRIES):
-            shares = [
-                robot.gains.torque_shares(dynamics.inverse_dynamics(q, v / factor, a / factor**2), v / factor).max()
-                for robot, dynamics, q, v, a in parts
-            ]
-            if max(shares) <= 1.0:
+            excess = max(motion.torque_excess(factor) for motion in motions)
+            if excess <= 1.0:
                 break
-            factor *= max(np.sqrt(max(shares)), 1.0) * _ENOUGH
+            factor *= max(np.sqrt(excess), 1.0) * _ENOUGH
         return float(factor)
 
 
-def _averaged(law: Trajectory) -> tuple[Vector, Vector]:
-    """Return times (k,) [s] and the parts of a way then, of a law whose value is its mean over a short time."""
-    whole = law.end_time()
-    mean = min(_MEAN, _PART * whole)
-    step = mean / (_SAMPLES * _FINE)
-    fine = np.arange(-mean, whole + mean + step, step)  # at rest before and after
-    gone = np.append(0.0, np.cumsum(law.vector_values(np.clip(fine, 0.0, whole).tolist())[0])) * step
-    times = np.linspace(0.0, whole + mean, int(np.ceil((whole + mean) / (_SAMPLES * step))) + 1)
-    until = np.append(fine, fine[-1] + step)
-    parts = (np.interp(times, until, gone) - np.interp(times - mean, until, gone)) / mean
-    return times, np.clip((parts - parts[0]) / (parts[-1] - parts[0]), 0.0, 1.0)
+def _average(law: Trajectory) -> _Law:
+    r"""Replace each value of a law by its mean over a short time.
+
+    The mean at time t is :math:`\frac{1}{T} \int_{t-T}^{t} s(\tau)\,d\tau`, so that the law takes T longer.
+
+    Args:
+        law: the law, from 0 to 1.
+    """
+    end_time = law.end_time()
+    mean_time = min(_MEAN_TIME, _LARGEST_MEAN * end_time)
+    step = mean_time / (_SAMPLES * _FINE_SAMPLES)
+    # The robots rest before and after the law.
+    fine_times = np.arange(-mean_time, end_time + mean_time + step, step)
+    values = law.vector_values(np.clip(fine_times, 0.0, end_time).tolist())[0]
+    integral = np.append(0.0, np.cumsum(values)) * step
+    integral_times = np.append(fine_times, fine_times[-1] + step)
+    duration = end_time + mean_time
+    count = int(np.ceil(duration / (_SAMPLES * step))) + 1
+    times = np.linspace(0.0, duration, count)
+    until_now = np.interp(times, integral_times, integral)
+    until_before = np.interp(times - mean_time, integral_times, integral)
+    parts = (until_now - until_before) / mean_time
+    # The sums are not exact: scale the parts so that they begin at 0 and end at 1.
+    return _Law(times, np.clip((parts - parts[0]) / (parts[-1] - parts[0]), 0.0, 1.0))

@@ -390,7 +390,7 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
     reference_begin = begin
 
     def at_moment(moment: Moment) -> bool:
-        """Tell the timeline's callback of a moment, and apply the forces. Returns whether the present run is to end.
+        """Call the timeline's callback for a moment, and apply the forces. Returns whether the present run is to end.
 
         It ends if the callback asks for it, or has added a change, for which the loop below starts another run.
         """
@@ -436,4 +436,10 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             state = run.final_state
     finally:
         line.now = begin
-    return runs[0] if len(runs) == 1 else joined(runs)
+    return runs[0] if len(runs) == 1 else joined(_marked_as_cut(runs))
+
+
+def _marked_as_cut(runs: Sequence[SimulationResult]) -> list[SimulationResult]:
+    """Mark runs as parts of one motion, so that their verdicts take neither ends nor starts for those of the motion."""
+    last = len(runs) - 1
+    return [replace(run, is_continued=index < last, continues=index > 0) for index, run in enumerate(runs)]

@@ -1,8 +1,13 @@
-"""How long the parts of a move take, and by which law of time each is gone."""
+"""Timing of moves: how long each segment of a move takes, and by which law of time it is gone.
+
+A *segment* is a path from rest to rest. Its law of time gives the part of the path that is gone at each time. The user
+may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without any of
+them the timing is *free*: the move takes a usual time, or longer if the joints need it.
+"""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,31 +21,41 @@ from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in,
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.plan import Check, Plan, rate_ratio
-from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
+from simrob_drake.programs.segments import EndSlopes, Segment, Slopes, Stretch, by_law, rest
+from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.time_optimal import Motors
 
-_STRAIGHT = 1e-9  # rad or m that a way may leave its straight line
-_POINTS = 6  # of each part in which all accelerations rise or fall evenly
-_SHORTEST = 1e-6  # s between two parts
+_STRAIGHT = 1e-9  # largest distance of an axis from a straight line [rad or m]
+_POINTS = 6  # count of points of each part of a motion with a constant jerk: a spline of degree five needs six
+_SHORTEST_PART = 1e-6  # shortest time between two changes of the jerk [s]
 
 
 def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stretch, ...]:
-    """Return the motions from rest to rest along straight postures (k, n) of robots, one after the other.
+    """Compute the fastest motion along a straight line of the axes within limits of speed, acceleration and jerk.
 
-    All axes arrive at the same time; they stay on the line where that takes no longer. Raises InvalidParameter: an axis
-    of which a limit is not known, or a way that is not straight in the axes.
+    All axes arrive at the same time. They stay on the line where that takes no longer.
+
+    Args:
+        robots: the robots that move. The axes of one robot follow those of the one before.
+        postures: postures on the line, shape (k, n) [rad or m].
+
+    Raises:
+        InvalidParameter: a limit of an axis is not known, or the path is not straight in the axes.
     """
     with needed(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
-    start, end = postures[0], postures[-1]
+    start = postures[0]
+    end = postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
-    if np.abs(start + parts * (end - start) - postures).max() > _STRAIGHT:
+    distances = np.abs(start + parts * (end - start) - postures)
+    if distances.max() > _STRAIGHT:
         expected = message(
             "programs.straight_without_zones",
             "another one: it goes with moves that are straight in the axes, without zones",
         )
         raise InvalidParameter("profile", "jerk_limited", expected)
     names = [axis for robot in robots for axis in robot.axes]
+    # Name of each limit, its values by robot, and the file that sets it.
     rate_limits = (
         ("velocity", [robot.speed_limits for robot in robots], message("programs.its_urdf", "its URDF")),
         (
@@ -55,7 +70,8 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
         ),
     )
     task = InputParameter(len(names))
-    task.current_position, task.target_position = start.tolist(), end.tolist()
+    task.current_position = start.tolist()
+    task.target_position = end.tolist()
     for key, limits_of_robots, where in rate_limits:
         limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
@@ -65,58 +81,69 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
                 message("programs.limited_by", "limited by {where}", where=where),
             )
         setattr(task, f"max_{key}", limits.tolist())
-    task.synchronization = Synchronization.Phase
-    found = Trajectory(len(names))
-    if (said := Ruckig(len(names)).calculate(task, found)).value < 0:
+    task.synchronization = Synchronization.Phase  # on the line, where possible
+    motion = Trajectory(len(names))
+    result = Ruckig(len(names)).calculate(task, motion)
+    if result.value < 0:
         raise InvalidParameter(
             "profile",
             "jerk_limited",
-            message("programs.no_ruckig_motion", "another one: Ruckig found no motion ({result})", result=said.name),
+            message("programs.no_ruckig_motion", "another one: Ruckig found no motion ({result})", result=result.name),
         )
-    times = np.cumsum([[0.0, *profile.t] for profile in found.profiles[0]], axis=1).ravel()
-    breaks = np.unique(np.clip(times, 0.0, found.duration))
-    breaks = np.append(breaks[:-1][np.diff(breaks) > _SHORTEST], found.duration)
-    return tuple(_stretch(np.linspace(begin, stop, _POINTS), found) for begin, stop in pairwise(breaks))
+    # The jerk of some axis changes at these times. Between two of them the motion is a polynomial.
+    changes = np.cumsum([[0.0, *profile.t] for profile in motion.profiles[0]], axis=1).ravel()
+    breaks = np.unique(np.clip(changes, 0.0, motion.duration))
+    is_long_enough = np.diff(breaks) > _SHORTEST_PART
+    breaks = np.append(breaks[:-1][is_long_enough], motion.duration)
+    return tuple(_ruckig_stretch(np.linspace(begin, stop, _POINTS), motion) for begin, stop in pairwise(breaks))
 
 
-def _stretch(times: Vector, found: Any) -> Stretch:
-    positions, speeds, pushes = np.array([found.at_time(time) for time in times]).transpose(1, 0, 2)
-    return Stretch(times, positions, ((speeds[0], pushes[0]), (speeds[-1], pushes[-1])))
+def _ruckig_stretch(times: Vector, motion: Any) -> Stretch:
+    """Sample a trajectory of Ruckig at times (k,) [s]."""
+    samples = np.array([motion.at_time(time) for time in times])  # (k, 3, n)
+    positions, velocities, accelerations = samples.transpose(1, 0, 2)
+    first = EndSlopes(velocities[0], accelerations[0])
+    last = EndSlopes(velocities[-1], accelerations[-1])
+    return Stretch(times, positions, Slopes(first, last))
 
 
-POINT_TIME = 0.1  # time that a point of a move takes unless something else is asked [s]; Ts in SimRob
-ACCELERATION = 2.0  # how fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot
+POINT_TIME = 0.1
+"""Time for each point of a move whose timing is free [s]; Ts in SimRob."""
+ACCELERATION = 2.0
+"""Default acceleration of the tool up to its cruising speed [m/s²]. It is less if an axis cannot."""
 
 Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal", "jerk_limited"]
-"""How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
-jump; the last two cruise in between. Or as fast as limits of the joints allow: of speed, acceleration and torque, or,
-straight in the joints, of speed, acceleration and jerk."""
-_LEAST: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
-_TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
-_FASTEST = 20.0  # m/s of a tool; no arm is faster
-_AT_ONCE = 1e-6  # m: what the way to a target counts at least
-_LEAST_TIME = 0.01  # s to a target
-_STAYS = 1e-9  # rad or m: less is no way
-_LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
-_TRIES = 4  # to find an acceleration that the joints allow
-Limits = tuple[Vector, Vector]
-"""Largest speeds and accelerations of axes, each of shape (n,) [rad/s or m/s, rad/s² or m/s²]."""
+"""How a move speeds up and slows down.
+
+`smooth` is a polynomial of degree five, `trapezoid` has constant accelerations, and `s_curve` has accelerations without
+jumps; the last two cruise in between. `time_optimal` is as fast as limits of speed, acceleration and torque of the
+joints allow; `jerk_limited`, for moves that are straight in the joints, as limits of speed, acceleration and jerk.
+"""
+_LEAST_TIME_PROFILES: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
+
+_TURN_LENGTH = 0.1  # length that counts as much as a radian of a joint, where moves are compared [m]
+_FASTEST = 20.0  # largest speed of a tool; no arm is faster [m/s]
+_LEAST_LENGTH = 1e-6  # least length of the path to a target, so that nothing is divided by 0 [m]
+_LEAST_TIME = 0.01  # least time to a target [s]
+_STAYS = 1e-9  # largest motion of an axis that rests [rad or m]
+_USED_PART = 0.98  # part of the limits of the joints that is used if the timing is free [1]
+_TRIES = 4  # count of tries to find an acceleration that the joints allow
 
 
 class How(TypedDict, total=False):
-    """How a move is done; at most one of ``duration``, ``times`` and ``speed``.
+    """Options of a move. At most one of ``duration``, ``times`` and ``speed`` may be set.
 
     Attributes:
-        points: interpolated points on the way to each target; more are taken where the path needs them.
-        duration: of the whole move [s]; several targets share it by the length of their ways.
-        times: when each target is reached, shape (k,) [s].
-        speed: at which the tool centre point cruises [m/s]; on the mean, where only the joints go straight.
-        acceleration: with which it is sped up to that [m/s²]; 2 unless given, or less where an axis cannot.
-        profile: see :data:`Profile`; ``s_curve`` with a speed, else ``smooth``. With ``time_optimal`` a speed is the
-            most that the tool may have; ``jerk_limited`` takes none.
-        zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
-            ``z200``, or a distance [m].
-        check: what is looked at first, see :data:`Check`; ``collision`` unless told.
+        points: count of interpolated points on the way to each target. More are used where the path needs them.
+        duration: duration of the whole move [s]. Several targets share it by the lengths of their paths.
+        times: time at which each target is reached, shape (k,) [s].
+        speed: speed at which the tool centre point cruises [m/s]. If only the joints go straight, it is a mean.
+        acceleration: acceleration of the tool up to this speed [m/s²]. The default is 2, or less if an axis cannot.
+        profile: see :data:`Profile`. The default is ``s_curve`` with a speed, else ``smooth``. With ``time_optimal``
+            the speed is the largest one that the tool may have. ``jerk_limited`` accepts no speed.
+        zone: how near to a target the tool turns to the next one: ``fine`` (the default) to rest there, RAPID's ``z0``
+            to ``z200``, or a distance [m].
+        check: what is checked before the move, see :data:`Check`. The default is ``collision``.
     """
 
     points: int
@@ -130,16 +157,32 @@ class How(TypedDict, total=False):
 
 
 def profile_of(how: How) -> Profile:
-    """Return by which profile a move is done; raises UnknownName: none; InvalidParameter: a needless acceleration."""
+    """Profile of a move: the one that is set, or the default for its other options.
+
+    Raises:
+        UnknownName: there is no such profile.
+        Unsuitable: a duration, times or a speed is set for a profile that takes the least time.
+        InvalidParameter: an acceleration is set for a move that does not cruise.
+    """
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
     one_of(message("programs.profile", "profile"), profile, get_args(Profile))
-    taken = ("duration", "times", *(("speed",) if profile == "jerk_limited" else ()))
-    if profile in _LEAST and (key := next((key for key in taken if key in how), None)):
-        raise Unsuitable(
-            key,
-            message("programs.profile_takes_least_time", "profile='{profile}' takes the least time", profile=profile),
-        )
-    if "acceleration" in how and ("speed" not in how or profile in ("smooth", *_LEAST)):
+    takes_least_time = profile in _LEAST_TIME_PROFILES
+    if takes_least_time:
+        unsuitable = ["duration", "times"]
+        if profile == "jerk_limited":
+            unsuitable.append("speed")
+        for key in unsuitable:
+            if key in how:
+                raise Unsuitable(
+                    key,
+                    message(
+                        "programs.profile_takes_least_time",
+                        "profile='{profile}' takes the least time",
+                        profile=profile,
+                    ),
+                )
+    cruises = "speed" in how and profile != "smooth" and not takes_least_time
+    if "acceleration" in how and not cruises:
         raise InvalidParameter(
             "acceleration",
             how["acceleration"],
@@ -149,12 +192,17 @@ def profile_of(how: How) -> Profile:
 
 
 def is_free(how: How) -> bool:
-    """Whether the time of a move is left to the planner."""
-    return not {"duration", "times", "speed"} & {*how} and profile_of(how) not in _LEAST
+    """Whether the user leaves the timing of a move to the planner."""
+    is_set = not {"duration", "times", "speed"}.isdisjoint(how)
+    return not is_set and profile_of(how) not in _LEAST_TIME_PROFILES
 
 
 def speed_of(how: How) -> float:
-    """Return the speed of a move that has one [m/s]; raises InvalidParameter: none that a tool can have."""
+    """Speed of a move that has one [m/s].
+
+    Raises:
+        InvalidParameter: it is not positive, or larger than that of any arm.
+    """
     speed = positive(how["speed"], "speed", "m/s")
     if speed > _FASTEST:
         expected = message(
@@ -167,53 +215,94 @@ def speed_of(how: How) -> float:
     return speed
 
 
-def timed(
-    robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits, motors: Callable[[], Motors]
+def plan_timed(
+    robot: str,
+    segments: Sequence[Segment],
+    how: How,
+    points: int,
+    limits: RateLimits,
+    motors: Callable[[], Motors],
 ) -> Plan:
-    """Return the move that goes segment by segment by a law of time, and rests at the end of each.
+    """Plan a move that goes along segments, and rests at the end of each.
 
-    Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
-    Past corners it keeps that speed: less acceleration would help there only by not reaching it. Raises
-    InvalidParameter: as :func:`arrivals`.
+    If the timing is free, the move takes as long as the joints need. If only a speed is set, the tool speeds up as fast
+    as the joints allow. With zones it keeps this speed past the corners, where less acceleration would only help by not
+    reaching the speed.
+
+    Args:
+        robot: name of the robot.
+        segments: the segments, one after the other.
+        how: options of the move.
+        points: count of points on the way to each target.
+        limits: limits of the axes.
+        motors: function that prepares the motors of the robots. Only a profile that takes the least time needs them.
+
+    Raises:
+        InvalidParameter: an option has an invalid value, see :func:`arrivals`.
     """
-    if profile_of(how) in _LEAST:
-        return _in_least_time(robot, segments, how, points, motors())
-    push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
-    found, free = _laws(segments, how, points, push)
-    made = _by_laws(robot, segments, found, points)
-    if free:
-        slower = _needed(made, limits)
-        return made if slower <= 1 else _by_laws(robot, segments, [law.slower(slower) for law in found], points)
-    if "speed" not in how or "acceleration" in how or profile_of(how) == "smooth":
-        return made
-    reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _ways(segments).max())  # in the middle of the longest part
-    least = min(push, reaching) if "zone" in how else 0.0
+    profile = profile_of(how)
+    if profile in _LEAST_TIME_PROFILES:
+        return _plan_in_least_time(robot, segments, how, points, motors())
+    acceleration = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
+    laws, is_time_free = _laws(segments, how, points, acceleration)
+    plan = _plan_by_laws(robot, segments, laws, points)
+    if is_time_free:
+        slowdown = _needed_slowdown(plan, limits)
+        if slowdown <= 1:
+            return plan
+        return _plan_by_laws(robot, segments, [law.slower(slowdown) for law in laws], points)
+    finds_acceleration = "speed" in how and "acceleration" not in how and profile != "smooth"
+    if not finds_acceleration:
+        return plan
+    # With zones, at least the acceleration that reaches the speed in the middle of the longest path.
+    least = 0.0
+    if "zone" in how:
+        reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _speed_lengths(segments).max())
+        least = min(acceleration, reaching)
     for _ in range(_TRIES):
-        ratio = rate_ratio(made.trajectory, made.looks, limits[1], 2) / _LESS_THAN_FULL
-        if ratio <= 1:
+        excess = rate_ratio(plan.trajectory, plan.looks, limits.accelerations, 2) / _USED_PART
+        if excess <= 1:
             break
-        push = max(push / ratio, least)
-        made = _by_laws(robot, segments, _laws(segments, how, points, push)[0], points)
-    return made
+        acceleration = max(acceleration / excess, least)
+        laws = _laws(segments, how, points, acceleration).laws
+        plan = _plan_by_laws(robot, segments, laws, points)
+    return plan
 
 
-def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
-    """Return the move smoothly through all segments' ends, at rest at the last; raises as :func:`arrivals`."""
-    times, free = arrivals(segments, how, points)
-    rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
+def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: RateLimits) -> Plan:
+    """Plan a move smoothly through the ends of all segments, at rest only at the last.
 
-    def plan(times: Vector) -> Plan:
-        return Plan(robot, (Stretch(np.append(0.0, times), rows),), times, points)
+    Args:
+        robot: name of the robot.
+        segments: the segments, one after the other.
+        how: options of the move.
+        points: count of points on the way to each target.
+        limits: limits of the axes.
 
-    made = plan(times)
-    slower = _needed(made, limits) if free else 1.0
-    return made if slower <= 1 else plan(times * slower)
+    Raises:
+        InvalidParameter: an option has an invalid value, see :func:`arrivals`.
+    """
+    times, is_time_free = arrivals(segments, how, points)
+    postures = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
+
+    def plan_at(times: Vector) -> Plan:
+        """Plan the move so that it passes the targets at times (k,) [s]."""
+        stretch = Stretch(np.append(0.0, times), postures)
+        return Plan(robot, (stretch,), times, points)
+
+    plan = plan_at(times)
+    slowdown = _needed_slowdown(plan, limits) if is_time_free else 1.0
+    return plan if slowdown <= 1 else plan_at(times * slowdown)
 
 
 def remedy(how: How, order: int, slower: float, duration: float) -> str:
-    """Return what to do about a move that would have to be so many times slower, and so take a duration [s].
+    """Advice for a move that exceeds a limit.
 
-    Because of speeds (order 1) or accelerations (2).
+    Args:
+        how: options of the move.
+        order: 1 if a speed exceeds its limit, 2 if an acceleration or a torque does.
+        slower: factor by which the move would have to take longer.
+        duration: duration that it would then have [s].
     """
     if order == 2 and "acceleration" in how:
         return message(
@@ -232,105 +321,206 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
     return message("programs.give_duration", "give the move a duration of {duration:.3g} s or more", duration=duration)
 
 
-def _needed(plan: Plan, limits: Limits) -> float:
-    """Return in how many times its time a plan can be done by far."""
-    ratios = [rate_ratio(plan.trajectory, plan.looks, limit, order) for order, limit in enumerate(limits, 1)]
-    return float(max(ratio ** (1 / order) for order, ratio in enumerate(ratios, 1)) / _LESS_THAN_FULL)
+def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
+    """Compute the factor by which a plan has to take longer so that it keeps well within the limits.
+
+    It is less than 1 if the plan could be faster.
+    """
+    factors = []
+    for order, limit in enumerate(limits, start=1):
+        ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
+        factors.append(ratio ** (1 / order))  # speeds fall with the factor, accelerations with its square
+    return float(max(factors) / _USED_PART)
 
 
-def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int) -> Plan:
-    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
+def _plan_by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int) -> Plan:
+    """Plan a move from its segments and one law of time for each.
+
+    Args:
+        robot: name of the robot.
+        segments: the segments.
+        laws: their laws of time.
+        points: count of points on the way to each target.
+    """
+    stretches = list[Stretch]()
+    target_times = list[float]()
+    begin = 0.0
     for segment, law in zip(segments, laws, strict=True):
         stretches += [stretch.at(begin) for stretch in by_law(segment.parts, segment.postures, law)]
-        arrived += (begin + law.times_of(segment.passes)).tolist()
+        target_times += (begin + law.times_of(segment.passes)).tolist()
         begin += law.duration
-    return Plan(robot, tuple(stretches), np.array(arrived), points)
+    return Plan(robot, tuple(stretches), np.array(target_times), points)
 
 
-def _in_least_time(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
-    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
-    speed = speed_of(how) if "speed" in how else None
-    for segment in segments:
-        passed = np.full(len(segment.passes), _LEAST_TIME)
-        if np.ptp(segment.postures, axis=0).max() < _STAYS:
-            own: tuple[Stretch, ...] = (rest(segment.end, 0.0, _LEAST_TIME),)
-        elif profile_of(how) == "jerk_limited":
-            own = jerk_limited(motors.station_robots, segment.postures)
-            passed = own[-1].times[-1:]
-        else:
-            stretch, passed = motors.fastest(segment, speed)
-            own = (stretch,)
-        stretches += [stretch.at(begin) for stretch in own]
-        arrived += (begin + passed).tolist()
-        begin += float(own[-1].times[-1])
-    return Plan(robot, tuple(stretches), np.array(arrived), points)
+def _plan_in_least_time(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
+    """Plan a move that takes as little time as the limits of the joints allow.
 
-
-def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: float) -> tuple[list[TimeLaw], bool]:
-    """Return by which law of time each segment is gone, and whether its duration was left to us."""
-    profile = profile_of(how)
-    times, free = arrivals(segments, how, points)
-    durations = np.diff(times, prepend=0.0).tolist()
-    if profile == "smooth":
-        return [smooth_law(duration) for duration in durations], free
-    if "speed" not in how:
-        return [cruise_in(duration, rounded=profile == "s_curve") for duration in durations], free
-    jerk, ways = None if profile == "s_curve" else np.inf, np.maximum(_ways(segments), _AT_ONCE)
-    found = [cruise(1.0, speed_of(how) / way, acceleration / way, jerk) for way in ways]
-    return [law.slower(max(1.0, _LEAST_TIME / law.duration)) for law in found], False
-
-
-def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:
-    """Return when each segment ends that is gone smoothly, shape (k,) [s], and whether that was left to us.
-
-    Raises InvalidParameter: more than one of duration, times and speed; or one that cannot be.
+    Args:
+        robot: name of the robot.
+        segments: the segments.
+        how: options of the move.
+        points: count of points on the way to each target.
+        motors: the motors of the robots.
     """
-    stated = [key for key in ("duration", "times", "speed") if key in how]
-    if len(stated) > 1:
+    profile = profile_of(how)
+    speed = speed_of(how) if "speed" in how else None
+    stretches = list[Stretch]()
+    target_times = list[float]()
+    begin = 0.0
+    for segment in segments:
+        # The motion of this segment, and the times at which it passes its targets.
+        own: tuple[Stretch, ...]
+        if np.ptp(segment.postures, axis=0).max() < _STAYS:
+            own = (rest(segment.end, 0.0, _LEAST_TIME),)
+            passes = np.full(len(segment.passes), _LEAST_TIME)
+        elif profile == "jerk_limited":
+            own = jerk_limited(motors.station_robots, segment.postures)
+            passes = own[-1].times[-1:]
+        else:
+            fastest = motors.fastest(segment, speed)
+            own = (fastest.stretch,)
+            passes = fastest.passes
+        stretches += [stretch.at(begin) for stretch in own]
+        target_times += (begin + passes).tolist()
+        begin += float(own[-1].times[-1])
+    return Plan(robot, tuple(stretches), np.array(target_times), points)
+
+
+class _SegmentLaws(NamedTuple):
+    """Laws of time of the segments of a move.
+
+    Attributes:
+        laws: one law for each segment.
+        is_free: whether the planner chose their durations.
+    """
+
+    laws: list[TimeLaw]
+    is_free: bool
+
+
+def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: float) -> _SegmentLaws:
+    """Determine the law of time of each segment, for profiles that do not take the least time.
+
+    Args:
+        segments: the segments.
+        how: options of the move.
+        points: count of points on the way to each target.
+        acceleration: acceleration of the tool up to its speed [m/s²].
+    """
+    profile = profile_of(how)
+    arrival = arrivals(segments, how, points)
+    durations = np.diff(arrival.times, prepend=0.0).tolist()
+    if profile == "smooth":
+        return _SegmentLaws([smooth_law(duration) for duration in durations], arrival.is_free)
+    if "speed" not in how:
+        laws = [cruise_in(duration, rounded=profile == "s_curve") for duration in durations]
+        return _SegmentLaws(laws, arrival.is_free)
+    # A law goes from 0 to 1: speed and acceleration are divided by the length of the path.
+    jerk = None if profile == "s_curve" else np.inf
+    speed = speed_of(how)
+    laws = []
+    for length in np.maximum(_speed_lengths(segments), _LEAST_LENGTH):
+        law = cruise(1.0, speed / length, acceleration / length, jerk)
+        laws.append(law.slower(max(1.0, _LEAST_TIME / law.duration)))
+    return _SegmentLaws(laws, False)
+
+
+class Arrivals(NamedTuple):
+    """Times at which segments end.
+
+    Attributes:
+        times: the times, shape (k,) [s].
+        is_free: whether the planner chose them.
+    """
+
+    times: Vector
+    is_free: bool
+
+
+def arrivals(segments: Sequence[Segment], how: How, points: int) -> Arrivals:
+    """Determine the times at which segments end whose law is smooth.
+
+    Args:
+        segments: the segments.
+        how: options of the move.
+        points: count of points on the way to each target.
+
+    Raises:
+        InvalidParameter: more than one of duration, times and speed is set, or one has an invalid value.
+    """
+    options = [key for key in ("duration", "times", "speed") if key in how]
+    if len(options) > 1:
         raise InvalidParameter(
             message("programs.time_of_move", "the time of the move"),
-            message("programs.given_by", "given by {stated}", stated=join_texts(stated, message("base.and", " and "))),
+            message("programs.given_by", "given by {stated}", stated=join_texts(options, message("base.and", " and "))),
             message("programs.given_by_one", "given by one of them"),
         )
     if "times" in how:
-        return _checked_times(how["times"], len(segments)), False
+        return Arrivals(_user_times(how["times"], len(segments)), False)
     if "duration" in how:
-        shares = np.maximum(_lengths(segments) + _TURN_LENGTH * _turns(segments), _AT_ONCE)
-        return _apart(seconds(how["duration"]) * np.cumsum(shares) / shares.sum(), "duration", how["duration"]), False
+        # Each segment gets its share by the length of its path, where turns of joints count, too.
+        shares = np.maximum(_lengths(segments) + _TURN_LENGTH * _turns(segments), _LEAST_LENGTH)
+        times = seconds(how["duration"]) * np.cumsum(shares) / shares.sum()
+        return Arrivals(_check_times(times, "duration", how["duration"]), False)
     if "speed" in how:
+        # The largest speed of a smooth law is PEAK times its mean.
         speed = speed_of(how)
-        times = np.cumsum(np.maximum(PEAK * (_ways(segments) / speed), _LEAST_TIME))
-        return _apart(times, "speed", how["speed"]), False
-    return POINT_TIME * points * np.cumsum([len(segment.passes) for segment in segments]), True
+        times = np.cumsum(np.maximum(PEAK * (_speed_lengths(segments) / speed), _LEAST_TIME))
+        return Arrivals(_check_times(times, "speed", how["speed"]), False)
+    target_counts = [len(segment.passes) for segment in segments]
+    times = POINT_TIME * points * np.cumsum(target_counts)
+    return Arrivals(np.asarray(times, dtype=float), True)
 
 
 def _lengths(segments: Sequence[Segment]) -> Vector:
+    """Length of the path of the tool on each segment, shape (k,) [m]."""
     return np.array([segment.length for segment in segments])
 
 
 def _turns(segments: Sequence[Segment]) -> Vector:
-    """Return how far the joint that moves most goes on each segment, shape (k,) [rad or m]."""
+    """Length of the path of the axis that moves most on each segment, shape (k,) [rad or m]."""
     return np.array([np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments])
 
 
-def _ways(segments: Sequence[Segment]) -> Vector:
-    """Return how long the way of each segment is for a speed, shape (k,) [m]: where the tool only turns, its turn."""
+def _speed_lengths(segments: Sequence[Segment]) -> Vector:
+    """Length of the path of each segment to which a speed applies, shape (k,) [m].
+
+    It is the path of the tool. If the tool only turns, it is the turn of the joints.
+    """
     lengths = _lengths(segments)
-    return np.where(lengths < _AT_ONCE, _TURN_LENGTH * _turns(segments), lengths)
+    return np.where(lengths < _LEAST_LENGTH, _TURN_LENGTH * _turns(segments), lengths)
 
 
-def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
+def _user_times(times: npt.ArrayLike, count: int) -> Vector:
+    """Read the times of a user, one for each of a count of targets, shape (count,) [s].
+
+    Raises:
+        InvalidParameter: they are no numbers, of another count, or not in ascending order.
+    """
     values = np.atleast_1d(numbers(times))
     if values.shape != (count,):
         raise InvalidParameter(
             "times", times, message("programs.times_a_target", "{count} times [s], one a target", count=count)
         )
-    return _apart(values, "times", times)
+    return _check_times(values, "times", times)
 
 
-def _apart(times: Vector, name: str, value: object) -> Vector:
-    """Check that times (k,) [s] rise from 0, and are times that a station knows."""
-    if not ((np.diff(times, prepend=0.0) >= SHORTEST).all() and times[-1] <= LONGEST):
+def _check_times(times: Vector, name: str, value: object) -> Vector:
+    """Check that times of targets are in ascending order from 0, and not longer than the longest run.
+
+    Args:
+        times: the times, shape (k,) [s].
+        name: name of the user's option from which they follow.
+        value: value of this option.
+
+    Returns:
+        The same times.
+
+    Raises:
+        InvalidParameter: two times are too close or in the wrong order, or the last one is too large.
+    """
+    is_ascending = (np.diff(times, prepend=0.0) >= SHORTEST).all()
+    if not (is_ascending and times[-1] <= LONGEST):
         raise InvalidParameter(
             name,
             value,

@@ -1,4 +1,6 @@
-"""A program as one run, whoever does it: arms together, or a robot with legs."""
+"""Run a whole program as one result: with the arms of a workcell, or with a robot with legs."""
+
+from dataclasses import replace
 
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
@@ -11,29 +13,50 @@ from simrob_drake.stations.config import StationConfig
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
-    """Let a station's robots do a program, all as one result; raises SimrobError: the move that fails, and its file."""
+    """Run a program on a station, and join its runs to one result.
+
+    Args:
+        cell: the station.
+        program: the program.
+        file: file of the program, which is then read again, so that messages name it. It is empty if there is none.
+
+    Raises:
+        SimrobError: a move cannot be done. The message names it and the file.
+    """
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)
-    robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
+    robot = LeggedRobot(cell, program.robot)
+    start = (cell.config, cell.state)
     robot.run(source)
     text = program.on(STATION).text()
-    return joined(robot.runs, begun=begun, left=cell.config, program=text, move_spans=robot.move_spans)
+    # A program that only plays the station's references has no moves that a user could know by their numbers.
+    is_named = not program.plays_references
+    spans = [replace(span, is_named=is_named) for span in robot.move_spans]
+    return joined(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:
-    """Return a station's program, None without; raises InvalidConfig: one that cannot be; names move and key."""
+    """Program in the file of a station. It is None if the station has none.
+
+    Raises:
+        InvalidConfig: the program has a wrong entry. The message names the move and the key.
+    """
     return None if config.program is None else Program.of_content(config.program, f"{config.name}: program")
 
 
 def run_whole(config: StationConfig) -> SimulationResult:
-    """Run a station's program, or its references; raises SimrobError: what cannot be run; names the program's move."""
+    """Run a station by its program, or by its references if it has no program.
+
+    Raises:
+        SimrobError: the station, or a move of the program, cannot be run.
+    """
     program = carried_program(config)
     return simulate(config, progress=False) if program is None else perform(Workcell(config), program)
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:
-    """Tell whether a program is done by arms: it has moves of theirs, or its robots have no legs."""
+    """Whether arms perform a program: it has a move for arms, or its robots have no legs."""
     if program.references:
         return False
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
@@ -41,5 +64,5 @@ def of_arms(cell: Workcell, program: Program) -> bool:
 
 
 def goes_on_legs(model: RobotModel, program: Program) -> bool:
-    """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
+    """Whether a :class:`~simrob_drake.LeggedRobot` performs a program, not the arms of a workcell."""
     return not model.is_arm and all(move.of_legs for move in program.moves)

@@ -348,6 +348,8 @@ def joined(
         move_spans=tuple(move_spans),
         program=program,
         trace=None,
+        is_continued=False,
+        continues=False,
     )
     return _with_signals(whole, kept, wandering)
 
@@ -476,9 +478,8 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
     if last.ending == "completed":
         return message(
             "results.ran_to_its_end",
-            "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
+            "ran to its end at {time:.6g} s",
             time=begin + last.simulated_time,
-            count=count,
         )
     if last.runs:  # it was cut where something happened
         return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)

@@ -1,4 +1,8 @@
-"""The axes of a robot: their order, names and units, and how values are laid out over them."""
+"""The axes of a robot in a plant, the units of their positions, and values that users give for each axis.
+
+The order of the axes is that of the robot's description, while Drake orders the joints in its own way. An axis may also
+count its positions against the sense of its joint. :class:`AxisMap` converts between the two.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,23 +22,29 @@ from simrob_drake.base.sections import Number
 
 
 def in_a_row(places: npt.NDArray[np.intp]) -> npt.NDArray[np.intp] | slice:
-    """Return places, as a slice where they follow each other, which takes a third of the time to read or write."""
-    follow = len(places) > 0 and bool((np.diff(places) == 1).all())
-    return slice(int(places[0]), int(places[-1]) + 1) if follow else places
+    """Convert indices of an array to a slice, if they follow each other.
+
+    A slice takes a third of the time to read or write.
+    """
+    are_consecutive = len(places) > 0 and bool((np.diff(places) == 1).all())
+    if not are_consecutive:
+        return places
+    return slice(int(places[0]), int(places[-1]) + 1)
 
 
 @dataclass(frozen=True, eq=False)
 class AxisMap:
-    """Where the n axes of a robot stand among the nq positions and nv velocities of a plant, and their senses.
+    """Places of a robot's n axes among the nq positions and nv velocities of a plant, and their senses.
 
-    It holds numbers alone, so it keeps no plant alive. All methods take leading dimensions, as of samples in time: they
-    act on the last one.
+    The map contains numbers only, so it keeps no plant alive. All methods work on the last dimension of their
+    arguments; dimensions before it, such as samples in time, are kept.
 
     Attributes:
-        position_places: of the axes among the plant's positions, shape (n,).
-        velocity_places: of the axes among the plant's velocities and generalized forces, shape (n,).
-        signs: 1.0 or -1.0, shape (n,): the sense of each axis against that of its joint.
-        num_positions, num_velocities: nq and nv of the plant.
+        position_places: index of each axis among the plant's positions, shape (n,).
+        velocity_places: index of each axis among the plant's velocities and generalized forces, shape (n,).
+        signs: 1.0 for an axis in the sense of its joint, -1.0 against it, shape (n,).
+        num_positions: nq of the plant.
+        num_velocities: nv of the plant.
     """
 
     position_places: np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -45,10 +55,15 @@ class AxisMap:
 
     @classmethod
     def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> "AxisMap":
-        """Return the map of one-axis joints, one an axis, of a finalized plant; signs (n,) are all 1 unless given.
+        """Make the map of axes from their joints.
+
+        Args:
+            plant: the plant, finalized.
+            joints: the joint of each axis; each has one position and one velocity.
+            signs: 1 or -1 for each axis, shape (n,); all 1 unless given.
 
         Raises:
-            InvalidParameter: signs that are not one a joint, 1 or -1.
+            InvalidParameter: there is not one sign for each joint, or a sign is neither 1 nor -1.
         """
         senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
         if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
@@ -66,30 +81,47 @@ class AxisMap:
         )
 
     def positions(self, plant_positions: Vector) -> Vector:
-        """Return the axes' entries (..., n) of the plant's positions (..., nq)."""
+        """Extract the positions of the axes, shape (..., n), from positions of the plant, shape (..., nq)."""
         return np.asarray(self.signs * plant_positions[..., self.position_places])
 
     def velocities(self, plant_velocities: Vector) -> Vector:
-        """Return the axes' entries (..., n) of the plant's velocities or accelerations (..., nv).
+        """Extract the velocities of the axes, shape (..., n), from velocities of the plant, shape (..., nv).
 
-        So it does for the columns of a Jacobian (m, nv).
+        The same holds for accelerations, and for the columns of a Jacobian (m, nv).
         """
         return np.asarray(self.signs * plant_velocities[..., self.velocity_places])
 
     def efforts(self, plant_efforts: Vector) -> Vector:
-        """Return the axes' entries (..., n) of the plant's generalized forces or momenta (..., nv)."""
+        """Extract the efforts of the axes, shape (..., n), from generalized forces of the plant, shape (..., nv).
+
+        The same holds for momenta. The sign of an effort changes with the sense of the axis as that of a velocity does,
+        so that their product, the power, stays the same.
+        """
         return self.velocities(plant_efforts)
 
     def spread_positions(self, axes: Vector | float, onto: Vector) -> Vector:
-        """Return the plant's positions ``onto`` (..., nq) with those of the axes (..., n) put in."""
+        """Write positions of the axes into a copy of the plant's positions.
+
+        Args:
+            axes: positions of the axes, shape (..., n), or one number for all [rad or m].
+            onto: positions of the plant, shape (..., nq). Those of other joints are kept.
+
+        Returns:
+            positions of the plant, shape (..., nq).
+        """
         spread = np.array(onto)
         spread[..., self.position_places] = self.signs * axes
         return spread
 
     def spread_velocities(self, axes: Vector | float, onto: Vector | None = None) -> Vector:
-        """Return velocities ``onto`` (..., nv) of the plant, zero unless given, with the axes' (..., n) put in.
+        """Write velocities of the axes into a copy of the plant's velocities. The same holds for generalized forces.
 
-        So it does for generalized forces.
+        Args:
+            axes: velocities of the axes, shape (..., n), or one number for all [rad/s or m/s].
+            onto: velocities of the plant, shape (..., nv), of which those of other joints are kept; zero unless given.
+
+        Returns:
+            velocities of the plant, shape (..., nv).
         """
         leading = np.shape(axes)[:-1]
         spread = np.zeros((*leading, self.num_velocities)) if onto is None else np.array(onto)
@@ -97,22 +129,22 @@ class AxisMap:
         return spread
 
     def set_positions(self, plant: MultibodyPlant, context: Context, axes: Vector) -> None:
-        """Put the axes to positions (n,) [rad or m] in a context of the plant; the other joints stay."""
+        """Set positions (n,) [rad or m] of the axes in a context of the plant. Other joints keep theirs."""
         plant.SetPositions(context, self.spread_positions(axes, plant.GetPositions(context)))
 
     @property
     def position_matrix(self) -> Vector:
-        """The matrix (n, nq) that :meth:`positions` multiplies with."""
+        """Matrix, shape (n, nq), whose product with positions of the plant is the result of :meth:`positions`."""
         return self._matrix(self.position_places, self.num_positions)
 
     @property
     def velocity_matrix(self) -> Vector:
-        """The matrix (n, nv) that :meth:`velocities` and :meth:`efforts` multiply with."""
+        """Matrix, shape (n, nv), whose product with velocities of the plant is the result of :meth:`velocities`."""
         return self._matrix(self.velocity_places, self.num_velocities)
 
     @property
     def state_matrix(self) -> Vector:
-        """The matrix (2n, nq + nv) from the plant's state to positions and velocities of the axes."""
+        """Matrix, shape (2n, nq + nv), from the state of the plant to positions and velocities of the axes."""
         count = len(self.signs)
         matrix = np.zeros((2 * count, self.num_positions + self.num_velocities))
         matrix[:count, : self.num_positions] = self.position_matrix
@@ -122,9 +154,9 @@ class AxisMap:
     def actuation_matrix(
         self, plant: MultibodyPlant, instance: ModelInstanceIndex, passive: Flags | None = None
     ) -> Vector:
-        """Compute the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant.
+        """Compute the matrix from efforts of the axes to the inputs of a robot's actuators, shape (nu, n).
 
-        A joint's first actuator is its motor; others, such as its friction, take nothing.
+        The first actuator of a joint is its motor. Further ones, such as that of its friction, get no effort.
 
         Args:
             plant: the finalized plant.
@@ -133,14 +165,21 @@ class AxisMap:
                 the joint of such an axis can have is its friction.
         """
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
-        matrix = (self.velocity_matrix @ plant.MakeActuationMatrix()[:, [a.input_start() for a in actuators]]).T
+        # Drake's actuation matrix B gives generalized forces B u. Its columns have a single 1, so its transpose takes
+        # generalized forces to the inputs u again.
+        columns = [actuator.input_start() for actuator in actuators]
+        actuation = plant.MakeActuationMatrix()[:, columns]
+        matrix = (self.velocity_matrix @ actuation).T
+
         joints = [actuator.joint().index() for actuator in actuators]
-        matrix[[row for row, joint in enumerate(joints) if joint in joints[:row]]] = 0.0
+        is_further = [joint in joints[:row] for row, joint in enumerate(joints)]
+        matrix[is_further] = 0.0
         if passive is not None:
             matrix[:, passive] = 0.0
         return np.asarray(matrix)
 
     def _matrix(self, places: np.ndarray[tuple[int], np.dtype[np.intp]], columns: int) -> Vector:
+        """Make a matrix that selects places of a vector with as many entries as columns, with the signs of the axes."""
         matrix = np.zeros((len(places), columns))
         matrix[np.arange(len(places)), places] = self.signs
         return matrix
@@ -151,15 +190,26 @@ AxisValues = Number | list[Number] | dict[str, Number]
 
 
 def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Check every number of values per axis; ``meaning`` says which are accepted."""
+    """Make a check of values that are given per axis.
 
-    def checked(values: AxisValues) -> AxisValues:
-        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
-        if not all(map(accepts, listed)):
+    Args:
+        accepts: returns whether a number is allowed.
+        meaning: message for a number that is not, which says what is allowed.
+    """
+
+    def check(values: AxisValues) -> AxisValues:
+        """Check every number of the values; raises ValueError for pydantic."""
+        if isinstance(values, dict):
+            numbers = list(values.values())
+        elif isinstance(values, list):
+            numbers = values
+        else:
+            numbers = [values]
+        if not all(accepts(number) for number in numbers):
             raise ValueError(meaning)
         return values
 
-    return AfterValidator(checked)
+    return AfterValidator(check)
 
 
 NotNegativeAxisValues = Annotated[
@@ -172,16 +222,24 @@ PositiveAxisValues = Annotated[
 
 @dataclass(frozen=True)
 class AxisUnit:
-    """In what an axis is measured."""
+    """Units of an axis.
 
-    size: float  # of a user's unit of position in SI
-    name: str  # of the user's unit, and ``si`` of the one that Drake has
+    Attributes:
+        size: size of the user's unit of position in SI units, such as pi/180 for degrees.
+        name: name of the user's unit of position.
+        si: name of the SI unit of position, which Drake uses.
+        effort: unit of torque or force.
+        digits: format of positions in the user's unit, such as ``.1f``.
+    """
+
+    size: float
+    name: str
     si: str
-    effort: str  # unit of its torque or force
-    digits: str  # how its positions are written
+    effort: str
+    digits: str
 
     def shown(self, position: float) -> str:
-        """Return a position [rad or m] in the user's unit: "110.0 deg"."""
+        """Write a position [rad or m] in the user's unit, such as "110.0 deg"."""
         return compound("{position} {name}", position=f"{position / self.size:{self.digits}}", name=self.name)
 
 
@@ -190,7 +248,13 @@ PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
 
 
 def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector], str]) -> str:
-    """Return values (n,) or (n, k) as ``written`` writes them, those of each unit together with it."""
+    """Write values of axes that have different units: those with the same unit together, followed by the unit.
+
+    Args:
+        values: a value of each axis, shape (n,) or (n, k), in the axis' unit.
+        units: unit of each axis.
+        written: writes some of the values.
+    """
     kinds = list(dict.fromkeys(units))
     return join_texts(
         (

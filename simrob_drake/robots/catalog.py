@@ -37,14 +37,14 @@ from simrob_drake.robots.urdf import (
     add_motor,
     child_of,
     driven_joints,
-    joint_figure,
+    format_number,
     joint_limits,
+    joint_value,
     movable_joints,
     name_of,
     remove_motors,
     root_link,
     transmissions_of,
-    written,
 )
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 
@@ -68,7 +68,7 @@ class RobotModel(Strict):
     description: str = ""
     """What it is, in one line."""
     source: str = ""
-    """Where its figures are from, and which are estimates."""
+    """Source of the values, and which of them are estimates."""
     urdf: str | None = None
     """Its URDF; a table takes its place."""
     dh: DhTable | None = None
@@ -206,7 +206,7 @@ class RobotModel(Strict):
                     message("robots.motor_without_limit", "{key} gives {axis} a motor", key=PASSIVE, axis=axis),
                     message("robots.give_its_limit", "give {axis} a torque limit, too [N·m or N]", axis=axis),
                 )
-            child_of(elements[joint], "limit").set("effort", written(limit))
+            child_of(elements[joint], "limit").set("effort", format_number(limit))
             # A transmission is there already if the URDF has one with the effort 0.
             if joint not in transmissions_of(root):
                 add_motor(root, joint, drive=f"{joint}_drive")
@@ -307,13 +307,13 @@ class RobotModel(Strict):
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]; 0 of a passive axis."""
-        limits = np.array([joint_figure(joint, "effort") for joint in self.joints])
+        limits = np.array([joint_value(joint, "effort") for joint in self.joints])
         return np.where(self.passive, 0.0, limits)
 
     @property
     def friction(self) -> Vector:
         """Coulomb friction of every axis, shape (n,) [N·m or N]."""
-        return np.array([joint_figure(joint, "friction", "dynamics") for joint in self.joints])
+        return np.array([joint_value(joint, "friction", "dynamics") for joint in self.joints])
 
     @property
     def play(self) -> Vector:
@@ -330,13 +330,13 @@ class RobotModel(Strict):
 
         It is infinite if the URDF has none, and for passive axes, whose speed no motor limits.
         """
-        limits = np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
+        limits = np.array([joint_value(joint, "velocity") or np.inf for joint in self.joints])
         return np.where(self.passive, np.inf, limits)
 
     @property
     def accelerations(self) -> Vector:
         """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite if no file gives one."""
-        own = np.array([joint_figure(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints])
+        own = np.array([joint_value(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints])
         if self.acceleration_deg is None:
             return own
         return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)

@@ -1,11 +1,12 @@
-"""Tables of Denavit-Hartenberg parameters: what an arm is, in the words of the textbooks; and the URDF of one.
+"""Arms that are described by a table of Denavit-Hartenberg parameters, and the URDF of such an arm.
 
-It looks like an arm: a drum at each joint, tubes between them, a foot and a flange.
+The shapes of its links are generated: a drum at each joint, tubes between the joints, a foot and a flange. Their sizes
+are in proportion to the length of the arm, so they are a likeness and no data.
 """
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,36 +17,43 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.robots.pieces import solid_inertia
-from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
+from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, format_number, set_inertia
 
-BASE_LINK, TOOL_LINK = "base_link", "tool0"
+BASE_LINK = "base_link"
+"""Name of the root link."""
+
+TOOL_LINK = "tool0"
+"""Name of the link at the tool flange."""
+
 _JOINT = "joint_{}"
+"""Names of joints that have none of their own, with the number of the row."""
 
 Range = tuple[Number, Number]
+"""Lowest and highest position of a joint."""
 
 
 class DhRow(Strict):
-    """One joint and the link that it moves.
+    """One row of the table: a joint and the link that it moves.
 
     Mass, centre of mass and inertia are those of the link, in the frame of this row.
     """
 
     joint: str | None = None
-    """Its name; `joint_1` and so on unless given."""
+    """Name of the joint; `joint_1` and so on unless given."""
     type: Literal["revolute", "prismatic"] = "revolute"
-    """Whether it turns about z or slides along it."""
+    """Kind of the joint: it turns about z, or slides along z."""
     a: Number = 0.0
     """Length along x [m]."""
     alpha_deg: Number = 0.0
     """Twist about x [deg]."""
     d: Number = 0.0
-    """Offset along z [m]; of a prismatic joint, where its zero is."""
+    """Offset along z [m]. For a prismatic joint, it is added to the position of the joint."""
     offset_deg: Number = 0.0
-    """Turn about z [deg]; of a revolute joint, where its zero is."""
+    """Angle about z [deg]. For a revolute joint, it is added to the position of the joint."""
     limit_deg: Range | None = None
     """Lowest and highest angle of a revolute joint [deg]."""
     limit: Range | None = None
-    """Lowest and highest place of a prismatic joint [m]."""
+    """Lowest and highest position of a prismatic joint [m]."""
     velocity_deg: Positive | None = None
     """Largest speed of a revolute joint [deg/s]."""
     velocity: Positive | None = None
@@ -55,38 +63,49 @@ class DhRow(Strict):
     damping: NotNegative = 0.0
     """Viscous friction [N·m·s/rad or N·s/m]."""
     mass: NotNegative = 0.0
-    """Of the link [kg]."""
+    """Mass of the link [kg]."""
     com: Triple | None = None
-    """Centre of mass [m]; that of the generated shape unless given."""
+    """Centre of mass of the link [m]; that of the generated shape unless given."""
     inertia: Inertia | None = None
-    """About the centre of mass [kg m²]; that of the generated shape, with the link's mass, unless given."""
+    """Inertia of the link about its centre of mass [kg m²]; that of the generated shape, with the link's mass, unless
+    given."""
 
     @model_validator(mode="after")
-    def _fitting(self) -> "DhRow":
-        revolute = self.type == "revolute"
-        own, other = ("limit_deg", "limit") if revolute else ("limit", "limit_deg")
-        spared = "velocity" if revolute else "velocity_deg"
-        limits = getattr(self, own)
+    def _check_limits(self) -> "DhRow":
+        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order."""
+        if self.type == "revolute":
+            limit_key = "limit_deg"
+            velocity_key = "velocity_deg"
+            limits = self.limit_deg
+            has_other_keys = self.limit is not None or self.velocity is not None
+        else:
+            limit_key = "limit"
+            velocity_key = "velocity"
+            limits = self.limit
+            has_other_keys = self.limit_deg is not None or self.velocity_deg is not None
         if limits is None:
-            raise ValueError(message("robots.dh_joint_needs", "a {kind} joint needs {key}", kind=self.type, key=own))
-        if getattr(self, other) is not None or getattr(self, spared) is not None:
+            raise ValueError(
+                message("robots.dh_joint_needs", "a {kind} joint needs {key}", kind=self.type, key=limit_key)
+            )
+        if has_other_keys:
             raise ValueError(
                 message(
                     "robots.dh_joint_has_both",
                     "a {kind} joint has {key} and {other_key}",
                     kind=self.type,
-                    key=own,
-                    other_key=own.replace("limit", "velocity"),
+                    key=limit_key,
+                    other_key=velocity_key,
                 )
             )
-        if limits[0] >= limits[1]:
+        lower, upper = limits
+        if lower >= upper:
             raise ValueError(
                 message(
                     "robots.dh_limits_order",
-                    "{key} is not a lower and a higher figure: {lower:g}, {upper:g}",
-                    key=own,
-                    lower=limits[0],
-                    upper=limits[1],
+                    "{key} must be a lower and a higher number; it is {lower:g}, {upper:g}",
+                    key=limit_key,
+                    lower=lower,
+                    upper=upper,
                 )
             )
         return self
@@ -94,62 +113,77 @@ class DhRow(Strict):
     @property
     def range(self) -> tuple[float, float]:
         """Lowest and highest position [rad or m]."""
-        low, high = self.limit or tuple(np.deg2rad(self.limit_deg or (0.0, 0.0)).tolist())
-        return low, high
+        if self.limit is not None:
+            return self.limit
+        lower, upper = np.deg2rad(self.limit_deg or (0.0, 0.0)).tolist()
+        return lower, upper
 
     @property
     def speed(self) -> float | None:
-        """Largest speed [rad/s or m/s]."""
-        return self.velocity if self.velocity_deg is None else float(np.deg2rad(self.velocity_deg))
+        """Largest speed [rad/s or m/s], or None if the row has no speed."""
+        if self.velocity_deg is not None:
+            return float(np.deg2rad(self.velocity_deg))
+        return self.velocity
 
 
 class DhTable(Strict):
-    """An arm as a table: base, a row a joint, tool.
+    """An arm as a table: its base, one row for each joint, and its tool.
 
-    Rows multiply to the pose of the tool: classical ones as Rz(q + offset) Tz(d) Tx(a) Rx(alpha), modified (Craig's)
-    as Rx(alpha) Tx(a) Rz(q + offset) Tz(d); where the joint is prismatic, q adds to d.
+    The pose of the tool is the product of the base, the rows and the tool. With R and T for turns and translations
+    about and along an axis, and the position q of the joint, a row is
+
+        classical: Rz(q + offset) Tz(d) Tx(a) Rx(alpha)
+        modified:  Rx(alpha) Tx(a) Rz(q + offset) Tz(d)
+
+    if the joint is revolute. For a prismatic joint, q is added to d and not to the offset.
     """
 
     convention: Literal["classical", "modified"]
-    """How the figures of a row are meant; modified ones are Craig's."""
+    """Order of the motions in a row. The modified convention is Craig's."""
     rows: Annotated[tuple[DhRow, ...], Field(min_length=1)]
-    """One a joint, from the base outward."""
+    """Rows of the table, one for each joint, from the base outward."""
     base: Pose = ORIGIN
     """Pose of the table's first frame in the base link, [x y z Rz Ry Rx]."""
     tool: Pose = ORIGIN
     """Pose of the tool flange in the last frame, [x y z Rz Ry Rx]."""
     thickness: Positive | None = None
-    """Radius of the generated arm at its base [m]; a part of its length unless given."""
+    """Radius of the generated arm at its base [m]; in proportion to the arm's length unless given."""
     colour: Colour = (0.86, 0.87, 0.89, 1.0)
-    """Of the tubes between the joints."""
+    """Colour of the tubes between the joints."""
     joint_colour: Colour = (0.16, 0.38, 0.62, 1.0)
-    """Of the joints."""
+    """Colour of the joints."""
 
     @property
     def joints(self) -> list[str]:
-        """The names of the joints."""
+        """Names of the joints."""
         return [row.joint or _JOINT.format(number) for number, row in enumerate(self.rows, 1)]
 
     def link_frames(self) -> list[RigidTransform]:
-        """Return the pose of each row's frame in its link, whose own frame moves with the joint, about z or along it.
+        """Compute the pose of each row's frame in the frame of its link, which moves with the joint.
 
-        A classical row's length and twist lie behind its joint, a modified one's before it.
+        In the classical convention, all motions of a row are behind its joint, and so in the link that it moves. In the
+        modified convention, length and twist are before the joint, and so in the link before.
         """
         if self.convention == "classical":
             return [_motion(row.offset_deg, row.d, row.a, row.alpha_deg) for row in self.rows]
         return [_motion(row.offset_deg, row.d, 0.0, 0.0) for row in self.rows]
 
     def origins(self) -> list[RigidTransform]:
-        """Return the pose of each joint at zero in the link before, and last that of the tool in the last link."""
-        befores = [RigidTransform()] * len(self.rows)
+        """Compute the pose of each joint at zero in the link before, and last the pose of the tool in the last link."""
         if self.convention == "modified":
-            befores = [_motion(0.0, 0.0, row.a, row.alpha_deg) for row in self.rows]
-        starts = [transform_from_pose(self.base), *self.link_frames()]
-        return [start @ end for start, end in zip(starts, [*befores, transform_from_pose(self.tool)], strict=True)]
+            before_joints = [_motion(0.0, 0.0, row.a, row.alpha_deg) for row in self.rows]
+        else:
+            before_joints = [RigidTransform()] * len(self.rows)
+        row_frames = [transform_from_pose(self.base), *self.link_frames()]
+        motions = [*before_joints, transform_from_pose(self.tool)]
+        return [frame @ motion for frame, motion in zip(row_frames, motions, strict=True)]
 
 
 def described_by_table(content: dict[str, Any]) -> Any:
-    """Fill in what a robot's description need not say where it has a table: root, axes and tools."""
+    """Fill in the keys of a robot's description that follow from its table: root, axes and tools.
+
+    A key that is given keeps its value. A table that is no table is left to the checks of :class:`DhTable`.
+    """
     rows = content["dh"].get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         return content
@@ -158,18 +192,35 @@ def described_by_table(content: dict[str, Any]) -> Any:
 
 
 def _motion(turn_deg: float, z: float, x: float, twist_deg: float) -> RigidTransform:
-    """Return Rz(turn) Tz(z) Tx(x) Rx(twist)."""
+    """Compute the transform Rz(turn) Tz(z) Tx(x) Rx(twist)."""
     turn, twist = np.deg2rad([turn_deg, twist_deg])
     return RigidTransform(RollPitchYaw(twist, 0.0, turn), np.array([x * np.cos(turn), x * np.sin(turn), z]))
 
 
-_THICKNESS = 0.055  # radius at the base over the arm's length
-_TAPER = 0.5  # how much thinner its end is
-_DRUM = 1.25, 2.6  # radius and length of a joint over the tube's radius
-_FOOT = 1.8, 0.3  # of the base, likewise
-_FLANGE = 0.8, 0.4  # of the tool's end, likewise
+_THICKNESS = 0.055
+"""Radius of the arm at its base, divided by its length."""
+
+_TAPER = 0.5
+"""Share by which the radius becomes smaller from the base to the tool."""
+
+
+class _DrumSize(NamedTuple):
+    """Size of a drum, divided by the radius of the tube at its place."""
+
+    radius: float
+    length: float
+
+
+_JOINT_DRUM = _DrumSize(radius=1.25, length=2.6)
+_FOOT_DRUM = _DrumSize(radius=1.8, length=0.3)
+_FLANGE_DRUM = _DrumSize(radius=0.8, length=0.4)
+
+_ROD = 0.7
+"""Radius of the rod of a prismatic joint, divided by the radius of the tube."""
+
 _FLANGE_COLOUR: Colour = (0.66, 0.68, 0.7, 1.0)
-_NOTHING = 1e-6  # m; shorter tubes are left out
+_SHORTEST_TUBE = 1e-6
+"""Length below which tubes are left out [m]."""
 
 
 @dataclass(frozen=True)
@@ -181,15 +232,22 @@ class LinkShape:
 
 
 def dh_robot(name: str, table: DhTable) -> ET.Element:
-    """Return the ``robot`` element of an arm.
+    """Make the ``robot`` element of an arm.
 
-    Its links are ``base_link``, ``link_1`` ... and ``tool0``; each moves about the z axis of its own frame, or along
-    it. The pose of ``tool0`` in ``base_link`` is the product of the table.
+    Its links are ``base_link``, ``link_1`` and so on, and ``tool0``. Each link moves about, or along, the z axis of its
+    own frame. The pose of ``tool0`` in ``base_link`` is the product of the table.
+
+    Args:
+        name: name of the robot.
+        table: the table.
     """
     robot = ET.Element("robot", name=name)
-    shapes, origins, frames = link_shapes(table), table.origins(), table.link_frames()
+    shapes = link_shapes(table)
+    origins = table.origins()
+    frames = table.link_frames()
     names = [BASE_LINK, *(f"link_{number}" for number in range(1, len(table.rows) + 1)), TOOL_LINK]
     links = [ET.SubElement(robot, "link", name=link) for link in names]
+    # The last link, tool0, has no shapes.
     for link, shapes_of_link in zip(links, [*shapes, []], strict=True):
         _add_shapes(link, shapes_of_link)
     for number, (row, joint_name) in enumerate(zip(table.rows, table.joints, strict=True)):
@@ -203,53 +261,71 @@ def dh_robot(name: str, table: DhTable) -> ET.Element:
 
 
 def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
+    """Add shapes to a link, each as a visual and as a collision element."""
     for number, shape in enumerate(shapes):
         name = f"{link.get('name')}_{number}"
-        add_colour(add_solid(link, "visual", name, shape.solid), f"{name}_colour", shape.colour)
+        visual = add_solid(link, "visual", name, shape.solid)
+        add_colour(visual, f"{name}_colour", shape.colour)
         add_solid(link, "collision", name, shape.solid)
 
 
 def _add_inertia(link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]) -> None:
-    """Add the link's inertia: what the row gives of it, the rest from its shapes."""
+    """Add the inertia of a link. Values that its row does not give follow from its shapes.
+
+    Args:
+        link: the link.
+        row: the row of the table. A link without mass gets no inertia.
+        frame: pose of the row's frame in the link, in which the row's values are given.
+        shapes: shapes of the link, in its own frame.
+    """
     if row.mass == 0:
         return
     whole = solid_inertia([shape.solid for shape in shapes], closed=True)
     centre = whole.centre if row.com is None else frame @ np.array(row.com)
     if row.inertia is None:
-        moments, turn = row.mass / whole.volume * whole.moments, RotationMatrix()
+        density = row.mass / whole.volume
+        moments = density * whole.moments
+        rotation = RotationMatrix()
     else:
-        moments, turn = np.array(row.inertia), frame.rotation()
-    set_inertia(link, mass=row.mass, moments=moments.tolist(), pose=RigidTransform(turn, centre))
+        moments = np.array(row.inertia)
+        rotation = frame.rotation()
+    set_inertia(link, mass=row.mass, moments=moments.tolist(), pose=RigidTransform(rotation, centre))
 
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
+    """Add axis, limits and viscous friction to a joint."""
     ET.SubElement(joint, "axis", xyz="0 0 1")
-    low, high = row.range
-    limit = ET.SubElement(joint, "limit", lower=written(low), upper=written(high), effort=written(row.effort))
+    lower, upper = row.range
+    limit = ET.SubElement(
+        joint, "limit", lower=format_number(lower), upper=format_number(upper), effort=format_number(row.effort)
+    )
     if row.speed is not None:
-        limit.set("velocity", written(row.speed))
-    ET.SubElement(joint, "dynamics", damping=written(row.damping))
+        limit.set("velocity", format_number(row.speed))
+    ET.SubElement(joint, "dynamics", damping=format_number(row.damping))
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:
-    """Return the shapes of all links, the base first: tubes along z, then straight to the next joint or the tool."""
-    origins, radii = table.origins(), _radii(table)
+    """Generate the shapes of all links, those of the base first, in the frames of the links.
+
+    Each link has a drum or a rod at its joint, and tubes to the next joint or to the tool. The base has a foot, the
+    last link a flange.
+    """
     links = []
-    for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):
+    for number, (end, radius) in enumerate(zip(table.origins(), _radii(table), strict=True)):
         shapes = [LinkShape(tube, table.colour) for tube in _tubes(end.translation(), radius)]
-        if number:
-            shapes.append(LinkShape(_joint(table, number, radius), table.joint_colour))
-        else:
-            wide, high = (part * radius for part in _FOOT)
-            shapes.append(LinkShape(_drum(RigidTransform(), wide, high, high / 2), table.joint_colour))
+        begin = _foot(radius) if number == 0 else _joint(table, number, radius)
+        shapes.append(LinkShape(begin, table.joint_colour))
         if number == len(table.rows):
-            wide, long = (part * radius for part in _FLANGE)
-            shapes.append(LinkShape(_drum(end, wide, long, -long / 2), _FLANGE_COLOUR))
+            length = _FLANGE_DRUM.length * radius
+            # Its outer face is at the tool.
+            flange = _drum(end, radius=_FLANGE_DRUM.radius * radius, length=length, centre=-length / 2)
+            shapes.append(LinkShape(flange, _FLANGE_COLOUR))
         links.append(shapes)
     return links
 
 
 def _radii(table: DhTable) -> Vector:
+    """Compute the radius of the tubes of each link [m], one more than rows, from the base to the tool."""
     length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
     length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
     thickness = table.thickness or _THICKNESS * max(length, 0.1)
@@ -257,30 +333,65 @@ def _radii(table: DhTable) -> Vector:
 
 
 def _tubes(end: Vector, radius: float) -> list[Solid]:
-    """Return tubes from the origin to a point, with a ball where they bend."""
+    """Make tubes from the origin to a point: along z, then straight to the point, with a ball at the bend.
+
+    Args:
+        end: the point, shape (3,) [m].
+        radius: radius of the tubes [m].
+
+    Returns:
+        none, one or two tubes, and the ball if there are two.
+    """
+    origin = np.zeros(3)
     corner = np.array([0.0, 0.0, end[2]])
-    tubes = [_tube(a, b, radius) for a, b in ((np.zeros(3), corner), (corner, end)) if _apart(a, b)]
-    return [*tubes, Solid(RigidTransform(corner), Sphere(radius))] if len(tubes) > 1 else tubes
+    tubes = []
+    for begin_of_tube, end_of_tube in ((origin, corner), (corner, end)):
+        if _are_apart(begin_of_tube, end_of_tube):
+            tubes.append(_tube(begin_of_tube, end_of_tube, radius))
+    if len(tubes) > 1:
+        tubes.append(Solid(RigidTransform(corner), Sphere(radius)))
+    return tubes
+
+
+def _foot(radius: float) -> Solid:
+    """Make the foot of the base, which is on the ground, for a tube of a radius [m]."""
+    length = _FOOT_DRUM.length * radius
+    return _drum(RigidTransform(), radius=_FOOT_DRUM.radius * radius, length=length, centre=length / 2)
 
 
 def _joint(table: DhTable, number: int, radius: float) -> Solid:
+    """Make the shape at a joint: a drum, or the rod of a prismatic joint.
+
+    Args:
+        table: the table.
+        number: number of the row, from 1.
+        radius: radius of the tubes of the link that the joint moves [m].
+    """
     row = table.rows[number - 1]
-    if row.type == "prismatic":  # a rod that slides through the link before
-        return _tube(np.array([0.0, 0.0, -row.range[1]]), np.array([0.0, 0.0, radius]), 0.7 * radius)
-    wide, long = _DRUM[0] * radius, _DRUM[1] * radius
-    stands = number == 1 and not _apart(table.origins()[0].translation(), np.zeros(3))  # on the ground, not half in it
-    return _drum(RigidTransform(), wide, long, long / 2 if stands else 0.0)
+    if row.type == "prismatic":
+        # The rod slides through the link before. It reaches back into it even when it is pushed out fully.
+        _, upper = row.range
+        return _tube(np.array([0.0, 0.0, -upper]), np.array([0.0, 0.0, radius]), _ROD * radius)
+    length = _JOINT_DRUM.length * radius
+    # A first joint at the origin of the base is put on the ground; the drum would be half in it otherwise.
+    is_on_ground = number == 1 and not _are_apart(table.origins()[0].translation(), np.zeros(3))
+    centre = length / 2 if is_on_ground else 0.0
+    return _drum(RigidTransform(), radius=_JOINT_DRUM.radius * radius, length=length, centre=centre)
 
 
-def _drum(frame: RigidTransform, wide: float, long: float, middle: float) -> Solid:
-    """Return a cylinder along z of a frame, its middle at a place there."""
-    return Solid(frame @ RigidTransform(np.array([0.0, 0.0, middle])), Cylinder(wide, long))
+def _drum(frame: RigidTransform, *, radius: float, length: float, centre: float) -> Solid:
+    """Make a cylinder along the z axis of a frame, with its centre at a height in the frame [m]."""
+    return Solid(frame @ RigidTransform(np.array([0.0, 0.0, centre])), Cylinder(radius, length))
 
 
 def _tube(start: Vector, end: Vector, radius: float) -> Solid:
-    turn = RotationMatrix.MakeFromOneVector(end - start, 2)
-    return Solid(RigidTransform(turn, (start + end) / 2), Cylinder(radius, float(np.linalg.norm(end - start))))
+    """Make a cylinder between two points (3,) [m]."""
+    z_axis = 2
+    rotation = RotationMatrix.MakeFromOneVector(end - start, z_axis)
+    length = float(np.linalg.norm(end - start))
+    return Solid(RigidTransform(rotation, (start + end) / 2), Cylinder(radius, length))
 
 
-def _apart(a: Vector, b: Vector) -> bool:
-    return bool(np.linalg.norm(b - a) > _NOTHING)
+def _are_apart(a: Vector, b: Vector) -> bool:
+    """Whether two points (3,) [m] are so far apart that a tube is between them."""
+    return bool(np.linalg.norm(b - a) > _SHORTEST_TUBE)

@@ -1,7 +1,7 @@
-"""What a legged robot stands on: contact spheres or sole boxes, of which a station chooses one kind.
+"""The contact shapes of a legged robot's feet: spheres or boxes. A robot may have several kinds; a station takes one.
 
-Spheres are contact proxies: point contact pushes once for each pair of shapes, so a foot needs several to lie flat.
-A box is one shape, and lies flat in hydroelastic contact alone.
+Point contact applies one force for each pair of shapes that touch. A foot therefore needs several spheres to lie flat.
+A box is a single shape, so it lies flat only in hydroelastic contact, in which the pressure is spread over the area.
 """
 
 import xml.etree.ElementTree as ET
@@ -19,44 +19,47 @@ from simrob_drake.robots.urdf import Solid, add_contact, add_solid, name_of
 
 
 class Sole(Strict):
-    """A box under a foot."""
+    """A box under a foot, with its sides along the axes of the foot's link."""
 
     size: tuple[Positive, Positive, Positive]
-    """Lengths along the axes of the foot's link [m]."""
+    """Lengths of the sides [m]."""
     centre: Triple
-    """Its middle in the foot's link [m]."""
+    """Centre of the box in the foot's link [m]."""
 
 
 class FootSurface(Strict):
-    """How large the spheres of feet are, and what happens where they touch."""
+    """Radius of a foot's spheres, and the contact properties of its shapes."""
 
     radius: Positive = 0.01
-    """Of the spheres [m]."""
+    """Radius of the spheres [m]."""
     stiffness: Positive = 1.0e5
-    """Of point contact [N/m]."""
+    """Stiffness k of point contact [N/m]."""
     dissipation: NotNegative = 50.0
-    """Of Hunt and Crossley's law, f = k x (1 + d ẋ) [s/m]: such that a foot does not bounce."""
+    """Dissipation d of Hunt and Crossley's law, f = k x (1 + d ẋ) [s/m]. With the default, a foot does not bounce."""
     hydroelastic_modulus: Positive = 1.0e7
-    """Of a sole in hydroelastic contact [Pa]."""
+    """Modulus of a sole in hydroelastic contact [Pa]."""
     friction: tuple[NotNegative, NotNegative] = (1.0, 0.9)
-    """Static and dynamic coefficient; those of the contacts in the Simulink library."""
+    """Static and dynamic coefficient of friction. The defaults are those of the contacts in the Simulink library."""
 
 
 class FootContact(FootSurface):
-    """One kind of feet: spheres about points of the feet's links, or a box each."""
+    """One kind of feet: all feet have spheres, or all have a box."""
 
     points: dict[str, tuple[Triple, ...]] = Field(default_factory=dict)
-    """Middles of the spheres, by link [m]."""
+    """Centres of the spheres in the foot's link [m], by link."""
     boxes: dict[str, Sole] = Field(default_factory=dict)
-    """Soles by link."""
+    """Boxes by link."""
     others: dict[str, FootSurface] = Field(default_factory=dict)
-    """Figures of links that differ, as wheels of two sizes do; what one leaves out is as for the rest."""
+    """Values of single links that differ from the rest, such as those of wheels of two sizes, by link. A value that is
+    left out is that of the other feet."""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> "FootContact":
+    def _check_links(self) -> "FootContact":
+        """Check that the feet have either spheres or boxes, and that ``others`` names feet only."""
         if bool(self.points) == bool(self.boxes):
             raise ValueError(message("robots.spheres_or_boxes", "feet are either spheres about points, or boxes"))
-        if strange := self.others.keys() - {*self.links}:
+        strange = self.others.keys() - {*self.links}
+        if strange:
             raise ValueError(
                 message(
                     "robots.strange_others",
@@ -69,41 +72,63 @@ class FootContact(FootSurface):
 
     @property
     def links(self) -> list[str]:
-        """The links that are feet."""
+        """Names of the links that are feet."""
         return [*self.points, *self.boxes]
 
     def surface(self, link: str) -> FootSurface:
-        """Return what a foot touches with."""
-        if (own := self.others.get(link)) is None:
+        """Return the radius and the contact properties of one foot."""
+        own = self.others.get(link)
+        if own is None:
             return self
         return self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
 
     def support_points(self, link: str) -> Vector:
-        """Return the lowest points of a foot's shapes while its link stands upright, shape (k, 3) [m], in its frame."""
+        """Compute the points on which an upright foot stands, in the frame of its link.
+
+        Args:
+            link: name of the foot's link.
+
+        Returns:
+            the lowest point of each sphere, or the four lower corners of the box, shape (k, 3) [m].
+        """
         if link in self.points:
             return np.array(self.points[link]) - (0.0, 0.0, self.surface(link).radius)
         sole = self.boxes[link]
-        corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
-        return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
+        lower_corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+        return np.asarray(sole.centre + lower_corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
-        """Return the lowest points of a foot's spheres or sole in the world (m, k, 3) [m], its link at (m, 4, 4)."""
-        under = self.surface(link).radius if link in self.points else 0.0
-        own = np.array(self.points[link]) if link in self.points else self.support_points(link)
-        points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)
-        return np.asarray(points - [0.0, 0.0, under])
+        """Compute the lowest points of a foot's shapes in the world, for a foot that may be tilted.
+
+        Args:
+            link: name of the foot's link.
+            poses: poses of the link in the world, shape (m, 4, 4).
+
+        Returns:
+            the lowest point of each sphere, or the four lower corners of the box, shape (m, k, 3) [m].
+        """
+        # The lowest point of a sphere is below its centre, however the foot is tilted.
+        if link in self.points:
+            own_points = np.array(self.points[link])
+            drop = self.surface(link).radius
+        else:
+            own_points = self.support_points(link)
+            drop = 0.0
+        points = poses[:, np.newaxis, :3, 3] + own_points @ poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(points - [0.0, 0.0, drop])
 
 
 class Feet(Strict):
-    """The kinds of feet that a robot has."""
+    """The kinds of feet of a robot."""
 
     default: str
-    """The kind that a station takes unless it names another."""
+    """Name of the kind that a station takes unless it names another."""
     contacts: dict[str, FootContact] = Field(min_length=1)
-    """The kinds by name."""
+    """Kinds of feet by name."""
 
     @model_validator(mode="after")
-    def _default_is_one(self) -> "Feet":
+    def _check_default(self) -> "Feet":
+        """Check that the default is one of the kinds."""
         if self.default not in self.contacts:
             raise ValueError(
                 message(
@@ -117,15 +142,17 @@ class Feet(Strict):
 
     def kind(self, name: str | None) -> FootContact:
         """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
-        return self.contacts[
-            self.default
-            if name is None
-            else one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)
-        ]
+        if name is None:
+            return self.contacts[self.default]
+        return self.contacts[one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)]
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
-    """Give the feet of a robot, in place, their contact shapes instead of what collision shapes they have.
+    """Replace the collision shapes of a robot's feet by contact shapes, in place.
+
+    Args:
+        robot: the URDF.
+        feet: the contact shapes.
 
     Raises:
         UnknownName: a link that the robot does not have.
@@ -136,24 +163,30 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
         for old in link.findall("collision"):
             link.remove(old)
         surface = feet.surface(name)
-        sphere = Sphere(surface.radius)
-        solids = [Solid(RigidTransform(np.array(point)), sphere) for point in feet.points.get(name, ())]
         if name in feet.boxes:
             sole = feet.boxes[name]
             solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
+        else:
+            sphere = Sphere(surface.radius)
+            solids = [Solid(RigidTransform(np.array(centre)), sphere) for centre in feet.points[name]]
         for number, solid in enumerate(solids):
-            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_properties(surface))
+            collision = add_solid(link, "collision", f"{name}_contact_{number}", solid)
+            add_contact(collision, _contact_properties(surface))
 
 
-def _contact_properties(feet: FootSurface) -> dict[str, float | None]:
-    """Return Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
-    static, dynamic = feet.friction
+def _contact_properties(surface: FootSurface) -> dict[str, float | None]:
+    """Make Drake's contact properties of a foot, by their names in Drake.
+
+    A foot gets those of point contact and those of hydroelastic contact. Drake reads the ones that it needs.
+    """
+    static, dynamic = surface.friction
     return {
-        "compliant_hydroelastic": None,
-        "point_contact_stiffness": feet.stiffness,
-        "hunt_crossley_dissipation": feet.dissipation,
+        "compliant_hydroelastic": None,  # an element without a value
+        "point_contact_stiffness": surface.stiffness,
+        "hunt_crossley_dissipation": surface.dissipation,
         "mu_static": static,
         "mu_dynamic": dynamic,
-        "hydroelastic_modulus": feet.hydroelastic_modulus,
-        "mesh_resolution_hint": feet.radius / 2,
+        "hydroelastic_modulus": surface.hydroelastic_modulus,
+        # Drake divides a sphere into triangles of this size [m]: half the radius keeps it round.
+        "mesh_resolution_hint": surface.radius / 2,
     }

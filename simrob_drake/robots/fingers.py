@@ -322,7 +322,9 @@ def _joints_beyond(starts: Mapping[str, list[ET.Element]], joint: ET.Element) ->
 
 
 def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) -> float:
-    """Compute the mean distance between the centres of mass of fingers' links, over all pairs [m]; 0 for one finger.
+    """Compute the mean distance between the centres of mass of fingers' links, over all pairs [m].
+
+    One finger has no pair, and the distance 0.
 
     Args:
         root: the ``robot`` element.

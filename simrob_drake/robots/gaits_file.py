@@ -1,4 +1,8 @@
-"""The file `gaits.yaml` beside a robot's `robot.yaml`: all by which it walks, a section for each kind of gait."""
+"""The file `gaits.yaml` of a robot, with the parameters of its gaits: one section for each kind of gait.
+
+The file is in the same folder as the robot's `robot.yaml`. This module reads it and leaves the content of the sections
+to the modules that use them.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,10 +19,11 @@ from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
 
 GAITS_FILE = "gaits.yaml"
+"""Name of the file."""
 
 
 class _Head(BaseModel):
-    """What all gaits of a robot have in common."""
+    """The keys that all gaits of a robot share. Sections of single gaits are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -27,31 +32,47 @@ class _Head(BaseModel):
 
 @dataclass(frozen=True)
 class GaitsFile:
-    """A robot's gaits as their file has them; each section is checked by those who know it."""
+    """The content of a robot's file of gaits. Its sections are not checked yet.
 
-    file: Path  # where they stand
-    facing_deg: float  # where the robot looks while its root is not turned, counterclockwise from the world's x [deg]
-    content: Mapping[str, Any]  # all of the file
+    Attributes:
+        file: path of the file.
+        facing_deg: direction in which the robot looks while its root is not turned, counterclockwise from the world's
+            x axis [deg].
+        content: the whole content.
+    """
+
+    file: Path
+    facing_deg: float
+    content: Mapping[str, Any]
 
     @property
     def sections(self) -> list[str]:
-        """The names of its sections."""
+        """Names of the sections."""
         return [name for name, value in self.content.items() if isinstance(value, Mapping)]
 
     def section(self, name: str) -> Mapping[str, Any]:
-        """Return a section, empty where the file has none."""
+        """Return the content of a section; empty if the file has no such section."""
         found = self.content.get(name)
         return found if isinstance(found, Mapping) else {}
 
 
 def gaits_file(robot: str | RobotModel) -> GaitsFile:
-    """Return the gaits beside the ``robot.yaml`` of a robot of the package by name, or of any other's model.
+    """Read the file of gaits of a robot.
 
-    Raises UnknownName: no such robot, proposes the nearest; InvalidParameter: one without gaits; InvalidConfig: a file
-    that cannot be read.
+    Args:
+        robot: name of a robot of the package, or the model of any robot.
+
+    Raises:
+        UnknownName: the package has no robot of this name.
+        InvalidParameter: the robot has no file of gaits.
+        InvalidConfig: the file cannot be read, or ``facing_deg`` is missing or wrong.
     """
-    name = one_of(message("base.robot", "robot"), robot, robot_names()) if isinstance(robot, str) else robot.name
-    folder = robot_files()[name].parent if isinstance(robot, str) else robot.folder
+    if isinstance(robot, str):
+        name = one_of(message("base.robot", "robot"), robot, robot_names())
+        folder = robot_files()[name].parent
+    else:
+        name = robot.name
+        folder = robot.folder
     file = folder / GAITS_FILE
     if not file.is_file():
         raise InvalidParameter(

@@ -75,7 +75,7 @@ def grasp_frame(model: RobotModel) -> LinkFrame | None:
 
 @dataclass(frozen=True)
 class Stroke:
-    """How the gap between the two faces that meet first depends on the opening of a hand.
+    """Gap between the two faces of fingers that meet first, as a function of the opening of the hand.
 
     Attributes:
         gaps: gap between these faces [m] at evenly spaced openings from 0 to 1. It never decreases.
@@ -158,7 +158,7 @@ class _Gaps(NamedTuple):
 
 
 class _LineHits(NamedTuple):
-    """Where lines enter and leave a fingertip, as distances along the lines.
+    """Places at which lines enter and leave a fingertip, as distances along the lines.
 
     Attributes:
         enters: distance at which each line enters, shape (k,) [m]; infinite if it misses the tip.
@@ -170,7 +170,7 @@ class _LineHits(NamedTuple):
 
 
 class _Reach(NamedTuple):
-    """How far a finger reaches.
+    """Reach of a finger.
 
     Attributes:
         distance: distance of its outermost point from the origin of the palm, with the hand closed [m].
@@ -324,8 +324,10 @@ class _Hand:
     def _innermost_joint(self, joint: Joint) -> int:
         """Index of the joint at the palm that moves a joint of a finger: the first of the finger's joints."""
         joint_of_body = {int(own.child_body().index()): own for own in self._finger_joints()}
-        while (parent := int(joint.parent_body().index())) in joint_of_body:
+        parent = int(joint.parent_body().index())
+        while parent in joint_of_body:
             joint = joint_of_body[parent]
+            parent = int(joint.parent_body().index())
         return int(joint.index())
 
     def _tip(self, body: RigidBody) -> _Tip | None:
@@ -403,13 +405,16 @@ class _Hand:
             the gaps, or None if no line hits both tips.
         """
         self._open(opening)
+        # The area that both tips cover: the common part of their extents across the direction.
         poses = [self._pose(tip) for tip in tips]
         corners = [(pose @ tip.points.T).T @ rotation for tip, pose in zip(tips, poses, strict=True)]
         lower = np.max([points.min(axis=0) for points in corners], axis=0)
         upper = np.min([points.max(axis=0) for points in corners], axis=0)
-        x, z = 0, 2
+        x = 0
+        z = 2
         if lower[x] >= upper[x] or lower[z] >= upper[z]:
             return None
+        # One line in the middle of each cell, so that no line runs along an edge of a tip.
         fractions = (np.arange(_LINES) + 0.5) / _LINES
         sides = [lower[axis] + fractions * (upper[axis] - lower[axis]) for axis in (x, z)]
         grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""What a user may choose about an import, and what it did to a robot: every repair, default and loss, in words."""
+"""Options of an import, and the report of what it did to a robot: every repair, default and loss, in words."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -14,46 +14,49 @@ from simrob_drake.base.messages import as_data, compound, from_data, join_texts,
 from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.base.yaml_files import parse_json
 
-REPORT_FILE = "report.json"  # name of the file with the report of an import, in the folder that the import has written
-_LARGEST_REPORT = 10_000_000  # largest size of that file [bytes]; thousands of links take some hundred thousand
+REPORT_FILE = "report.json"
+"""Name of the file with the report of an import, in the folder that the import writes."""
+
+_LARGEST_REPORT = 10_000_000
+"""Largest size of that file [bytes]. A robot with thousands of links needs some hundred thousand."""
 
 
 class ImportOptions(Strict):
-    """Choices of an import; the defaults suit most robots."""
+    """Options of an import. The defaults suit most robots."""
 
     mesh_path: tuple[Path, ...] = ()
-    """Further folders in which meshes and packages are looked for; those in a station's file start at its folder."""
+    """Further folders in which meshes and packages are looked for. In a station's file, relative to its folder."""
     packages: tuple[str, ...] = ()
-    """Folder of a package of ROS, as in `arm_description=/opt/arm`; a station's file has `packages` for that."""
+    """Folder of a ROS package, as in `arm_description=/opt/arm`. A station's file has the key `packages` for this."""
     collision: Literal["hull", "box", "none"] = "hull"
-    """Collision meshes become their convex hull, the tightest box around them, or nothing."""
+    """Shape that replaces a collision mesh: its convex hull, the tightest box around it, or none."""
     estimate_inertia: Boolean = False
-    """Estimate missing and impossible inertias from the geometry, at `density`."""
+    """Estimate missing and impossible inertias from the geometry, with the given `density`."""
     density: Positive = 1000.0
     """Density of links whose inertia is estimated [kg/m³]."""
     base: Literal["auto", "fixed", "floating"] = "auto"
-    """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
+    """Whether the root link is fixed to the world. With `auto`, the file and the shape of the robot decide."""
     friction_as_damping: Boolean = False
-    """Add the joints' Coulomb friction, which is left out otherwise, to their viscous damping."""
+    """Add the Coulomb friction of joints, which is left out otherwise, to their viscous damping."""
     xacro_arg: tuple[str, ...] = ()
     """Value of an argument of a xacro file, as in `ur_type:=ur5e`."""
     model: str = ""
-    """Which robot of an MJCF file with several, by the name of its body, or of an SDF file, by that of its model."""
+    """Name of the robot, if a file has several: of its body in an MJCF file, of its model in an SDF file."""
     hand: Path | None = None
-    """A file of a hand, of any kind that is read, which is put on the arm; a relative path starts at the station's."""
+    """File of a hand that is put on the arm, in any format that the import reads. Relative to the station's folder."""
     hand_link: str = ""
     """Link of the arm that carries the hand; its first tool unless given."""
     hand_pose: Pose = ORIGIN
-    """Pose of the hand's root there, [x y z Rz Ry Rx]."""
+    """Pose of the hand's root in that link, [x y z Rz Ry Rx]."""
     gripper: str = ""
     """Name of the joint of the hand's only moving jaw; found by usual names unless given."""
     srdf: Path | None = None
-    """An SRDF of the robot: named postures, home, hands, links that do not mind each other; that of its name beside it,
-    or in `srdf` or `config` next to its folder, unless given."""
+    """SRDF file of the robot, with named postures, hands, and links whose contacts are ignored. Unless given, a file
+    with the name of the robot beside it, or in the folder `srdf` or `config` next to its folder."""
     drop_loops: Boolean = False
-    """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
+    """Leave out joints that close a loop, instead of refusing the robot."""
     couple: Boolean = False
-    """Replace joints that close a loop by couplings of the robot's first station, instead of refusing the robot."""
+    """Replace joints that close a loop by couplings in the robot's first station, instead of refusing the robot."""
 
     @field_validator("packages")
     @classmethod
@@ -91,7 +94,7 @@ CHANGES: dict[EntryKind, str] = {
     "lost": message("robots.changes_lost", "lost"),
     "refused": message("robots.changes_refused", "refused"),
 }
-"""The kinds of entries, as a summary counts them."""
+"""Words for the kinds of entries in the counts of a summary."""
 
 CHANGE: dict[EntryKind, str] = {
     "read": message("robots.change_read", "read"),
@@ -103,28 +106,39 @@ CHANGE: dict[EntryKind, str] = {
     "lost": message("robots.change_lost", "lost"),
     "refused": message("robots.change_refused", "refused"),
 }
-"""The kinds of entries, in front of the text of one entry."""
+"""Words for the kinds of entries in front of the text of one entry."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that was done to one element."""
+    """One thing that an import did to an element of the file.
 
-    # what was done: ``read`` as it was (worth knowing), ``repaired``, ``approximated`` (by a likeness), ``defaulted``
-    # (a figure was made up), ``dropped`` (it does not change the motion), ``open`` (left to the user, such as inertias
-    # that are missing), ``lost`` (the motion is another without it), or ``refused``
+    Attributes:
+        kind: what was done:
+            ``read``: nothing was changed, but the user should know;
+            ``repaired``: a defect was removed;
+            ``approximated``: something similar takes its place;
+            ``defaulted``: a value was missing, and a usual one was taken;
+            ``dropped``: it was left out and does not change the motion;
+            ``open``: the user has to give it, such as a missing inertia;
+            ``lost``: it was left out, and the motion is different without it;
+            ``refused``: the import cannot go on.
+        element: the element, such as ``joint 'elbow' <limit>``; empty for the whole file.
+        text: what was done, in words, with the old and the new value.
+    """
+
     kind: EntryKind
-    element: str  # which element, as in ``joint 'elbow' <limit>``; empty for the whole file
-    text: str  # in words, with the old and the new figure
+    element: str
+    text: str
 
     def as_json(self) -> dict[str, Any]:
-        """Entry for a report file: its English texts, and its messages with their ids, for other languages."""
+        """Convert the entry for a report file: its English texts, and its messages with ids for other languages."""
         messages = {"element": as_data(self.element), "text": as_data(self.text)}
         return {"kind": self.kind, "element": self.element, "text": self.text, "messages": messages}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "Entry":
-        """Entry of a report file. Those of versions before 0.2 have English texts only.
+        """Convert an entry of a report file. Those of versions before 0.2 have English texts only.
 
         Raises:
             LookupError: a key is missing.
@@ -136,30 +150,35 @@ class Entry:
 
 @dataclass
 class ImportReport:
-    """All that an import did, in the order it was done."""
+    """Report of everything that an import did.
 
-    source: Path  # the file that was imported
+    Attributes:
+        source: the file that was imported.
+        entries: what was done, in this order.
+    """
+
+    source: Path
     entries: list[Entry] = field(default_factory=list)
 
     def add(self, kind: EntryKind, element: str, text: str) -> None:
-        """Note one thing that was done."""
+        """Add an entry; see :class:`Entry` for its fields."""
         self.entries.append(Entry(kind, element, text))
 
     def refusal(self, element: str, problem: str) -> InvalidModel:
-        """Return the error for what can't be repaired; it names file and element."""
+        """Make the error for a problem that cannot be repaired. It names the file and the element."""
         return InvalidModel(self.source, element, problem)
 
     def of(self, kind: EntryKind) -> list[Entry]:
-        """Return the entries of one kind."""
+        """List the entries of one kind."""
         return [entry for entry in self.entries if entry.kind == kind]
 
     @property
     def changed(self) -> bool:
-        """Whether anything of the source is different in the result."""
+        """Whether the result differs from the source in anything."""
         return any(entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost") for entry in self.entries)
 
     def summary(self) -> str:
-        """Return the counts in one line, as in ``3 repaired, 6 defaulted``."""
+        """Write the counts of entries in one line, such as ``3 repaired, 6 defaulted``."""
         counts = Counter(entry.kind for entry in self.entries)
         parts = [
             compound("{count} {changes}", count=counts[kind], changes=CHANGES[kind])
@@ -169,7 +188,7 @@ class ImportReport:
         return join_texts(parts) if parts else message("robots.nothing_to_repair", "nothing to repair")
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is written to the report file."""
+        """Convert the report to the content of a report file."""
         return {
             "source": str(self.source),
             "summary": self.summary(),

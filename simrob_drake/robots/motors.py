@@ -1,17 +1,18 @@
-r"""The motors of a robot's joints as their makers publish them: what torque they have at what speed, and for how long.
+r"""The motors of a robot's joints as their makers publish them: the torque at each speed, and for how long.
 
-All figures are of the output, behind the gear, unless its efficiency is told: torques are then before it. A
-direct-current motor on a voltage has the torque
+All values are those of the output, behind the gear. If a motor gives the efficiency of its gear, its torques are
+those before the gear. A direct-current motor at a fixed voltage has a torque within
 
 .. math::
     -\tau_s - D v \le \tau \le \tau_s - D v, \qquad D = \tau_s / v_0,
 
-with the stall torque :math:`\tau_s` and the no-load speed :math:`v_0`, which both grow with the voltage. Faster than
-that it brakes. Where its current is limited below that of the stall, :math:`|\tau| \le \tau_p`, too.
+with the stall torque :math:`\tau_s`, the no-load speed :math:`v_0` and the speed v. Both values are in proportion to
+the voltage. Above its no-load speed the motor brakes. If its current is limited, so is its torque:
+:math:`|\tau| \le \tau_p`.
 
-A supply of resistance R falls by :math:`R I` with the motor's own current, which is in proportion to its torque. With
-the current :math:`I_s` at the stall on the voltage U, that leaves the no-load speed, and of the stall torque
-:math:`\tau_s / (1 + R I_s / U)`.
+The voltage of a supply with the resistance R falls by :math:`R I`, where I is the motor's own current, which is in
+proportion to its torque. With the stall current :math:`I_s` at the voltage U, the no-load speed stays the same and the
+stall torque becomes :math:`\tau_s / (1 + R I_s / U)`.
 """
 
 import xml.etree.ElementTree as ET
@@ -29,121 +30,158 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
-from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of, set_inertia, written
+from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copy_of, format_number, name_of, set_inertia
 
-MOTORS_FILE = "motors.yaml"  # the motors that have names, in the folder of models
-OF_URDF, NO_MOTOR = "urdf", "none"
-"""A motor with the URDF's effort as stall torque and its velocity as no-load speed; and a servo without a motor."""
+MOTORS_FILE = "motors.yaml"
+"""Name of the file with the motors that have names, in the folder of models."""
+
+OF_URDF = "urdf"
+"""Name of the motor whose stall torque is the URDF's effort limit, and whose no-load speed is its velocity limit."""
+
+NO_MOTOR = "none"
+"""Name under which a servo has no motor."""
 
 
 class Motor(Strict):
-    """A motor with its gear; figures of its output, at ``voltage``. Those that are left out are not known."""
+    """A motor with its gear. Its values are those of the output, at ``voltage``. Any of them may be left out."""
 
     model: str | None = None
-    """A motor by name, whose figures hold where no others are given."""
+    """Name of a known motor, which gives the values that are left out here."""
     source: str = ""
-    """Where the figures are from, and which are estimates."""
+    """Source of the values, and which of them are estimates."""
     stall_torque: Positive | None = None
-    """τ_s, at rest [N·m, or N of an axis that slides]."""
+    """Torque τ_s at rest [N·m, or N for a sliding axis]."""
     no_load_speed: Positive | None = None
-    """v_0, at which none is left [rad/s or m/s]."""
+    """Speed v_0 at which no torque is left [rad/s or m/s]."""
     voltage: Positive | None = None
-    """At which these two hold [V]."""
+    """Voltage at which stall torque and no-load speed are given [V]."""
     supply: Positive | None = None
-    """What it is supplied with under load [V]: both grow with it. As `voltage` unless given."""
+    """Voltage of the supply under load [V]. Stall torque and no-load speed are in proportion to it. Equal to `voltage`
+    unless given."""
     stall_current: Positive | None = None
-    """I_s, at rest on `voltage` [A]."""
+    """Current I_s at rest, at `voltage` [A]."""
     supply_resistance: NotNegative = 0.0
-    """R of battery and cables, by which the supply falls with the motor's own current [ohm]; n times as much where n
-    motors pull at once."""
+    """Resistance R of battery and cables [ohm]. The voltage falls by R times the motor's own current. If n motors are
+    loaded at once, give n times the resistance."""
     gear_efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Part of the torque that the gear hands on, where the torques here are before it; losses are not in reverse."""
+    """Share of the torque that the gear passes on, if the torques here are those before the gear. Losses of a gear that
+    is driven from its output are not modelled."""
     peak_torque: Positive | None = None
-    """τ_p, by its current [N·m or N]; the stall torque unless given."""
+    """Torque τ_p at the largest current [N·m or N]; the stall torque unless given."""
     rated_torque: Positive | None = None
-    """What it may give forever [N·m or N]."""
+    """Torque that the motor can give without end [N·m or N]."""
     thermal_time: Positive = 30.0
-    """Time constant with which it gets warm [s]."""
+    """Time constant with which the motor gets warm [s]."""
     rotor_inertia: NotNegative | None = None
-    """Of the rotor, about its own axis [kg m²]; where gear_ratio is 1, at the output. Of the robot's `drives`."""
+    """Inertia of the rotor about its own axis [kg m²]; with a gear ratio of 1, at the output. As in the robot's
+    `drives`."""
     gear_ratio: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
-    """Speed of the rotor over that of the output. Of the robot's `drives`."""
+    """Speed of the rotor divided by that of the output. As in the robot's `drives`."""
     damping: NotNegative | None = None
-    """Viscous friction [N·m·s/rad]. Of the robot's `drives`."""
+    """Viscous friction [N·m·s/rad]. As in the robot's `drives`."""
     friction: NotNegative | None = None
-    """Coulomb friction [N·m]. Of the robot's `drives`."""
+    """Coulomb friction [N·m]. As in the robot's `drives`."""
     backlash_deg: NotNegative | None = None
-    """Play of the gear in all [deg]. Of the robot's `drives`."""
+    """Play of the gear from end to end [deg]. As in the robot's `drives`."""
     resolution_deg: NotNegative | None = None
-    """Step of its encoder [deg]. Of sensors `encoders`."""
+    """Step of the encoder [deg]. As in sensors of the kind `encoders`."""
 
     @property
     def line(self) -> tuple[float, float]:
-        """The stall torque [N·m] and the no-load speed [rad/s] on its supply."""
+        """Stall torque [N·m or N] and no-load speed [rad/s or m/s] at the voltage of the supply.
+
+        The motor must have both values.
+        """
         assert self.stall_torque is not None
         assert self.no_load_speed is not None
+        # Without a voltage the values hold as they are, so any number would do for it.
         voltage = self.voltage or 1.0
-        share = (self.supply or voltage) / voltage
-        left = 1.0 / (1.0 + self.supply_resistance * (self.stall_current or 0.0) / voltage)
-        return share * left * self.stall_torque, share * self.no_load_speed
+        supply_share = (self.supply or voltage) / voltage
+
+        # τ_s / (1 + R I_s / U), see the module
+        voltage_drop_at_stall = self.supply_resistance * (self.stall_current or 0.0)
+        torque_share = 1.0 / (1.0 + voltage_drop_at_stall / voltage)
+        stall_torque = supply_share * torque_share * self.stall_torque
+        no_load_speed = supply_share * self.no_load_speed
+        return stall_torque, no_load_speed
 
     @property
     def at_output(self) -> "Motor":
-        """The same motor, its torques behind its gear."""
-        torques = {key: getattr(self, key) for key in ("stall_torque", "peak_torque", "rated_torque")}
-        own = {key: self.gear_efficiency * value for key, value in torques.items() if value is not None}
-        return self.model_copy(update={**own, "gear_efficiency": 1.0})
+        """The same motor with its torques behind the gear, and a gear efficiency of 1."""
+        update: dict[str, float] = {"gear_efficiency": 1.0}
+        for key in ("stall_torque", "peak_torque", "rated_torque"):
+            torque = getattr(self, key)
+            if torque is not None:
+                update[key] = self.gear_efficiency * torque
+        return self.model_copy(update=update)
 
 
 class CommandBusConfig(Strict):
-    """The bus over which servos get their commands, from without."""
+    """The bus over which an external computer commands the servos."""
 
     rate: Annotated[Number, Field(gt=0, le=10_000)] = 100.0
-    """How often they get one [Hz]; they hold it in between."""
+    """Commands per second [Hz]. A servo holds each command until the next one."""
     latency: Annotated[NotNegative, Field(le=1)] = 0.0
-    """How late it is [s], to the nearest of these samples."""
+    """Delay of a command [s], rounded to whole samples of `rate`."""
     resolution_deg: NotNegative | None = None
-    """Step from one position that can be commanded to the next [deg, or m where an axis slides]; 0 for none. That of
-    the motors' encoders unless given."""
+    """Step between positions that can be commanded [deg, or m for a sliding axis]; 0 for no steps. The step of the
+    motors' encoders unless given."""
 
     @property
     def delay(self) -> int:
-        """Samples by which commands are late: the latency, rounded to whole samples."""
+        """Delay of a command in samples: the latency, rounded to whole samples."""
         return round(self.latency * self.rate)
 
 
 def _kind(choice: Any) -> str:
+    """Recognise how a user gives motors: the "name" of one, the "values" of one, or a mapping by "axes"."""
     if isinstance(choice, str):
         return "name"
+    if isinstance(choice, Motor):
+        return "values"
     keys = choice.keys() if isinstance(choice, Mapping) else ()
-    return "figures" if isinstance(choice, Motor) or any(key in Motor.model_fields for key in keys) else "axes"
+    has_values = any(key in Motor.model_fields for key in keys)
+    return "values" if has_values else "axes"
 
 
 _OneMotor = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Motor, Tag("figures")],
-    Discriminator(lambda choice: "name" if isinstance(choice, str) else "figures"),
+    Annotated[str, Tag("name")] | Annotated[Motor, Tag("values")],
+    Discriminator(lambda choice: "name" if isinstance(choice, str) else "values"),
 ]
 Motors = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Motor, Tag("figures")] | Annotated[dict[str, _OneMotor], Tag("axes")],
+    Annotated[str, Tag("name")] | Annotated[Motor, Tag("values")] | Annotated[dict[str, _OneMotor], Tag("axes")],
     Discriminator(_kind),
 ]
-"""A motor for all axes, by name or by its figures, or a mapping of such by axis name or alias."""
+"""One motor for all axes, or a mapping of motors by axis name or alias. A motor is given by its name or its values."""
 
 
 @cache
 def known_motors() -> Mapping[str, Motor]:
-    """Return the motors that have names."""
+    """Read the motors that have names, by name."""
     file = models_root() / MOTORS_FILE
     return {name: validated(Motor, content, file) for name, content in read_yaml(file).items()}
 
 
 def rated_torques(motors: Iterable[Motor | None]) -> Vector:
-    """Return what n motors may give forever, shape (n,) [N·m or N]; infinite where nothing is told."""
-    return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in motors])
+    """Return the rated torques of n motors, shape (n,) [N·m or N].
+
+    The torque of an axis without a motor, or of a motor without a rated torque, is infinite.
+    """
+    torques = []
+    for motor in motors:
+        rated = None if motor is None else motor.rated_torque
+        torques.append(np.inf if rated is None else rated)
+    return np.array(torques)
 
 
-PLAY = "_play"  # how the joints end, after the names of their motors' sides, between which links are free
-_GEAR_MASS, _GEAR_INERTIA = 1e-3, 1e-7  # kg, kg m²: cenic takes no body without any
+PLAY = "_play"
+"""End of the name of a joint that stands for the play of a gear, after the name of the motor's joint."""
+
+_GEAR_MASS = 1e-3
+"""Mass of the link between a motor and a gear with play [kg]. The solver cenic takes no body without mass."""
+
+_GEAR_INERTIA = 1e-7
+"""Moments of inertia of that link [kg m²]."""
 
 _Figure = Annotated[
     AxisValues,
@@ -158,64 +196,87 @@ _Ratio = Annotated[
 
 
 class Drives(Strict):
-    """Motors, gears and friction of a robot's joints, per axis. What is not given comes from its URDF.
+    """Motors, gears and friction of a robot's joints, for each axis. A value that is not given is that of the URDF.
 
-    A joint feels the inertia of its rotor times the square of its gear ratio. Friction is d v + c sat(v / v_s), viscous
-    and Coulomb's: below the speed v_s the second is proportional to v, so what it holds creeps.
+    A joint has the inertia of its rotor times the square of its gear ratio. Its friction at the speed v is
+
+        d v + c sat(v / v_s)
+
+    which is viscous and Coulomb friction. Below the speed v_s Coulomb friction is proportional to v, so a joint that is
+    held by friction alone creeps.
     """
 
     rotor_inertia: _Figure | None = None
-    """Of the motor, about its own axis [kg m²; kg of one that slides]; `drake:rotor_inertia` of a URDF."""
+    """Inertia of the motor's rotor about its own axis [kg m², or kg for a sliding axis]; `drake:rotor_inertia` of the
+    URDF unless given."""
     gear_ratio: _Ratio | None = None
-    """Speed of the motor over that of the joint; `drake:gear_ratio` of a URDF, or 1."""
+    """Speed of the motor divided by that of the joint; `drake:gear_ratio` of the URDF, or 1, unless given."""
     damping: _Figure | None = None
-    """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of a URDF's `dynamics`."""
+    """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of the URDF's `dynamics` unless given."""
     friction: _Figure | None = None
-    """Coulomb friction c at the joint [N·m or N]; `friction` of a URDF's `dynamics`."""
+    """Coulomb friction c at the joint [N·m or N]; `friction` of the URDF's `dynamics` unless given."""
     friction_speed: Annotated[Number, Field(ge=1e-6)] = 0.01
-    """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
-    tenth of it."""
+    """Speed v_s below which Coulomb friction is proportional to speed [rad/s or m/s]. With a tenth of the default,
+    solvers with loose tolerances repeat many steps."""
     backlash_deg: _Figure | None = None
-    """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
-    those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
+    """Angle by which the link can move against its motor, from end to end [deg, or m]. Its ends are stops like those of
+    joints. Positions are those of the motor. Only dynamic stations have backlash, and it needs a rotor_inertia."""
 
 
 def set_drives(robot: ET.Element, key: str, values: Mapping[str, float]) -> None:
-    """Write figures of drives into a checked URDF, by joint.
+    """Write one value of the drives into a checked URDF, in place.
 
-    They are ``rotor_inertia`` or ``gear_ratio``, which Drake reads in actuators, ``damping`` or ``friction``.
+    Args:
+        robot: the URDF.
+        key: ``rotor_inertia`` or ``gear_ratio``, which Drake reads from actuators; ``damping`` or ``friction``, which
+            belong to the joint.
+        values: the value of each joint, by the joint's name. Other joints keep theirs.
     """
     if key in ("damping", "friction"):
         for joint in robot.iterfind("joint"):
             if name_of(joint) in values:
-                child_of(joint, "dynamics").set(key, written(values[name_of(joint)]))
+                child_of(joint, "dynamics").set(key, format_number(values[name_of(joint)]))
         return
-    for drive in robot.iterfind("transmission"):
-        for driven in drive.iterfind("joint"):
-            if name_of(driven) in values:
-                gear = child_of(child_of(drive, "actuator"), f"{DRAKE}{key}")
-                gear.set("value", written(values[name_of(driven)]))
+    for transmission in robot.iterfind("transmission"):
+        for joint in transmission.iterfind("joint"):
+            if name_of(joint) in values:
+                actuator = child_of(transmission, "actuator")
+                child_of(actuator, f"{DRAKE}{key}").set("value", format_number(values[name_of(joint)]))
 
 
 def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
-    """Let links move freely against the motors of their joints, by ``play`` in all [rad or m], in place.
+    """Add play between motors and links to a URDF, in place.
 
-    The joint itself is the motor's side, its link a gear of a gram; ``<joint>_play`` follows, between its stops.
+    A joint with play becomes two joints in a row. The joint itself is that of the motor and moves a light link, the
+    gear. A second joint, ``<joint>_play``, carries the original link and moves freely between two stops.
+
+    Args:
+        robot: the URDF.
+        play: play from end to end, by the name of the joint [rad or m]. Joints with a play of 0 stay as they are.
     """
-    for joint in [joint for joint in robot.iterfind("joint") if play.get(name_of(joint), 0.0) > 0]:
-        name, child = name_of(joint), child_of(joint, "child")
-        gear, half = ET.SubElement(robot, "link", name=f"{name}_gear"), play[name] / 2
+    loose_joints = [joint for joint in robot.iterfind("joint") if play.get(name_of(joint), 0.0) > 0]
+    for joint in loose_joints:
+        name = name_of(joint)
+        child = child_of(joint, "child")
+        gear = ET.SubElement(robot, "link", name=f"{name}_gear")
         set_inertia(gear, mass=_GEAR_MASS, moments=[_GEAR_INERTIA] * 3, pose=RigidTransform())
-        ends = {"parent": name_of(gear), "child": child.get("link", "")}
-        kind = "prismatic" if joint.get("type") == "prismatic" else "revolute"
-        loose = add_joint(robot, name + PLAY, kind=kind, pose=RigidTransform(), **ends)
-        loose.extend(map(copied, joint.findall("axis")))
-        ET.SubElement(loose, "limit", lower=written(-half), upper=written(half), effort="0")
+
+        play_joint = add_joint(
+            robot,
+            name + PLAY,
+            kind="prismatic" if joint.get("type") == "prismatic" else "revolute",
+            pose=RigidTransform(),
+            parent=name_of(gear),
+            child=child.get("link", ""),
+        )
+        play_joint.extend(map(copy_of, joint.findall("axis")))
+        half = play[name] / 2
+        ET.SubElement(play_joint, "limit", lower=format_number(-half), upper=format_number(half), effort="0")
         child.set("link", name_of(gear))
 
 
 class Gains(Strict):
-    """Servo gains that a robot brings along; a station may set others."""
+    """Servo gains and motors in a robot's file. A station may set others."""
 
     kp: AxisValues | None = None
     """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
@@ -224,8 +285,8 @@ class Gains(Strict):
     kd: AxisValues | None = None
     """Derivative gain [N·m·s/rad or N·s/m]."""
     motor: Motors | None = None
-    """Its motors, as in a station's `servo`."""
+    """Motors of the joints, as in a station's `servo`."""
     passive: list[str] | None = None
-    """Axes without a motor, which move freely; those whose joints have no motor in the URDF unless given."""
+    """Axes without a motor, which move freely; the axes whose joints have no motor in the URDF unless given."""
     torque_limit: AxisValues | None = None
     """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""

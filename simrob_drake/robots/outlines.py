@@ -1,4 +1,7 @@
-"""Points that stand for a shape that collides: its corners, its lowest ones, those that are farthest out."""
+"""Points of a collision shape: its corners, its lowest points, and the points that are farthest out.
+
+Curved shapes have no corners. Of these, points are computed for a given direction.
+"""
 
 from itertools import product
 
@@ -19,55 +22,96 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import Vector
 
-_RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
-_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
-_TURNS = [  # which bring each of 26 directions down
-    RigidTransform(RotationMatrix.MakeFromOneVector(-np.array(way), 2).inverse(), np.zeros(3))
-    for way in product((-1.0, 0.0, 1.0), repeat=3)
-    if any(way)
-]
+_RIM_ANGLES = np.arange(16) * np.pi / 8
+"""Angles of the points that represent the rim of a cylinder [rad]."""
+
+_CORNER_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
+"""Signs of the coordinates of a box's corners, shape (8, 3)."""
+
+
+def _turns_that_point_down() -> list[RigidTransform]:
+    """Make rotations that turn each of 26 directions downwards: to the faces, edges and corners of a cube."""
+    turns = []
+    for direction in product((-1.0, 0.0, 1.0), repeat=3):
+        if not any(direction):
+            continue
+        # Of a frame whose z axis (2) points against the direction. Its inverse turns the direction to -z.
+        frame = RotationMatrix.MakeFromOneVector(-np.array(direction), 2)
+        turns.append(RigidTransform(frame.inverse(), np.zeros(3)))
+    return turns
+
+
+_TURNS = _turns_that_point_down()
 
 
 def shape_outline(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
-    """Return points of a convex shape that are farthest out, in the frame of what it belongs to, shape (k, 3) [m]."""
-    pose, corners = inspector.GetPoseInFrame(shape_id), shape_corners(inspector, shape_id)
+    """Compute points on the surface of a convex shape that show its extent.
+
+    Args:
+        inspector: inspector of the scene graph.
+        shape_id: the shape.
+
+    Returns:
+        the corners or, of a curved shape, its outermost points in 26 directions, in the frame to which the shape is
+        fixed, shape (k, 3) [m].
+    """
+    pose = inspector.GetPoseInFrame(shape_id)
+    corners = shape_corners(inspector, shape_id)
     if len(corners):
         return np.asarray((pose @ corners.T).T)
     shape = inspector.GetShape(shape_id)
-    points = [(turn.inverse() @ lowest_points(shape, turn @ pose, corners).T).T for turn in _TURNS]
+    points = []
+    for turn in _TURNS:
+        # The outermost points in a direction are the lowest ones of the shape that is turned with it.
+        lowest = lowest_points(shape, turn @ pose, corners)
+        points.append((turn.inverse() @ lowest.T).T)
     return np.vstack(points)
 
 
 def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
-    """Return points of a convex shape at a pose, of which one is its lowest, shape (k, 3) [m].
+    """Compute points of a convex shape at a pose, one of which is its lowest point.
 
-    What is no sphere, cylinder, capsule or ellipsoid is described by its ``corners`` in its frame, shape (m, 3) [m].
+    Args:
+        shape: the shape.
+        pose: pose of the shape in the world.
+        corners: corners in the frame of the shape, shape (m, 3) [m], for shapes other than spheres, cylinders, capsules
+            and ellipsoids.
+
+    Returns:
+        the points in the world, shape (k, 3) [m].
     """
     up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
     match shape:
         case Sphere():
             points = -shape.radius() * up[np.newaxis]
         case Ellipsoid():
+            # With the semi-axes A = diag(a, b, c), the point farthest along u is A² u / |A u|.
             axes = np.array([shape.a(), shape.b(), shape.c()])
             points = -(axes**2 * up / np.linalg.norm(axes * up))[np.newaxis]
         case Capsule():
-            ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
-            points = ends - shape.radius() * up
+            centres = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
+            points = centres - shape.radius() * up
         case Cylinder():
-            turns = np.arctan2(-up[1], -up[0]) + _RIM  # the first is the lowest of the rim
-            rim = shape.radius() * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
-            middle = np.array([0.0, 0.0, shape.length() / 2])
-            points = np.vstack([rim - middle, rim + middle])
+            # Angles about the axis. The first one points down, so that the lowest point of a rim is exact.
+            angles = np.arctan2(-up[1], -up[0]) + _RIM_ANGLES
+            circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
+            rim = shape.radius() * circle
+            half_axis = np.array([0.0, 0.0, shape.length() / 2])
+            points = np.vstack([rim - half_axis, rim + half_axis])
         case _:
             points = corners
     return np.asarray((pose @ points.T).T)
 
 
 def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
-    """Return the corners of a box or a mesh's convex hull in the shape's frame, (m, 3) [m]; none of other shapes."""
+    """Compute the corners of a box, or of the convex hull of a mesh.
+
+    Returns:
+        the corners in the frame of the shape, shape (m, 3) [m]; no rows for other shapes.
+    """
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Box):
-        return np.asarray(_SIGNS * shape.size() / 2)
+        return np.asarray(_CORNER_SIGNS * shape.size() / 2)
     if isinstance(shape, Mesh | Convex):
         hull = inspector.GetConvexHull(shape_id)
         return np.array([hull.vertex(index) for index in range(hull.num_vertices())])

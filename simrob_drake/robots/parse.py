@@ -1,6 +1,6 @@
-"""From a URDF to a model instance of a plant, with Drake's complaints as errors that name the file.
+"""Add a URDF to a plant. Problems that Drake finds become errors that name the file.
 
-The plant is a station's, or one of the robot alone: for what can be said or shown of it without any station.
+The plant is that of a station, or a plant of the robot alone, which serves kinematics, checks and pictures of robots.
 """
 
 import re
@@ -22,31 +22,40 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.urdf import copied, drop_collision, with_absolute_meshes
+from simrob_drake.robots.urdf import copy_of, drop_collision, with_absolute_meshes
 
 
 def add_urdf(
     plant: MultibodyPlant, robot: ET.Element, *, name: str, where: Path | str, collision: bool = True
 ) -> ModelInstanceIndex:
-    """Add a robot to a plant, links that are rigidly joined as one body; each keeps a frame of its name.
+    """Add a robot to a plant. Links that are fixed to each other become one body; each keeps a frame of its name.
 
-    The plant is not finalized; the ``robot`` element is checked, its mesh names absolute, and it is not changed.
-    ``name`` stands before the model's own, ``collision`` keeps its shapes. Raises InvalidModel, called ``where``: Drake
-    cannot read it.
+    Args:
+        plant: the plant, not finalized.
+        robot: a checked URDF with absolute names of meshes. It is not changed.
+        name: prefix of the model instance's name.
+        where: file of the robot, for messages.
+        collision: whether the robot gets its collision shapes.
+
+    Raises:
+        InvalidModel: Drake cannot read the robot.
     """
-    reduced = copied(robot)
+    reduced = copy_of(robot)
     if not collision:
         drop_collision(reduced)
     for actuator in reduced.iterfind("transmission/actuator"):
-        for gear in actuator.findall("mechanicalReduction"):  # Drake does not heed it, and says so of each
+        # Drake ignores this element, and warns of each one.
+        for gear in actuator.findall("mechanicalReduction"):
             actuator.remove(gear)
     for dynamics in reduced.iterfind("joint/dynamics"):
-        dynamics.attrib.pop("friction", None)  # nor this, which RobotModel.friction tells
+        # So it does with friction, which a station adds by a block of its own.
+        dynamics.attrib.pop("friction", None)
     merge_fixed_links(reduced)
     parser = Parser(plant, model_name_prefix=name)
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
+        # Drake names the place in the text, which the user has never seen.
         text = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
         raise InvalidModel(
             where, "", message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text)
@@ -54,10 +63,19 @@ def add_urdf(
 
 
 def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:
-    """Return a plant of a robot alone, and its root, which stands at the world's origin.
+    """Make a plant of a robot alone, whose root is fixed to the world at its origin.
 
-    It has no shapes, so no mesh is looked for. ``element`` is its URDF with what it carries; its own unless given.
-    Raises InvalidModel: a URDF that Drake cannot read.
+    The plant has no shapes, so that files of meshes are not read.
+
+    Args:
+        model: the robot.
+        element: URDF of the robot with the pieces that it carries; the robot's own URDF unless given.
+
+    Returns:
+        the finalized plant, and the frame of the robot's root.
+
+    Raises:
+        InvalidModel: Drake cannot read the URDF.
     """
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))
@@ -71,29 +89,47 @@ def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[Mu
 
 @dataclass(frozen=True)
 class LoneRobot:
-    """A robot's finalized plant, in a diagram that is still open."""
+    """The finalized plant of a robot alone, in a diagram that is not built yet.
 
-    builder: DiagramBuilder  # owns plant and scene graph; keep it as long as them
+    Attributes:
+        builder: builder of the diagram. It owns the plant and the scene graph, so keep it as long as these.
+        plant: the plant.
+        scene_graph: the scene graph.
+        instance: model instance of the robot.
+        joints: joints of the axes, in order.
+        axes: places of the axes in the plant, and their senses.
+    """
+
+    builder: DiagramBuilder
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
-    joints: list[Joint]  # of the axes, in order
-    axes: AxisMap  # where they stand in the plant, and their senses
+    joints: list[Joint]
+    axes: AxisMap
 
     def origins(self) -> Vector:
-        """Return where the links are at the default posture, shape (m, 3) [m]."""
+        """Compute the origins of the m bodies at the default posture, shape (m, 3) [m], without that of the world."""
         context = self.plant.CreateDefaultContext()
         bodies = [self.plant.get_body(BodyIndex(index)) for index in range(1, self.plant.num_bodies())]
         return np.array([self.plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies])
 
     @property
     def size(self) -> float:
-        """The largest extent of the links' origins at the default posture [m]."""
+        """Largest extent of the bodies' origins along x, y or z at the default posture [m]."""
         return float(np.max(np.ptp(self.origins(), axis=0)))
 
 
 def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = True) -> LoneRobot:
-    """Build a robot alone, at home by default, held unless ``floating``; raises InvalidModel: Drake cannot build it."""
+    """Build the plant of a robot alone. Its default posture is its home posture.
+
+    Args:
+        robot: the robot.
+        floating: whether the root moves freely. Otherwise it is fixed to the world.
+        collision: whether the robot gets its collision shapes.
+
+    Raises:
+        InvalidModel: Drake cannot read the robot, or a mesh is missing.
+    """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     element = with_absolute_meshes(robot.element, robot.folder)

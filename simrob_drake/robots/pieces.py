@@ -1,4 +1,8 @@
-"""Work objects, tools and loads: rigid bodies with mass, named frames, colour and shapes, perhaps filled evenly."""
+"""Pieces: work objects, tools and loads. A piece is a rigid body with a mass, named frames, a colour and shapes.
+
+A piece is read from a file ``piece.yaml``, and written as a link of a URDF. The file may give the mass and the inertia,
+or a density from which they follow.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -41,44 +45,65 @@ from simrob_drake.robots.urdf import (
     add_joint,
     add_solid,
     mesh_file,
+    name_of,
     pose_of,
     set_inertia,
+    six_moments,
 )
 
-_NOTHING = 1e-12  # products of inertia smaller than this part of the largest moment are rounding
+_NOTHING = 1e-12
+"""Share of the largest moment of inertia below which a product of inertia is a rounding error."""
 
 
 @dataclass(frozen=True)
 class SolidInertia:
-    """What follows from a body's form alone."""
+    """Volume, centre and moments of a body with an even density.
 
-    volume: float  # [m³], positive
-    centre: Vector  # of mass, shape (3,) [m]
-    moments: Vector  # about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵]
+    Attributes:
+        volume: the volume, positive [m³].
+        centre: the centre of mass, shape (3,) [m].
+        moments: moments of inertia about the centre for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵].
+    """
+
+    volume: float
+    centre: Vector
+    moments: Vector
 
 
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
-    """Return the figures of bodies, at least one, as one; where two overlap, both count.
+    """Compute volume, centre and moments of several solids as one body.
 
-    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull. Raises
-    InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
+    Where two solids overlap, both count.
+
+    Args:
+        solids: the solids, at least one.
+        closed: whether every mesh must enclose a volume. If not, a mesh that does not counts as its convex hull.
+
+    Raises:
+        InvalidModel: Drake cannot read a mesh, or a mesh must enclose a volume and does not.
     """
-    own = [
-        _mesh_inertia(solid.shape, solid.scale, closed, file_state(solid.shape))
-        if isinstance(solid.shape, Path)
-        else CalcSpatialInertia(solid.shape, 1.0)
-        for solid in solids
-    ]
-    parts = [inertia.ReExpress(solid.pose.rotation()) for inertia, solid in zip(own, solids, strict=True)]
-    volumes = np.array([part.get_mass() for part in parts])
-    centres = np.array([s.pose.translation() + part.get_com() for s, part in zip(solids, parts, strict=True)])
+    # With a density of 1 kg/m³, the mass is the volume.
+    inertias = []
+    origins = np.array([solid.pose.translation() for solid in solids])
+    for solid in solids:
+        if isinstance(solid.shape, Path):
+            inertia = _mesh_inertia(solid.shape, solid.scale, closed, file_state(solid.shape))
+        else:
+            inertia = CalcSpatialInertia(solid.shape, 1.0)
+        # In the axes of the body, still about the origin of the solid.
+        inertias.append(inertia.ReExpress(solid.pose.rotation()))
+
+    volumes = np.array([inertia.get_mass() for inertia in inertias])
+    centres = origins + np.array([inertia.get_com() for inertia in inertias])
     centre = volumes @ centres / volumes.sum()
-    about_centre = [
-        part.Shift(centre - solid.pose.translation()).CalcRotationalInertia().CopyToFullMatrix3()
-        for solid, part in zip(solids, parts, strict=True)
-    ]
-    moments = np.sum(about_centre, axis=0)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return SolidInertia(float(volumes.sum()), centre, np.where(abs(moments) < _NOTHING * moments.max(), 0.0, moments))
+
+    about_centre = []
+    for inertia, origin in zip(inertias, origins, strict=True):
+        shifted = inertia.Shift(centre - origin)
+        about_centre.append(shifted.CalcRotationalInertia().CopyToFullMatrix3())
+    moments = six_moments(np.sum(about_centre, axis=0))
+    is_rounding = abs(moments) < _NOTHING * moments.max()
+    return SolidInertia(volume=float(volumes.sum()), centre=centre, moments=np.where(is_rounding, 0.0, moments))
 
 
 @lru_cache(maxsize=64)
@@ -120,18 +145,29 @@ def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | Non
 
 
 def _is_closed(file: Path) -> bool:
-    """Return whether every edge of an OBJ mesh has a face on either side, and the faces look outwards."""
+    """Whether an OBJ mesh encloses a volume. Other files count as open.
+
+    Every edge of such a mesh has a face on either side, and its faces look outwards: the corners of a face are in
+    counterclockwise order, seen from outside.
+    """
     if file.suffix.lower() != ".obj":
         return False
     surface = ReadObjToTriangleSurfaceMesh(str(file))
     faces = np.array([[face.vertex(corner) for corner in range(3)] for face in surface.triangles()])
     points = np.array(surface.vertices())
-    if faces.max() >= len(points):  # a face of points that are not there, which Drake lets pass
+    # Drake does not refuse a face whose points do not exist.
+    if faces.max() >= len(points):
         return False
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+    # The volume is a sixth of the sum of a · (b × c) over the faces. It is negative if the faces look inwards.
     a, b, c = points[faces.T]
-    inside_out = np.einsum("ij,ij->", a, np.cross(b, c)) <= 0
-    return not inside_out and np.array_equal(_sorted_rows(edges), _sorted_rows(edges[:, ::-1]))
+    six_volumes = np.einsum("ij,ij->", a, np.cross(b, c))
+    if six_volumes <= 0:
+        return False
+
+    # The two faces at an edge pass it in opposite directions. So all edges, reversed, must be the same edges again.
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.array_equal(_sorted_rows(edges), _sorted_rows(edges[:, ::-1]))
 
 
 def mesh_sides(file: Path, scale: float) -> tuple[float, ...]:
@@ -155,41 +191,46 @@ def _unscaled_sides(file: Path, state: FileState | None) -> tuple[float, ...]:
 def _sorted_rows(
     rows: np.ndarray[tuple[int, ...], np.dtype[np.int64]],
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """Sort the rows of a matrix, so that two matrices can be compared as sets of rows."""
     return rows[np.lexsort(rows.T)]
 
 
-TCP = "tcp"  # the frame that every piece has
-FORMS = "box", "cylinder", "sphere"
+TCP = "tcp"
+"""Name of the tool centre point, a frame that every piece has."""
 
-_MOST_FRAMES = 1000  # of one series
+FORMS = ("box", "cylinder", "sphere")
+"""Keys of the shapes that are no meshes."""
+
+_MOST_FRAMES = 1000
+"""Largest count of frames of one series."""
 
 
 class PieceShape(Strict):
     """One shape of a piece: exactly one of box, cylinder, sphere and mesh."""
 
     box: tuple[Positive, Positive, Positive] | None = None
-    """Its sides [m]."""
+    """Sides of a box [m]."""
     cylinder: tuple[Positive, Positive] | None = None
-    """Radius and length [m], along z."""
+    """Radius and length of a cylinder along z [m]."""
     sphere: Positive | None = None
-    """Radius [m]."""
+    """Radius of a sphere [m]."""
     mesh: str | None = None
-    """A mesh file in the piece's folder, in a format that Drake reads; in contacts it counts as its convex hull."""
+    """A mesh file in the piece's folder, in a format that Drake reads. In contacts it counts as its convex hull."""
     scale: Positive = 1.0
-    """Of the mesh: 0.001 for one in millimetres."""
+    """Scale of the mesh; 0.001 for a mesh in millimetres."""
     pose: Pose = ORIGIN
-    """In the piece's frame, [x y z Rz Ry Rx]."""
+    """Pose of the shape in the piece's frame, [x y z Rz Ry Rx]."""
     colour: Colour | None = None
-    """Red, green, blue, opacity; the piece's unless given."""
+    """Red, green, blue, opacity; the colour of the piece unless given."""
     name: str | None = None
-    """What sensors call it, `<piece>.<name>`; its number unless given."""
+    """Name of the shape; sensors call it `<piece>.<name>`. Its number unless given."""
     collides: bool = True
-    """Whether it takes part in contact."""
+    """Whether the shape takes part in contact."""
     visible: bool = True
-    """Whether it is seen."""
+    """Whether the shape is drawn."""
 
     def solid(self, folder: Path) -> Solid:
-        """Return the body that fills the shape, in the piece's frame."""
+        """Make the solid of the shape, in the piece's frame. Files of meshes are looked for in a folder."""
         pose = transform_from_pose(self.pose)
         if self.box is not None:
             return Solid(pose, Box(*self.box))
@@ -200,8 +241,10 @@ class PieceShape(Strict):
         return Solid(pose, mesh_file(str(self.mesh), folder), self.scale)
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> "PieceShape":
-        if sum(kind is not None for kind in (self.box, self.cylinder, self.sphere, self.mesh)) != 1:
+    def _check_kind(self) -> "PieceShape":
+        """Check that exactly one kind of shape is given."""
+        kinds = (self.box, self.cylinder, self.sphere, self.mesh)
+        if sum(kind is not None for kind in kinds) != 1:
             raise ValueError(
                 message("robots.one_of_shapes", "a shape has exactly one of box, cylinder, sphere and mesh")
             )
@@ -209,53 +252,54 @@ class PieceShape(Strict):
 
 
 class Repeat(Strict):
-    """How often a frame is repeated, and by which motion in the piece's frame."""
+    """One direction of a series of frames."""
 
     count: Annotated[Integer, Field(ge=1, le=_MOST_FRAMES)]
-    """How many frames there are in this direction."""
+    """Count of frames in this direction."""
     step: Pose
-    """From each to the next, [x y z Rz Ry Rx] in the piece's frame."""
+    """Motion from each frame to the next, [x y z Rz Ry Rx] in the piece's frame."""
 
 
 class FrameSeries(Strict):
-    """Frames at even steps, ``<name>_<i>`` or, in rows and columns, ``<name>_<i>_<j>``, counted from 0."""
+    """Frames at even steps. Their names are ``<name>_<i>``, or ``<name>_<i>_<j>`` in rows and columns, from 0."""
 
     pose: Pose
-    """Of the first, [x y z Rz Ry Rx] in the piece's frame."""
+    """Pose of the first frame, [x y z Rz Ry Rx] in the piece's frame."""
     series: Annotated[tuple[Repeat, ...], Field(min_length=1)]
-    """One step for a row, two for rows and columns."""
+    """One direction for a row, two for rows and columns."""
 
 
 class PieceModel(Strict):
-    """A piece as its ``piece.yaml`` describes it; a station may change any of the figures.
+    """A piece as its ``piece.yaml`` describes it. A station may replace any of the values.
 
-    What is not given of mass, centre of mass and inertia follows from the shapes, evenly filled, where there is a
-    ``density``, or a mass without an inertia (:func:`weighed`).
+    With a ``density``, or with a mass but no inertia, the shapes count as evenly filled: the mass, the centre of mass
+    and the inertia that are not given follow from them (:func:`with_mass_properties`).
     """
 
     folder: Path
-    """Where its file lies, which its meshes start from."""
+    """Folder of the piece's file, from which paths of meshes start."""
     description: str = ""
-    """What it is, in one line."""
+    """Description of the piece in one line."""
     density: Positive | None = None
-    """Of its material [kg/m³], instead of a mass."""
+    """Density of the material [kg/m³], in place of a mass."""
     mass: NotNegative = 0.0
-    """[kg]."""
+    """Mass [kg]."""
     com: Place = (0.0, 0.0, 0.0)
     """Centre of mass, in the piece's frame [m]."""
     inertia: Inertia = (0.0, 0.0, 0.0)
-    """Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""
+    """Moments Ixx Iyy Izz about the centre of mass [kg m²]; six numbers, with Ixy Ixz Iyz, if these are not zero."""
     tcp: Pose = ORIGIN
     """Tool centre point, [x y z Rz Ry Rx] in the piece's frame."""
     frames: dict[str, Pose | FrameSeries] = Field(default_factory=dict)
-    """Further frames by name, in the piece's frame: poses, or series of them."""
+    """Further frames by name: poses in the piece's frame, or series of them."""
     colour: Colour = (0.6, 0.6, 0.65, 1.0)
-    """Red, green, blue, opacity of the shapes that have none of their own."""
+    """Red, green, blue, opacity of the shapes that have no colour of their own."""
     shapes: tuple[PieceShape, ...] = ()
-    """What it is made of: what is seen of it, and what touches others."""
+    """Shapes that are drawn, and that touch other bodies."""
 
     @model_validator(mode="after")
-    def _consistent(self) -> "PieceModel":
+    def _check_values(self) -> "PieceModel":
+        """Check that values do not contradict each other, and that each frame has a name of its own."""
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError(message("robots.mass_or_density", "a piece has either a mass or a density"))
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
@@ -272,18 +316,22 @@ class PieceModel(Strict):
 
     @property
     def frame_poses(self) -> dict[str, Pose]:
-        """Its frames, the tool centre point ``tcp`` first: pose [x y z Rz Ry Rx] in the piece's frame by name."""
+        """Poses of all frames by name, the tool centre point ``tcp`` first: [x y z Rz Ry Rx] in the piece's frame."""
         return dict(self._named_poses())
 
     def _named_poses(self) -> list[tuple[str, Pose]]:
-        named = [(TCP, self.tcp)]
+        """List all frames with their poses, those of series one by one. A name may still be in the list twice."""
+        frames = [(TCP, self.tcp)]
         for name, entry in self.frames.items():
-            named += _series_poses(entry, name) if isinstance(entry, FrameSeries) else [(name, entry)]
-        return named
+            if isinstance(entry, FrameSeries):
+                frames += _series_poses(entry, name)
+            else:
+                frames.append((name, entry))
+        return frames
 
     @property
     def shape_names(self) -> list[str]:
-        """The names of the shapes, in order: their own, or their numbers."""
+        """Names of the shapes, in order. A shape without a name has its number."""
         return [shape.name or str(index) for index, shape in enumerate(self.shapes)]
 
 
@@ -293,8 +341,12 @@ def piece_names() -> list[str]:
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package; raises UnknownName: no such piece."""
-    return model_file("pieces", name) or piece_files()[one_of(message("base.piece", "piece"), name, piece_names())]
+    """Return the file of a piece of the package; raises UnknownName: there is no such piece."""
+    file = model_file("pieces", name)
+    if file is not None:
+        return file
+    # The name is unknown: this raises the error, with the nearest known name.
+    return piece_files()[one_of(message("base.piece", "piece"), name, piece_names())]
 
 
 def described_piece(file: Path) -> PieceModel:
@@ -311,25 +363,46 @@ def described_piece(file: Path) -> PieceModel:
 
 
 def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> PieceModel:
-    """Return a described piece with figures replaced, and all of them filled in.
+    """Replace values of a piece, and compute the mass properties that follow from them.
 
-    A mass replaces a density, and a density the mass; with it go a centre of mass and an inertia that are not changed.
-    Raises InvalidConfig: a figure that cannot be; the message names ``where``; InvalidModel: as for :func:`weighed`.
+    A new mass removes the density. A new density removes the mass, the centre of mass and the inertia, unless they are
+    given as well.
+
+    Args:
+        piece: the piece as its file describes it.
+        changes: new values by key.
+        where: where the changes are written, for messages.
+
+    Raises:
+        InvalidConfig: a new value is not allowed.
+        InvalidModel: see :func:`with_mass_properties`.
     """
-    replaced = {*changes, *(("mass", "com", "inertia") if "density" in changes else ())}
-    replaced |= {"density"} if "mass" in changes else set()
-    kept = {key: value for key, value in piece.model_dump(exclude_unset=True).items() if key not in replaced}
-    return weighed(validated(PieceModel, {**kept, **changes}, where))
+    removed = set(changes)
+    if "density" in changes:
+        removed |= {"mass", "com", "inertia"}
+    if "mass" in changes:
+        removed.add("density")
+    kept = {key: value for key, value in piece.model_dump(exclude_unset=True).items() if key not in removed}
+    return with_mass_properties(validated(PieceModel, {**kept, **changes}, where))
 
 
-def weighed(piece: PieceModel) -> PieceModel:
-    """Return a piece with mass, centre of mass and inertia filled in from its shapes, where they follow from them.
+def with_mass_properties(piece: PieceModel) -> PieceModel:
+    """Compute the mass, the centre of mass and the inertia of a piece from its shapes, unless they are given.
 
-    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count. Raises
-    InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
+    This is done for a piece with a density, and for one with a mass but no inertia. Shapes count as solid, and where
+    two overlap, both count.
+
+    Returns:
+        the piece with these values and without a density; the same piece if nothing is to be computed.
+
+    Raises:
+        InvalidModel: a mesh cannot be read. For a piece with a density: a mesh does not enclose a volume, or the piece
+            has no shapes.
     """
-    stated, shapes = piece.model_fields_set, piece.shapes
-    if piece.density is None and ("inertia" in stated or piece.mass == 0 or not shapes):
+    stated_keys = piece.model_fields_set
+    shapes = piece.shapes
+    needs_no_shapes = "inertia" in stated_keys or piece.mass == 0 or not shapes
+    if piece.density is None and needs_no_shapes:
         return piece
     if not shapes:
         raise InvalidModel(
@@ -339,12 +412,12 @@ def weighed(piece: PieceModel) -> PieceModel:
         )
     whole = solid_inertia([shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None)
     density = piece.density or piece.mass / whole.volume
-    found: dict[str, Any] = {
+    computed: dict[str, Any] = {
         "mass": density * whole.volume,
         "com": tuple(whole.centre.tolist()),
         "inertia": tuple((density * whole.moments).tolist()),
     }
-    update = {key: value for key, value in found.items() if key not in stated}
+    update = {key: value for key, value in computed.items() if key not in stated_keys}
     return piece.model_copy(update={**update, "density": None})
 
 
@@ -364,42 +437,59 @@ def _read_piece(file: Path) -> PieceModel:
 
 @lru_cache(maxsize=64)
 def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...]:
-    found: list[tuple[str, Pose]] = []
-    for places in product(*(range(step.count) for step in series.series)):
+    """Compute the frames of a series, with the name and the pose [x y z Rz Ry Rx] of each."""
+    frames: list[tuple[str, Pose]] = []
+    # The index of a frame has one number for each direction, such as (row, column).
+    for indices in product(*(range(direction.count) for direction in series.series)):
         pose = transform_from_pose(series.pose)
-        for place, step in zip(places, series.series, strict=True):
-            motion, repeated = transform_from_pose(step.step), RigidTransform()
-            for _ in range(place):
-                repeated = motion @ repeated
-            pose = repeated @ pose
+        for index, direction in zip(indices, series.series, strict=True):
+            # The motion of this direction, done as often as the index says, in the fixed axes of the piece.
+            step = transform_from_pose(direction.step)
+            motion = RigidTransform()
+            for _ in range(index):
+                motion = step @ motion
+            pose = motion @ pose
         x, y, z, rz, ry, rx = pose_from_transform(pose).tolist()
-        found.append(("_".join([name, *map(str, places)]), (x, y, z, rz, ry, rx)))
-    return tuple(found)
+        frames.append(("_".join([name, *map(str, indices)]), (x, y, z, rz, ry, rx)))
+    return tuple(frames)
 
 
-FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}  # of all pieces and floors: the contacts of the Simulink library
+FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
+"""Friction of all pieces and floors, by the names of the coefficients in Drake. The Simulink library has the same."""
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:
-    """Add a piece to a robot's URDF, in place, fixed to the link or frame ``parent`` at a pose in it.
+    """Add a piece to a robot's URDF, in place, as a link that is fixed to another link.
 
-    ``name`` is the new link's; its tool centre point is the frame ``<name>_tcp``, its others are ``<name>_<frame>``.
+    Args:
+        robot: the URDF.
+        name: name of the new link. The tool centre point becomes the frame ``<name>_tcp``, any other frame
+            ``<name>_<frame>``.
+        piece: the piece.
+        parent: name of the link or frame that carries the piece.
+        pose: pose of the piece in this link or frame.
     """
-    frame = next((frame for frame in robot.iterfind("frame") if frame.get("name") == parent), None)
-    if frame is not None:
-        parent, pose = frame.get("link", ""), pose_of(frame) @ pose
+    link = parent
+    pose_in_link = pose
+    # Joints connect links, so a frame is replaced by the link to which it belongs.
+    for frame in robot.iterfind("frame"):
+        if name_of(frame) == parent:
+            link = frame.get("link", "")
+            pose_in_link = pose_of(frame) @ pose
+            break
     _add_link(robot, name, piece)
-    add_joint(robot, f"{name}_mount", parent=parent, child=name, pose=pose)
+    add_joint(robot, f"{name}_mount", parent=link, child=name, pose=pose_in_link)
 
 
 def piece_robot(name: str, piece: PieceModel) -> ET.Element:
-    """Return the URDF of a piece that stands alone, with the frames ``<name>_tcp`` and ``<name>_<frame>``."""
+    """Make the URDF of a piece that no robot carries, with the frames ``<name>_tcp`` and ``<name>_<frame>``."""
     robot = ET.Element("robot", name=name)
     _add_link(robot, name, piece)
     return robot
 
 
 def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
+    """Add the link of a piece to a URDF, with its inertia, shapes and frames."""
     link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
         set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))
@@ -409,6 +499,7 @@ def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
             visual = add_solid(link, "visual", f"{name}_{index}", solid)
             add_colour(visual, f"{name}_{index}_colour", shape.colour or piece.colour)
         if shape.collides:
-            add_contact(add_solid(link, "collision", f"{name}.{shape_name}", solid), FRICTION)
+            collision = add_solid(link, "collision", f"{name}.{shape_name}", solid)
+            add_contact(collision, FRICTION)
     for frame, pose in piece.frame_poses.items():
         add_frame(robot, f"{name}_{frame}", name, transform_from_pose(pose))

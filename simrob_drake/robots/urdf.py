@@ -1,6 +1,6 @@
-"""Read a URDF safely, tell what is in it, and write its elements: poses, shapes, inertias, joints and motors.
+"""Read a URDF safely, look up its links and joints, and write its elements.
 
-Lengths are in metres, masses in kg, angles in radians; numbers are written without loss.
+Lengths are in metres, masses in kg, angles in radians. Numbers are written without loss.
 """
 
 import math
@@ -22,17 +22,20 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Attributes of an ``<inertia>``, in the order in which six moments are listed here."""
 
 
-@lru_cache(maxsize=10_000)  # most numbers of a robot are equal to others, such as the zeros of its poses
-def written(value: float) -> str:
+# Most numbers of a robot are equal to others, such as the zeros of its poses.
+@lru_cache(maxsize=10_000)
+def format_number(value: float) -> str:
     """Write a number as short as possible without loss."""
+    # Adding 0 turns -0.0 into 0.0.
     return repr(float(value) + 0.0).removesuffix(".0")
 
 
-def text(values: Iterable[float]) -> str:
-    """Return numbers as one attribute."""
-    return " ".join(map(written, values))
+def format_numbers(values: Iterable[float]) -> str:
+    """Write numbers as the text of one attribute."""
+    return " ".join(map(format_number, values))
 
 
 def pose_of(element: ET.Element) -> RigidTransform:
@@ -45,7 +48,7 @@ def pose_of(element: ET.Element) -> RigidTransform:
 
 
 def child_of(element: ET.Element, tag: str) -> ET.Element:
-    """Return the first child of a tag, which is added if there is none."""
+    """Return the first child with a tag. If there is none, it is added."""
     child = element.find(tag)
     return ET.SubElement(element, tag) if child is None else child
 
@@ -53,12 +56,12 @@ def child_of(element: ET.Element, tag: str) -> ET.Element:
 def place(element: ET.Element, pose: RigidTransform) -> None:
     """Write a pose into an element's ``<origin>``, or into a ``frame`` itself."""
     origin = element if element.tag == "frame" else child_of(element, "origin")
-    origin.set("xyz", text(pose.translation()))
-    origin.set("rpy", text(RollPitchYaw(pose.rotation()).vector()))
+    origin.set("xyz", format_numbers(pose.translation()))
+    origin.set("rpy", format_numbers(RollPitchYaw(pose.rotation()).vector()))
 
 
 def add_frame(robot: ET.Element, name: str, link: str, pose: RigidTransform) -> ET.Element:
-    """Add a named frame to a link, by Drake's element for it, and return that."""
+    """Add a named frame to a link, as Drake's element ``<frame>``, and return this element."""
     frame = ET.SubElement(robot, "frame", name=name, link=link)
     place(frame, pose)
     return frame
@@ -92,7 +95,13 @@ def remove_motors(robot: ET.Element, joints: Collection[str]) -> None:
 
 @dataclass(frozen=True)
 class Solid:
-    """A body somewhere: one of Drake's shapes, or a mesh file with a scale."""
+    """A shape at a pose.
+
+    Attributes:
+        pose: pose of the shape in the frame of its link.
+        shape: one of Drake's shapes, or the file of a mesh.
+        scale: factor for the lengths in the file of a mesh.
+    """
 
     pose: RigidTransform
     shape: Shape | Path
@@ -100,7 +109,7 @@ class Solid:
 
 
 def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element:
-    """Add a body to a link, as a ``visual`` or a ``collision`` element, and return that."""
+    """Add a shape to a link, as a ``visual`` or a ``collision`` element (``tag``), and return this element."""
     element = ET.SubElement(link, tag, name=name)
     place(element, solid.pose)
     ET.SubElement(element, "geometry").append(shape_element(solid.shape, solid.scale))
@@ -108,51 +117,64 @@ def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element
 
 
 def shape_element(shape: Shape | Path, scale: float = 1.0) -> ET.Element:
-    """Return the element of a box, cylinder or sphere of Drake, or of a mesh file."""
+    """Make the element of a box, cylinder or sphere of Drake, or of a mesh file with a scale."""
     if isinstance(shape, Box):
-        return ET.Element("box", size=text(shape.size()))
+        return ET.Element("box", size=format_numbers(shape.size()))
     if isinstance(shape, Cylinder):
-        return ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
+        return ET.Element("cylinder", radius=format_number(shape.radius()), length=format_number(shape.length()))
     if isinstance(shape, Sphere):
-        return ET.Element("sphere", radius=written(shape.radius()))
-    return ET.Element("mesh", filename=f"file://{shape}", scale=text([scale] * 3))
+        return ET.Element("sphere", radius=format_number(shape.radius()))
+    return ET.Element("mesh", filename=f"file://{shape}", scale=format_numbers([scale] * 3))
 
 
 def add_colour(owner: ET.Element, name: str, rgba: Iterable[float]) -> ET.Element:
     """Add a material with a colour to a visual or a robot, and return it."""
     material = ET.SubElement(owner, "material", name=name)
-    ET.SubElement(material, "color", rgba=text(rgba))
+    ET.SubElement(material, "color", rgba=format_numbers(rgba))
     return material
 
 
 def add_contact(collision: ET.Element, values: Mapping[str, float | None]) -> None:
-    """Add Drake's contact figures to a ``collision``, by their names there; None for one that is a name alone."""
+    """Add Drake's contact properties to a ``collision``.
+
+    Args:
+        collision: the element.
+        values: properties by their names in Drake; None for a property without a value.
+    """
     properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
     for key, value in values.items():
-        ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": written(value)})
+        ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": format_number(value)})
 
 
 def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vector, pose: RigidTransform) -> None:
-    """Write a mass [kg] and the moments about its centre into a link; those that it has are replaced.
+    """Write the inertia of a link. An inertia that the link has is replaced.
 
-    The moments are a matrix (3, 3), or Ixx Iyy Izz and, where they are not zero, Ixy Ixz Iyz [kg m²]; the pose is that
-    of the centre of mass and of their axes.
+    Args:
+        link: the link.
+        mass: the mass [kg].
+        moments: moments of inertia about the centre of mass [kg m²]: a matrix (3, 3), or Ixx Iyy Izz, or these and
+            Ixy Ixz Iyz.
+        pose: pose of the frame in the centre of mass in which the moments are given, in the frame of the link.
     """
     for old in link.findall("inertial"):
         link.remove(old)
     inertial = ET.Element("inertial")
     link.insert(0, inertial)
     place(inertial, pose)
-    ET.SubElement(inertial, "mass", value=written(mass))
+    ET.SubElement(inertial, "mass", value=format_number(mass))
     set_moments(inertial, moments)
 
 
 def set_moments(inertial: ET.Element, moments: Sequence[float] | Vector) -> None:
-    """Write moments into an ``<inertial>``, as :func:`set_inertia` does."""
+    """Write moments of inertia into an ``<inertial>``; see :func:`set_inertia` for their forms."""
     element = child_of(inertial, "inertia")
-    numbers = six_moments(moments) if isinstance(moments, np.ndarray) and moments.ndim == 2 else (*moments, 0, 0, 0)
+    if isinstance(moments, np.ndarray) and moments.ndim == 2:
+        numbers = six_moments(moments)
+    else:
+        # Three moments are followed by products of 0; of six moments, the zeros behind them are not used.
+        numbers = np.array([*moments, 0.0, 0.0, 0.0])
     for key, value in zip(MOMENTS, numbers, strict=False):
-        element.set(key, written(value))
+        element.set(key, format_number(value))
 
 
 def moments_of(inertial: ET.Element) -> Vector:
@@ -164,12 +186,16 @@ def moments_of(inertial: ET.Element) -> Vector:
 
 
 def six_moments(matrix: Vector) -> Vector:
-    """Return Ixx Iyy Izz Ixy Ixz Iyz of a matrix of moments (3, 3)."""
+    """Extract Ixx Iyy Izz Ixy Ixz Iyz from a matrix of moments (3, 3)."""
     return matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
 def impossible(moments: Vector) -> str:
-    """Return why no body has these moments, (3, 3) [kg m²]; empty if one can have them, as Drake judges it."""
+    """Write why no body can have these moments of inertia, (3, 3) [kg m²]; empty if a body can have them.
+
+    The judgement is Drake's. A sum of two principal moments is at least the third one, since each is an integral of
+    squared distances.
+    """
     if RotationalInertia(*six_moments(moments)).CouldBePhysicallyValid():
         return ""
     listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(moments))
@@ -180,27 +206,51 @@ def impossible(moments: Vector) -> str:
     )
 
 
-LARGEST_URDF = 10_000_000  # of a description [bytes]: published ones stay far below, for meshes are files of their own
-MOST_TAGS = 300_000  # of a description: a robot of a thousand links has some forty thousand
+LARGEST_URDF = 10_000_000
+"""Largest size of a URDF [bytes]. Published ones are far smaller, since meshes are files of their own."""
+
+MOST_TAGS = 300_000
+"""Largest count of tags of a URDF. A robot of a thousand links has about forty thousand."""
+
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
+"""Types of joints that move."""
+
 LIMITED_JOINTS = ("revolute", "prismatic")
-ENDLESS = 1e4  # some files write larger limits for joints without limits [rad or m]
-_STRONG, _LIGHT = 500.0, 5.0  # N·m that a link below so many kg does not have
-DRAKE = "{http://drake.mit.edu}"  # what stands before the names of Drake's own elements, such as acceleration limits
+"""Types of joints that must have limits."""
+
+ENDLESS = 1e4
+"""Limit above which a joint counts as one without limits [rad or m]. Some files write such numbers."""
+
+_STRONG = 500.0
+"""Torque that no motor of a light link has [N·m]."""
+
+_LIGHT = 5.0
+"""Mass below which a link counts as light [kg]."""
+
+DRAKE = "{http://drake.mit.edu}"
+"""Namespace of Drake's own elements, such as acceleration limits, as ElementTree writes it before their names."""
 
 ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")
-_OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.DOTALL)  # comments may name a <robot>
+"""Formats of meshes that Drake reads."""
+
+# The tag of the robot, behind spaces, comments and declarations. Comments may contain a <robot>, too.
+_OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.DOTALL)
 
 
 def read_urdf(path: Path) -> ET.Element:
-    """Return a URDF's ``robot`` element; raises InvalidModel: unreadable, a xacro, no XML, entities, or no robot."""
+    """Read the ``robot`` element of a URDF.
+
+    Raises:
+        InvalidModel: the file cannot be read, is too large, is a xacro file or no XML, declares entities, or its
+            outermost element is not ``robot``.
+    """
     try:
         text = text_of(path, LARGEST_URDF)
     except NotRead as problem:
         raise InvalidModel(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
     if text.count("<") > MOST_TAGS:
         raise InvalidModel(path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
@@ -212,12 +262,13 @@ def read_urdf(path: Path) -> ET.Element:
             path, "", message("robots.has_entities", "declares entities or a document type, which a URDF never needs")
         )
     try:
-        # the prefix ``drake:`` is declared in several ways or, since Drake does not mind, not at all
+        # Files declare the prefix ``drake:`` in several ways or, since Drake accepts that, not at all. So all of them
+        # get the same declaration.
         text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
         declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
         root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
     except ET.ParseError as problem:
-        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from problem
+        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from None
     if root.tag != "robot":
         raise InvalidModel(
             path, f"<{root.tag}>", message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
@@ -226,8 +277,8 @@ def read_urdf(path: Path) -> ET.Element:
 
 
 def movable_joints(root: ET.Element) -> list[str]:
-    """Return the names of the joints that move, in file order."""
-    return [name_of(j) for j in root.iterfind("joint") if j.get("type") in MOVABLE_JOINTS]
+    """List the names of the joints that move, in file order."""
+    return [name_of(joint) for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
 
 
 def transmissions_of(root: ET.Element) -> dict[str, list[ET.Element]]:
@@ -250,32 +301,41 @@ def driven_joints(root: ET.Element) -> set[str]:
         for joint in root.iterfind("joint")
         if joint.get("type") in MOVABLE_JOINTS
         and name_of(joint) in with_transmission
-        and joint_figure(joint, "effort") > 0
+        and joint_value(joint, "effort") > 0
     }
 
 
 def joint_limits(joint: ET.Element) -> tuple[float, float]:
-    """Return a joint's lower and upper limit [rad or m]; without them -inf, inf. Drake heeds a continuous joint's."""
+    """Read the lower and upper limit of a joint [rad or m]; -inf and inf if it has none.
+
+    Limits of a continuous joint count, as they do in Drake.
+    """
     limit = joint.find("limit")
     if limit is None or "lower" not in limit.attrib:
         return -math.inf, math.inf
     return float(limit.attrib["lower"]), float(limit.attrib["upper"])
 
 
-def joint_figure(joint: ET.Element, key: str, tag: str = "limit") -> float:
-    """Return a figure of a joint's ``<limit>``, or of another child of it, in SI units; 0 where the URDF gives none."""
+def joint_value(joint: ET.Element, key: str, tag: str = "limit") -> float:
+    """Read a number of a joint in SI units; 0 if the URDF does not give it.
+
+    Args:
+        joint: the joint.
+        key: attribute with the number.
+        tag: child element with the attribute.
+    """
     child = joint.find(tag)
     return 0.0 if child is None else float(child.get(key, 0.0))
 
 
 def root_link(root: ET.Element) -> str:
-    """Return the link that is no joint's child."""
-    children = {link_of(j, "child") for j in root.iterfind("joint")}
+    """Find the name of the root link of a checked URDF: the link that is no joint's child."""
+    children = {link_of(joint, "child") for joint in root.iterfind("joint")}
     return next(name_of(link) for link in root.iterfind("link") if name_of(link) not in children)
 
 
 def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
-    """Return the joints that start at each link, in file order."""
+    """Find the joints whose parent is each link, by the link's name, in file order."""
     joints: dict[str, list[ET.Element]] = {name_of(link): [] for link in root.iterfind("link")}
     for joint in root.iterfind("joint"):
         joints[link_of(joint, "parent")].append(joint)
@@ -283,31 +343,51 @@ def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
 
 
 def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False) -> list[ET.Element]:
-    """Return the joints that hang on a link of a tree, each after those that carry it.
+    """Find all joints that a link of a tree carries. Each comes after the joints that carry it.
 
-    ``starts`` are the joints at each link (:func:`joints_at`); ``rigid`` goes only as far as joints are fixed.
+    Args:
+        starts: the joints that start at each link, see :func:`joints_at`.
+        link: name of the link.
+        rigid: whether to stop at joints that move, so that only fixed joints are found.
     """
-    links, found = [link], list[ET.Element]()
+    joints = list[ET.Element]()
+    links = [link]
+    # The list grows while it is read: links behind the new joints follow.
     for name in links:
-        further = [joint for joint in starts[name] if not rigid or joint.get("type") == "fixed"]
-        found += further
-        links += [link_of(joint, "child") for joint in further]
-    return found
+        next_joints = [joint for joint in starts[name] if not rigid or joint.get("type") == "fixed"]
+        joints += next_joints
+        links += [link_of(joint, "child") for joint in next_joints]
+    return joints
 
 
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
-    """Return a copy of a robot that can be parsed from memory: its mesh names, relative to a folder, are absolute.
+    """Make a copy of a robot in which names of meshes are absolute, so that Drake can parse it from memory.
 
-    Raises InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
+    Args:
+        root: the ``robot`` element.
+        folder: folder to which the names of meshes are relative.
+
+    Raises:
+        InvalidModel: a mesh is missing, is outside the folder, or has a format that Drake does not read.
     """
-    robot = copied(root)
+    robot = copy_of(root)
     for mesh in robot.iter("mesh"):
-        mesh.set("filename", f"file://{mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
+        file = mesh_file(mesh.get("filename", ""), folder)
+        # Not Path.as_uri(), which writes a space as %20: Drake does not decode it.
+        mesh.set("filename", f"file://{file}")
     return robot
 
 
 def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
-    """Make links, by name, so many times as heavy, moments of inertia as well; raises UnknownName: no such link."""
+    """Multiply masses and moments of inertia of links by factors, in place.
+
+    Args:
+        robot: the ``robot`` element.
+        factors: factors by the name of the link.
+
+    Raises:
+        UnknownName: there is no link of such a name.
+    """
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name, factor in factors.items():
         link = links[one_of(message("robots.link_under_mass_factors", "link (under mass_factors)"), name, links)]
@@ -316,21 +396,26 @@ def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
 
 
 def drop_collision(robot: ET.Element) -> None:
-    """Take a robot's collision geometry away: a plant without any never asks the scene graph for contacts."""
+    """Remove the collision shapes of a robot, in place. A plant without any does not compute contacts."""
     for link in robot.iterfind("link"):
         for element in link.findall("collision"):
             link.remove(element)
 
 
 def mesh_file(uri: str, folder: Path) -> Path:
-    """Return the file of a mesh that is named relative to a folder; robots that ship may share theirs.
+    """Find the file of a mesh that is named relative to the folder of its robot or piece.
 
-    Raises InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
+    Args:
+        uri: name of the file, with or without ``file://``.
+        folder: the folder. Meshes must be in it; robots of the package may also use those of each other.
+
+    Raises:
+        InvalidModel: the mesh is missing, is outside the folder, or has a format that Drake does not read.
     """
     try:
         path = (folder / uri.removeprefix("file://")).resolve()
-        found = path.is_file()
-    except (OSError, RuntimeError, ValueError) as problem:  # names that no file can have, links that go in a circle
+        exists = path.is_file()
+    except (OSError, RuntimeError, ValueError) as problem:  # a name that no file can have, or links in a circle
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri)),
@@ -342,14 +427,15 @@ def mesh_file(uri: str, folder: Path) -> Path:
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
             message("robots.no_packages_here", "packages are not resolved here; name the mesh relative to the URDF"),
         )
-    border = models_root() if folder.resolve().is_relative_to(models_root()) else folder.resolve()
-    if not path.is_relative_to(border):
+    is_of_package = folder.resolve().is_relative_to(models_root())
+    allowed_folder = models_root() if is_of_package else folder.resolve()
+    if not path.is_relative_to(allowed_folder):
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
             message("robots.mesh_outside_folder", "lies outside the robot's folder; copy it there"),
         )
-    if not found:
+    if not exists:
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
@@ -365,42 +451,49 @@ def mesh_file(uri: str, folder: Path) -> Path:
 
 
 def mass_of(link: ET.Element) -> float:
-    """Return a link's own mass [kg]; 0 where it has none."""
+    """Read the mass of a link [kg]; 0 if it has none."""
     mass = link.find("inertial/mass")
     return 0.0 if mass is None else float(mass.get("value", 0))
 
 
 def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
-    """Return the joints of a checked robot whose torques no motor of their links has, with them [N·m] and masses [kg].
+    """Find the joints of a checked robot with an effort limit that is too high for the link that they move.
 
-    Such figures are often made up, as for "no limit".
+    Such limits are often made up, to say that there is no limit.
+
+    Returns:
+        the effort limit [N·m] and the mass of the link [kg], by the name of the joint.
     """
     masses = {name_of(link): mass_of(link) for link in robot.iterfind("link")}
-    found = {}
+    doubtful = {}
     for joint in robot.iterfind("joint"):
-        limit, mass = joint.find("limit"), masses.get(link_of(joint, "child"), 0.0)
-        effort = 0.0 if limit is None else float(limit.get("effort", 0))
-        if joint.get("type") in ("revolute", "continuous") and effort > _STRONG and 0 < mass < _LIGHT:
-            found[name_of(joint)] = effort, mass
-    return found
+        effort = joint_value(joint, "effort")
+        mass = masses.get(link_of(joint, "child"), 0.0)
+        is_revolute = joint.get("type") in ("revolute", "continuous")
+        if is_revolute and effort > _STRONG and 0 < mass < _LIGHT:
+            doubtful[name_of(joint)] = (effort, mass)
+    return doubtful
 
 
-def copied(element: ET.Element) -> ET.Element:
-    """Return a copy of an element with all below it; ``deepcopy`` takes ten times as long."""
+def copy_of(element: ET.Element) -> ET.Element:
+    """Copy an element with everything in it. ``deepcopy`` takes ten times as long."""
     whole = ET.Element(element.tag, element.attrib)
+    # Elements whose children are still to be copied, with their copies. The list grows while it is read, in place of a
+    # recursion: a file may be nested deeper than Python allows calls to be.
     pairs = [(element, whole)]
-    for source, copy in pairs:  # which grow meanwhile: a file may nest deeper than Python calls
-        copy.text, copy.tail = source.text, source.tail
+    for source, copy in pairs:
+        copy.text = source.text
+        copy.tail = source.tail
         pairs += [(child, ET.SubElement(copy, child.tag, child.attrib)) for child in source]
     return whole
 
 
 def name_of(element: ET.Element) -> str:
-    """Return an element's name; empty where it has none."""
+    """Read the name of an element; empty if it has none."""
     return element.get("name", "")
 
 
 def link_of(joint: ET.Element, end: str) -> str:
-    """Return the link at the ``parent`` or ``child`` end of a joint; empty where there is none."""
+    """Read the name of the link at an end of a joint, ``parent`` or ``child``; empty if the joint has no such end."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")

@@ -1,4 +1,7 @@
-"""Find the defects of a URDF before Drake does, where a failed assertion could end the process."""
+"""Find the defects of a URDF before Drake reads it.
+
+In Drake, some defects are accepted without a word, and others fail an assertion, which may end the process.
+"""
 
 import math
 import re
@@ -17,10 +20,10 @@ from simrob_drake.robots.urdf import (
     LIMITED_JOINTS,
     MOMENTS,
     MOVABLE_JOINTS,
-    copied,
+    copy_of,
     driven_joints,
     impossible,
-    joint_figure,
+    joint_value,
     link_of,
     mass_of,
     moments_of,
@@ -36,7 +39,7 @@ NUMBER_COUNTS = {
     "scale": (1, 3),
     "rgba": (4,),
 }
-"""How many numbers each attribute holds."""
+"""Counts of numbers that each attribute may have."""
 
 SHAPE_SIZES = {
     "box": {"size": 3},
@@ -46,14 +49,19 @@ SHAPE_SIZES = {
     f"{DRAKE}capsule": {"radius": 1, "length": 1},
     f"{DRAKE}ellipsoid": {"a": 1, "b": 1, "c": 1},
 }
-"""The shapes but for meshes, and how many numbers each of their sizes is."""
+"""Sizes of each shape that is no mesh, with their counts of numbers."""
 
-MOST_LINKS = 3000  # of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them
+MOST_LINKS = 3000
+"""Largest count of links of a robot. With 3000 joints, the dense matrices of Drake take 1.2 GB."""
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-_WORLD = "world"  # Drake's own link
+"""A decimal number, with or without an exponent."""
 
-Refuse = Callable[[str, str], InvalidModel]  # makes the error for an element and what is wrong with it
+_WORLD = "world"
+"""Name of the link that every plant of Drake has."""
+
+Refuse = Callable[[str, str], InvalidModel]
+"""Function that makes the error for a defect from the element, such as ``joint 'elbow'``, and the problem in words."""
 
 
 def checked_urdf(path: Path) -> ET.Element:
@@ -62,11 +70,11 @@ def checked_urdf(path: Path) -> ET.Element:
     Raises:
         InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
     """
-    return copied(_checked(path, file_state(path)))
+    return copy_of(_read_and_check(path, file_state(path)))
 
 
 @lru_cache(maxsize=64)
-def _checked(path: Path, state: FileState | None) -> ET.Element:
+def _read_and_check(path: Path, state: FileState | None) -> ET.Element:
     """Read and check a URDF file. Results are cached until the file changes.
 
     Args:
@@ -80,7 +88,15 @@ def _checked(path: Path, state: FileState | None) -> ET.Element:
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Check all that Drake asserts or accepts in silence; raises InvalidModel: file, element, what would be right."""
+    """Check a URDF for the defects that Drake asserts or accepts without a word.
+
+    Args:
+        root: the ``robot`` element.
+        path: the file, for messages.
+
+    Raises:
+        InvalidModel: the URDF has a defect; names the file, the element and what would be right.
+    """
     refuse = partial(InvalidModel, path)
     check_size(root, refuse)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
@@ -101,7 +117,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 
 def check_size(root: ET.Element, refuse: Refuse) -> None:
-    """Check that a robot is none that Drake has no memory for; raises InvalidModel: it has too many links."""
+    """Check that Drake has enough memory for the robot; raises InvalidModel: it has too many links."""
     count = len(root.findall("link"))
     if count > MOST_LINKS:
         raise refuse(
@@ -116,13 +132,14 @@ def check_size(root: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
-    """Check that every number is one, and that there are as many as there must be."""
+    """Check the count and the form of the numbers in an element and its children."""
     owner = compound("{tag} '{name_of}'", tag=element.tag, name_of=name_of(element))
     for part in element.iter():
         for key, counts in NUMBER_COUNTS.items():
             if key not in part.attrib:
                 continue
-            where, text = f"{owner} <{part.tag}>", part.attrib[key]
+            where = f"{owner} <{part.tag}>"
+            text = part.attrib[key]
             words = text.split()
             if len(words) not in counts:
                 expected = " or ".join(str(count) for count in counts)
@@ -147,6 +164,7 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_tree(root: ET.Element, refuse: Refuse) -> None:
+    """Check that names are unique, and that the joints connect all links to a tree with one root."""
     for tag in ("link", "joint"):
         names = [name_of(element) for element in root.iterfind(tag)]
         if "" in names:
@@ -154,7 +172,8 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
                 message("robots.element_number", "<{tag}> number {index}", tag=tag, index=names.index("") + 1),
                 message("robots.without_name", "has no name"),
             )
-        for name in [name for name, count in Counter(names).items() if count > 1]:
+        repeated = [name for name, count in Counter(names).items() if count > 1]
+        for name in repeated:
             raise refuse(f"{tag} '{name}'", message("robots.name_twice", "stands twice; names are unique"))
     links = {name_of(link): None for link in root.iterfind("link")}
     if _WORLD in links:
@@ -185,8 +204,15 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
-    """Return each link's parent; raises InvalidModel: a joint to itself, a link with two parents, a loop."""
-    holders: dict[str, ET.Element] = {}
+    """Find the parent of each link.
+
+    Returns:
+        the name of the parent link, by the name of the child link.
+
+    Raises:
+        InvalidModel: a joint connects a link with itself, a link is the child of two joints, or joints form a loop.
+    """
+    holders: dict[str, ET.Element] = {}  # the joint whose child each link is
     for joint in root.iterfind("joint"):
         child = link_of(joint, "child")
         if link_of(joint, "parent") == child:
@@ -204,9 +230,9 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
             )
         holders[child] = joint
     parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
-    held = [name for name in map(name_of, root.iterfind("link")) if name in parents]
+    child_links = [name for name in map(name_of, root.iterfind("link")) if name in parents]
     try:
-        TopologicalSorter({name: [parents[name]] for name in held}).prepare()
+        TopologicalSorter({name: [parents[name]] for name in child_links}).prepare()
     except CycleError as problem:
         loop = " - ".join(problem.args[1])
         raise refuse(
@@ -216,7 +242,9 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
 
 
 def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
-    where, kind = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), joint.get("type", "")
+    """Check type, axis, limits and damping of a joint, and that it does not mimic another one."""
+    where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
+    kind = joint.get("type", "")
     if kind not in (*MOVABLE_JOINTS, "fixed"):
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
         raise refuse(
@@ -238,14 +266,20 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
         raise refuse(compound("{where} <axis>", where=where), message("robots.zero_axis", "is zero; it is a direction"))
     _check_limit(joint, where, refuse)
-    if joint_figure(joint, "damping", "dynamics") < 0:
+    if joint_value(joint, "damping", "dynamics") < 0:
         raise refuse(
             compound("{where} <dynamics>", where=where), message("robots.negative_damping", "damping is negative")
         )
 
 
 def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
-    """Check the ``<limit>`` of a joint, whose attributes are known to be numbers. What is wrong raises ``refuse``."""
+    """Check the ``<limit>`` of a joint, whose attributes are known to be numbers.
+
+    Args:
+        joint: the joint.
+        where: the joint, for messages.
+        refuse: makes the error.
+    """
     limit = joint.find("limit")
     if limit is None:
         if joint.get("type") in LIMITED_JOINTS:
@@ -263,7 +297,8 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
                     missing=join_texts(missing, message("robots.and_no", " and no ")),
                 ),
             )
-        lower, upper = float(limit.attrib["lower"]), float(limit.attrib["upper"])
+        lower = float(limit.attrib["lower"])
+        upper = float(limit.attrib["upper"])
         if lower >= upper:
             raise refuse(
                 where,
@@ -282,11 +317,13 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
 
 
 def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
+    """Check that a link has no inertia, or one that a body can have."""
     inertial = link.find("inertial")
     if inertial is None:
         return
     where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    mass = inertial.find("mass")
+    inertia = inertial.find("inertia")
     if mass is None or inertia is None:
         raise refuse(where, message("robots.needs_mass_and_inertia", "needs <mass> and <inertia>"))
     if mass_of(link) < 0:
@@ -299,13 +336,14 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
                 "robots.moments_without_mass", "has moments of inertia but no mass; Drake would give it 1 kg in silence"
             ),
         )
-    problem = impossible(moments)  # Drake would put a sphere's in silence
+    # Drake would replace impossible moments by those of a sphere without a word.
+    problem = impossible(moments)
     if problem:
         raise refuse(where, problem)
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Return what is wrong with the sizes of a shape, in words; empty where nothing is."""
+    """Write the defect in the sizes of a shape; empty if it has none."""
     if shape.tag == "mesh" and "filename" not in shape.attrib:
         return message("robots.has_no_filename", "has no filename")
     for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
@@ -327,13 +365,19 @@ def shape_defect(shape: ET.Element) -> str:
 
 
 def numbers_in(text: str) -> list[float] | None:
-    """Return the numbers in a text; None if a word of it is none, or not finite."""
-    numbers = [float(word) for word in text.split() if NUMBER.fullmatch(word)]
-    return numbers if len(numbers) == len(text.split()) and all(map(math.isfinite, numbers)) else None
+    """Read the numbers in a text, or return None if one of its words is no finite number."""
+    words = text.split()
+    if not all(NUMBER.fullmatch(word) for word in words):
+        return None
+    numbers = [float(word) for word in words]
+    return numbers if all(map(math.isfinite, numbers)) else None
 
 
 def _check_materials(root: ET.Element, refuse: Refuse) -> None:
-    """Check that each material has a colour, its own or one that its name stands for; Drake reads nothing else here."""
+    """Check that each material has a colour, its own or that of another material of its name.
+
+    Drake reads nothing else of a material.
+    """
     materials = [*root.iterfind("material"), *root.iterfind("link/visual/material[@name]")]
     defined = {name_of(material) for material in materials if material.find("color[@rgba]") is not None}
     for material in materials:
@@ -371,8 +415,9 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
             raise refuse(where, expected)
         limit = joint.find("limit")
         is_stated = limit is not None and "effort" in limit.attrib
-        is_passive = is_stated and has_motors  # its effort of 0 is meant: others have more
-        if joint_figure(joint, "effort") <= 0 and not is_passive:
+        # An effort of 0 that the file states is meant if other joints have more: the joint is passive.
+        is_passive = is_stated and has_motors
+        if joint_value(joint, "effort") <= 0 and not is_passive:
             raise refuse(
                 compound("{where} <limit>", where=where),
                 message("robots.effort_not_positive", "effort is not positive [N·m], so its motor could not move it"),

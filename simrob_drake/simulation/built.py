@@ -11,6 +11,7 @@ from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import numbers
 from simrob_drake.base.messages import compound, join_texts, message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
@@ -23,12 +24,17 @@ from simrob_drake.stations.resolve import ResolvedStation
 
 
 class StationDiagrams:
-    """The diagrams of a station of given robots, pieces, parts and places of forces.
+    """The diagrams of a station that play given references and forces.
 
-    Several, because what nothing reads still costs a solver time: one with everything, in which signals are evaluated
-    after a run, and leaner ones to be stepped, without monitors, without sensors that only report and, under ``cenic``,
-    without the forces of pushes while nothing pushes. A user's own block stands in one diagram only, so with any there
-    is just the first. All have the same states in the same order.
+    There are several, since a solver also spends time on blocks whose outputs nothing reads. The *whole* diagram has
+    everything but monitors; signals are evaluated in it after a run. A *lean* diagram is stepped: it has no sensors
+    that only report, and no forces of pushes while nothing pushes (under ``cenic``, which holds inputs over a step).
+    All diagrams have the same states in the same order. A block of the user's own can be in one diagram only, so with
+    such blocks the whole diagram is the only one. Diagrams are built when they are needed.
+
+    Attributes:
+        references: reference of each robot, by the robot's name.
+        forces: the forces, by name.
     """
 
     def __init__(
@@ -37,15 +43,22 @@ class StationDiagrams:
         references: Mapping[str, Reference],
         blocks: Mapping[str, LeafSystem],
         *,
-        watched: bool = False,
+        steps_whole: bool = False,
     ) -> None:
-        """Prepare diagrams of a station, its references and the user's blocks by name, built when needed.
+        """Prepare the diagrams of a station.
 
-        With ``watched`` the one with everything is stepped, since somebody looks at it meanwhile.
+        Args:
+            station: the station.
+            references: reference of each robot, by the robot's name.
+            blocks: the user's own blocks, by name.
+            steps_whole: whether to step the whole diagram, since its signals are read during the run.
         """
-        self._station, self._blocks, self._watched = station, blocks, watched
-        self._driven = output_owners(blocks)
-        self.references, self.forces = dict(references), dict(station.config.forces)
+        self._station = station
+        self._blocks = blocks
+        self._steps_whole = steps_whole
+        self._driven_inputs = output_owners(blocks)
+        self.references = dict(references)
+        self.forces = dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
         """Whether the sources of the diagrams can play these references.
@@ -61,71 +74,106 @@ class StationDiagrams:
         )
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
-        """Let all diagrams give other references, and other pushes at the same places."""
-        self.references, self.forces = dict(references), dict(forces)
+        """Replace the references and the forces in all diagrams.
+
+        Args:
+            references: reference of each robot, by the robot's name; they must fit, see :meth:`fits`.
+            forces: forces by name, at the places of those before.
+        """
+        self.references = dict(references)
+        self.forces = dict(forces)
         self._play(references, forces)
 
     def forget(self) -> None:
-        """Let the sources of all diagrams forget their trajectories, which may be long."""
-        self._play({robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()}, {})
+        """Remove the trajectories from the sources of all diagrams, since they may take much memory."""
+        nothing = {robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()}
+        self._play(nothing, {})
 
     def _play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
-        for name in ("whole", "_lean", "_unpushed"):
+        """Give references and forces to the diagrams that are built already; others get them when they are built."""
+        for name in ("whole", "_lean", "_lean_without_forces"):
+            # A cached property is among the object's attributes once it has been computed.
             if name in self.__dict__:
                 self.__dict__[name].play(references, forces)
 
     @property
     def edges(self) -> list[float]:
-        """Times at which a step must end: corners of references, edges of pushes [s]."""
-        robots = self._station.robots.values()
-        played = [self.references[robot.name] for robot in robots if f"{robot.prefix}reference" not in self._driven]
-        played += [reference for robot in robots for reference in robot.prescribed.values()]
-        corners = {time for reference in played for time in corner_times(reference)}
-        return sorted(corners | {edge for force in self.forces.values() for edge in force.edges})
+        """Times at which a step of the solver must end, in order [s]: corners of references, edges of forces."""
+        references = list[Reference]()
+        for robot in self._station.robots.values():
+            # A block of the user's own may drive the input in place of the robot's reference.
+            if f"{robot.prefix}reference" not in self._driven_inputs:
+                references.append(self.references[robot.name])
+            references.extend(robot.prescribed.values())
+        times = {time for reference in references for time in corner_times(reference)}
+        for force in self.forces.values():
+            times.update(force.edges)
+        return sorted(times)
 
-    def stepped(self, time: float) -> ClosedStation:
-        """Return the diagram to be stepped from a time on [s], up to the next edge."""
-        if self._blocks or self._watched:
+    def diagram_at(self, time: float) -> ClosedStation:
+        """Return the diagram that is stepped from a time on [s], up to the next edge."""
+        if self._blocks or self._steps_whole:
             return self.whole
-        pushes = [force for force in self.forces.values() if isinstance(force, Push)]
-        only_pushes = self._station.engine.holds_inputs_over_steps and pushes and len(pushes) == len(self.forces)
-        if only_pushes and not any(push.start <= time < push.end for push in pushes):
-            return self._unpushed
-        return self._lean
+        if not self._station.engine.holds_inputs_over_steps or not self.forces:
+            return self._lean
+        for force in self.forces.values():
+            # Other forces than pushes act all the time.
+            if not isinstance(force, Push) or force.start <= time < force.end:
+                return self._lean
+        return self._lean_without_forces
 
     @cached_property
     def whole(self) -> ClosedStation:
         """The diagram with everything but monitors."""
-        return self._built(sensors=list(self._station.sensors))
+        return self._build(sensors=list(self._station.sensors))
 
     @cached_property
     def _lean(self) -> ClosedStation:
-        """The diagram without sensors that only report."""
-        return self.whole if len(self._stepped_sensors) == len(self._station.sensors) else self._built()
+        """The diagram without sensors that only report; the whole one if there are no such sensors."""
+        sensors = self._sensors_in_loops()
+        if len(sensors) == len(self._station.sensors):
+            return self.whole
+        return self._build(sensors=sensors)
 
     @cached_property
-    def _unpushed(self) -> ClosedStation:
-        """The diagram without forces, too."""
-        return self._built(forces=False)
+    def _lean_without_forces(self) -> ClosedStation:
+        """The diagram without sensors that only report, and without forces."""
+        return self._build(sensors=self._sensors_in_loops(), has_forces=False)
 
-    @property
-    def _stepped_sensors(self) -> list[str]:
+    def _sensors_in_loops(self) -> list[str]:
+        """List the names of the sensors that controllers read."""
         return sorted(sensors_read(readers_of(self._station.config.controllers), self._station.sensors))
 
-    def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
-        kept = self._stepped_sensors if sensors is None else sensors
-        leave = {"forces": forces, "monitors": False, "lean": not self._watched}
-        made = closed_station(self._station, self.references, sensors=kept, blocks=self._blocks, **leave)
-        made.play_forces(self.forces)  # which may be others by now than the station's own
-        return made
+    def _build(self, *, sensors: Sequence[str], has_forces: bool = True) -> ClosedStation:
+        """Build a diagram.
+
+        Args:
+            sensors: names of the sensors that it has.
+            has_forces: whether it has the blocks of forces.
+        """
+        diagram = closed_station(
+            self._station,
+            self.references,
+            sensors=sensors,
+            forces=has_forces,
+            monitors=False,
+            blocks=self._blocks,
+            lean=not self._steps_whole,
+        )
+        # The forces may be others by now than those of the station's configuration.
+        diagram.play_forces(self.forces)
+        return diagram
 
 
-Hands: TypeAlias = Mapping[str, Callable[[float], Sequence[float] | None]]
+CommandFunctions: TypeAlias = Mapping[str, Callable[[float], Sequence[float] | None]]
 """Functions that command controllers, by the name of the controller.
 
 A function gets the time [s] and returns the numbers of the controller's command, such as the speeds ahead and to the
 left [m/s] and the turn [rad/s] of a walk. None leaves the command as it is.
 """
+
+
+__getattr__ = former_names_of(__name__, {"Hands": "CommandFunctions", "ByHand": "CommandRelay"})
 
 
 class TakesCommands(Protocol):
@@ -135,43 +183,42 @@ class TakesCommands(Protocol):
         """Make a command hold from the next sample on. The context of the block is changed."""
 
 
-class ByHand:
-    """Passes commands to controllers during a run, after each accepted step. They act from the next sample on."""
+class CommandRelay:
+    """Passes the commands of a user's functions to controllers during a run.
 
-    def __init__(self, config: StationConfig, hands: Hands | None, *, begin: float = 0.0) -> None:
+    The functions are called after each accepted step. A command acts from the controller's next sample on.
+    """
+
+    def __init__(self, config: StationConfig, functions: CommandFunctions | None, *, begin: float = 0.0) -> None:
         """Take the functions that command the controllers of a station.
 
         Args:
             config: the station.
-            hands: the functions by the name of the controller; None if there are none.
+            functions: the functions by the name of the controller; None if there are none.
             begin: start of the run [s].
 
         Raises:
-            InvalidParameter: `hands` is no mapping of names to functions.
+            InvalidParameter: `functions` is no mapping of names to functions.
             UnknownName: no controller of this name takes commands.
         """
         self._begin = begin
-        self._hands = (
-            {}
-            if hands is None
-            else instance(
-                hands, "commands", Mapping, message("simulation.commands_by_controller", "a mapping by controller")
-            )
-        )
+        self._functions: CommandFunctions = {}
+        if functions is not None:
+            expected = message("simulation.commands_by_controller", "a mapping by controller")
+            self._functions = instance(functions, "commands", Mapping, expected)
         self._sections = commanded_sections(config.controllers)
         self._commands: dict[str, list[TimedCommand]] = {}  # commands up to now, by controller
-        for name, ask in self._hands.items():
-            one_of(
-                message("simulation.controller_with_commands", "controller that takes commands"), name, self._sections
-            )
-            if not callable(ask):
+        for name, function in self._functions.items():
+            kind = message("simulation.controller_with_commands", "controller that takes commands")
+            one_of(kind, name, self._sections)
+            if not callable(function):
                 raise InvalidParameter(
                     message("simulation.commands_of", "commands: {name}", name=name),
-                    ask,
+                    function,
                     message("simulation.function_of_time", "a function of the time"),
                 )
 
-    def look(self, diagram: Diagram, context: Context) -> None:
+    def pass_on(self, diagram: Diagram, context: Context) -> None:
         """Call the functions for commands, and pass on the commands that have changed.
 
         At the start of the run no function is called: the first sample of a controller is not yet taken, and would
@@ -187,8 +234,9 @@ class ByHand:
         time = context.get_time()
         if time <= self._begin:
             return
-        for name, ask in self._hands.items():
-            answer = ask(time)
+        for name, function in self._functions.items():
+            answer = function(time)
+            # None leaves the command as it is.
             if answer is None:
                 continue
             section = self._sections[name]
@@ -201,7 +249,7 @@ class ByHand:
             own_context = block.GetMyMutableContextFromRoot(context)
             cast(TakesCommands, block).command_by_hand(own_context, command.values)
 
-    def commanded(self, config: StationConfig) -> StationConfig:
+    def config_with_commands(self, config: StationConfig) -> StationConfig:
         """Copy a configuration with the commands of this run in its controllers, so that its run repeats this one.
 
         Args:

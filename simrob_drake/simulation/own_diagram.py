@@ -208,7 +208,7 @@ def _with_signals(diagram: Diagram, ports: StationPorts, signals: Mapping[str, O
         return ports
     expected = message("simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports")
     instance(signals, "signals", Mapping, expected)
-    extended = replace(ports, outputs=ports.outputs.copied())
+    extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])

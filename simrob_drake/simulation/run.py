@@ -12,15 +12,15 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ValidationError
 from pydrake.systems.framework import Context, OutputPort
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.base.arguments import instance, seconds, truth
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, numbers
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.progress import note, progress_bar
+from simrob_drake.base.sections import validated
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
@@ -130,7 +130,7 @@ class Run:
                 end=self.end,
             )
             watchers.append(pace)
-            recorder, watch = watched(stepper, self.whole, *watchers, repeated=repeated)
+            recorder, watch = make_recorder(stepper, self.whole, *watchers, repeated=repeated)
             if self.restart is not None:
                 watch.look(self.restart.history.rows(slice(0, self.restart.row)))
             began = perf_counter()
@@ -354,7 +354,7 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
     return held
 
 
-def watched(
+def make_recorder(
     stepper: Stepper,
     whole: ClosedStation,
     *watchers: Callable[[Context], None],
@@ -457,15 +457,21 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     instance(pushes, "pushes", Mapping, message("simulation.pushes_by_name", "a mapping of names to pushes"))
     forces: dict[str, Any] = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
     for name, push in pushes.items():
+        key = message("simulation.push_called", "pushes: {name}", name=name)
+        if isinstance(push, Push):
+            forces[name] = push
+            continue
+        expected = message(
+            "simulation.a_push", "a mapping of at, start, duration and force, as under forces: in a station"
+        )
+        instance(push, key, Mapping, expected)
         try:
-            forces[name] = push if isinstance(push, Push) else Push.model_validate({"kind": "push", **push})
-        except (ValidationError, TypeError) as problem:
-            expected = message(
-                "simulation.a_push", "a mapping of at, start, duration and force, as under forces: in a station"
+            forces[name] = validated(Push, {"kind": "push", **push}, key)
+        except InvalidConfig as problem:
+            wrong = compound(
+                "{expected} ({key}: {problem})", expected=expected, key=problem.key, problem=problem.problem
             )
-            raise InvalidParameter(
-                message("simulation.push_called", "pushes: {name}", name=name), quoted(push), expected
-            ) from problem
+            raise InvalidParameter(key, quoted(push), wrong) from None
     return config.model_copy(update={"forces": forces})
 
 

@@ -22,9 +22,9 @@ from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
+from simrob_drake.simulation.built import CommandFunctions, CommandRelay, StationDiagrams
 from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
-from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
+from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, make_recorder, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import StationConfig
@@ -53,7 +53,7 @@ def simulate(
     pushes: Mapping[str, Any] | None = None,
     progress: bool = True,
     on_step: OnStep | None = None,
-    commands: Hands | None = None,
+    commands: CommandFunctions | None = None,
     strict: bool = False,
 ) -> SimulationResult:
     """Run a station and return what happened.
@@ -145,7 +145,7 @@ class Callbacks:
 
     progress: bool = False
     on_step: OnStep | None = None
-    commands: Hands | None = None
+    commands: CommandFunctions | None = None
 
 
 class Runner:
@@ -183,7 +183,7 @@ class Runner:
 
         References, figures of pushes, the start, the duration and the sample rate may differ; so may names.
         """
-        if self._blocks or _built_of(config) != _built_of(self.config):
+        if self._blocks or _without_playable_keys(config) != _without_playable_keys(self.config):
             return None
         other = copy(self)  # which shares the diagrams
         other.config = config
@@ -222,7 +222,7 @@ class Runner:
         pushes: Mapping[str, Any] | None = None,
         progress: bool = False,
         on_step: OnStep | None = None,
-        commands: Hands | None = None,
+        commands: CommandFunctions | None = None,
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
@@ -371,14 +371,16 @@ class Runner:
         restart = plan.restart
         # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
         origin = plan.origin or MotionOrigin(config, plan.start, plan.begin, plan.begins_in_motion)
-        hand = ByHand(config, callbacks.commands, begin=plan.begin)
-        diagrams = self._playing(config, plan.requested, plan.origins, watched=plan.ticks is not None, end=plan.end)
+        relay = CommandRelay(config, callbacks.commands, begin=plan.begin)
+        diagrams = self._diagrams_for(
+            config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
+        )
         references = diagrams.references
         if restart is not None and not fits(restart.history, diagrams.whole):
             raise StepsDiffer
         stepper = Stepper(
             config,
-            diagrams.stepped,
+            diagrams.diagram_at,
             diagrams.edges,
             blocks=self._blocks,
             begin=origin.begin,
@@ -408,7 +410,7 @@ class Runner:
         )
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
-        watch = (lambda context: hand.look(stepper.built.diagram, context)) if callbacks.commands else None
+        watch = (lambda context: relay.pass_on(stepper.built.diagram, context)) if callbacks.commands else None
         result = run.result(
             progress=callbacks.progress,
             on_step=callbacks.on_step,
@@ -416,16 +418,22 @@ class Runner:
             start=plan.start,
             hand=watch,
         )
-        config = hand.commanded(result.config.model_copy(update={"controllers": own}))
-        return replace(result, config=config, commanded=hand.names)
+        config = relay.config_with_commands(result.config.model_copy(update={"controllers": own}))
+        return replace(result, config=config, commanded=relay.names)
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
-        """Return the ports of the diagram in which signals are evaluated; it is built, so that a first run has it.
+        """Return the ports of the diagram in which signals are evaluated. The first run uses this diagram.
 
-        ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
+        Args:
+            watched: whether the runs have ticks, so that this diagram is stepped, too.
+
+        Raises:
+            SimrobError: the station cannot be built, see :func:`simulate`.
         """
-        return self._playing(self.config, {}, _origins(self._start_of(self.config, None)), watched=watched).whole.ports
+        start = self._start_of(self.config, None)
+        diagrams = self._diagrams_for(self.config, {}, _origins(start), steps_whole=watched)
+        return diagrams.whole.ports
 
     @drake_asserts()
     def branch(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
@@ -451,7 +459,7 @@ class Runner:
                 ),
             )
         start = self._start_of(config, None)
-        diagrams = self._playing(config, by_robot(config, reference), _origins(start))
+        diagrams = self._diagrams_for(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
         return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
 
@@ -463,20 +471,31 @@ class Runner:
 
     @drake_asserts()
     def check(self, reference: ReferencesLike = None) -> None:
-        """Check, without a run, that the state it would begin in can be read and fits, and that robots can follow.
+        """Check the start and the references of a run without doing it.
 
-        The reference is as of :func:`simulate`. Raises SimrobError: they cannot.
+        Args:
+            reference: as in :func:`simulate`.
+
+        Raises:
+            SimrobError: the state at the start cannot be read or does not fit the station, or a robot cannot follow its
+                reference.
         """
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
         if start is not None:
-            built = self._playing(self.config, by_robot(self.config, reference), _origins(start)).stepped(0.0)
+            diagrams = self._diagrams_for(self.config, by_robot(self.config, reference), _origins(start))
+            built = diagrams.diagram_at(0.0)
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
-        """Find the reference of each robot in a run that begins in a state.
+        """Find the reference of each robot in a run that begins in a state, by the robot's name.
 
-        Raises SimrobError: a reference that does not fit its robot.
+        Args:
+            reference: references of the user, as in :func:`simulate`.
+            start: the state; None for the initial state of the station.
+
+        Raises:
+            SimrobError: a reference does not fit its robot.
         """
         return station_references(self._station, by_robot(self.config, reference), _origins(start))
 
@@ -503,32 +522,36 @@ class Runner:
             state = state.with_axes(robot, *begin_on_prescribed(robot, positions, velocities))
         return state
 
-    def _playing(
+    def _diagrams_for(
         self,
         config: StationConfig,
         requested: Mapping[str, Reference | Samples],
         origins: Mapping[str, Vector] | None,
         *,
-        watched: bool = False,
+        steps_whole: bool = False,
         end: float | None = None,
     ) -> StationDiagrams:
-        """Find the diagrams for a run, and let them play its references and pushes.
+        """Find or make the diagrams for a run, and give them its references and pushes.
+
+        Building diagrams takes much longer than a short run, so those of earlier runs are used again if they differ in
+        nothing but trajectories and the times and sizes of pushes.
 
         Args:
             config: configuration of the station in this run.
             requested: references that the user gives, by robot.
             origins: positions (n,) at which the configuration's references begin, by robot; None for the initial
                 posture.
-            watched: whether the run has ticks.
+            steps_whole: whether to step the whole diagram, see :class:`StationDiagrams`; it has ticks then.
             end: end of the run [s]; None if it is the configuration's duration.
 
         Raises:
-            SimrobError: a reference does not fit its robot, or blocks of the user's own would stand in two diagrams.
+            SimrobError: a reference does not fit its robot, or blocks of the user's own would be in two diagrams.
         """
         references = station_references(self._station, requested, origins)
         self._check_references(references, config.duration if end is None else end)
-        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
-        diagrams = self._diagrams.get(places)
+        force_places = [(name, force.kind, force.at) for name, force in config.forces.items()]
+        key = (steps_whole, *force_places)
+        diagrams = self._diagrams.get(key)
         if diagrams is None or not diagrams.fits(references):
             if self._diagrams and self._blocks:
                 text = message(
@@ -540,11 +563,21 @@ class Runner:
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
                 check_parts(station)
-            diagrams = self._diagrams[places] = StationDiagrams(station, references, self._blocks, watched=watched)
+            diagrams = StationDiagrams(station, references, self._blocks, steps_whole=steps_whole)
+            self._diagrams[key] = diagrams
         diagrams.play(references, config.forces)
         return diagrams
 
     def _check_references(self, references: Mapping[str, Reference], duration: float) -> None:
+        """Check that robots can follow their references, and axes those that the station prescribes.
+
+        Args:
+            references: reference of each robot, by the robot's name.
+            duration: duration of the run [s].
+
+        Raises:
+            SimrobError: a reference does not fit its robot.
+        """
         for robot in self._station.robots.values():
             if f"{robot.prefix}reference" not in self._driven:
                 check_reference(robot, references[robot.name], duration)
@@ -552,16 +585,19 @@ class Runner:
                 check_reference(alone_on(robot, place), reference, duration)
 
 
-def _built_of(config: StationConfig) -> StationConfig:
-    """Return a station without what its diagrams can be given anew."""
+def _without_playable_keys(config: StationConfig) -> StationConfig:
+    """Copy a configuration without the keys that its diagrams do not depend on.
+
+    Two configurations whose copies are equal can use the same diagrams: references and pushes are played by them, and
+    duration and sample rate belong to the run.
+    """
     robots = {name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()}
-    nothing = {"start": 0.0, "duration": 0.0, "force": ()}
-    forces = {
-        name: force.model_copy(update=nothing) if isinstance(force, Push) else force
-        for name, force in config.forces.items()
-    }
-    played = {"reference": None, "duration": 0.0, "sample_rate": 0.0, "start": None, "name": "", "description": ""}
-    return config.model_copy(update={**played, "robots": robots, "forces": forces})
+    forces = dict(config.forces)
+    for name, force in config.forces.items():
+        if isinstance(force, Push):
+            forces[name] = force.model_copy(update={"start": 0.0, "duration": 0.0, "force": ()})
+    ignored = {"reference": None, "duration": 0.0, "sample_rate": 0.0, "start": None, "name": "", "description": ""}
+    return config.model_copy(update={**ignored, "robots": robots, "forces": forces})
 
 
 def check_callback(on_step: OnStep | None) -> None:
@@ -607,13 +643,14 @@ def check_state(start: State) -> None:
 
 
 class RunBranch:
-    """A run up to a time, and runs with other pushes that go on from there: what came before is stepped once.
+    """A run up to a time, and several runs with different pushes that continue it.
 
-    Under ``cenic`` and discrete solvers, each ends as the whole run does, to the last bit.
+    The time before the branch is stepped only once. Under ``cenic`` and discrete solvers, a continued run is equal to a
+    run with the same pushes from the start, to the last bit.
 
     Attributes:
-        at: the time [s].
-        begun: how the run up to this time ended: ``completed`` if nothing ended it before.
+        at: time of the branch [s].
+        begun: end of the run up to the branch: ``completed`` if nothing ended it before.
     """
 
     def __init__(
@@ -647,7 +684,7 @@ class RunBranch:
         self._references = diagrams.references
         self._trunk: SimulationResult | None = None  # the run up to the branch, with signals; made when it is needed
         config_until_branch = self._config.model_copy(update={"duration": at})
-        self._stepper = self._stepping(config_until_branch, begins_in_motion=begins_in_motion)
+        self._stepper = self._make_stepper(config_until_branch, begins_in_motion=begins_in_motion)
         if start is not None:
             built = self._stepper.built
             start.put(built.diagram, built.ports, self._stepper.simulator.get_mutable_context())
@@ -667,7 +704,7 @@ class RunBranch:
             return self.begun
         config = with_pushes(self._config, pushes)
         self._diagrams.play(self._references, config.forces)
-        return self._outcome(self._stepping(config, reached=self._stepper.simulator.get_context()))
+        return self._outcome(self._make_stepper(config, reached=self._stepper.simulator.get_context()))
 
     @drake_asserts()
     def run(
@@ -735,13 +772,14 @@ class RunBranch:
                 )
         return {**earlier, **forces}
 
-    def _stepping(self, config: StationConfig, **more: Any) -> Stepper:
-        """Make a stepper of the diagrams of the branch; arguments are those of `Stepper`."""
-        return Stepper(config, self._diagrams.stepped, self._diagrams.edges, blocks=self._blocks, **more)
+    def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
+        """Make a stepper of the branch's diagrams. Further arguments are those of :class:`Stepper`."""
+        return Stepper(config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more)
 
     def _outcome(self, stepper: Stepper) -> Outcome:
         """Step to the end of the stepper's run. Returns how it ended."""
-        return stepper.run(*watched(stepper, self._diagrams.whole))
+        recorder, watch = make_recorder(stepper, self._diagrams.whole)
+        return stepper.run(recorder, watch)
 
 
 Fork = RunBranch

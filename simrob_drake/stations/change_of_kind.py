@@ -89,12 +89,14 @@ class KeyLosses:
             kind: the new kind.
         """
         old_kind = kind_of(section, path)
+        # An explicit kind that only repeats the present one must not cost the section its keys.
         if old_kind is None or old_kind == kind:
             return
         lost = [key for key in section if key != _KIND]
         if not self.counts_defaults:
             section_class = _class_of(path, old_kind)
             lost = [key for key in lost if not _is_default(section, key, section_class)]
+        # Emptied in place: the section is a part of the station's content, which the caller keeps.
         section.clear()
         if lost:
             where = ".".join(path)
@@ -118,12 +120,17 @@ class KeyLosses:
             warnings.warn(text, KeysLeftOut, stacklevel=2)
 
 
-def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseModel] | None) -> bool:
+def _is_default(
+    section: Mapping[str, Any],
+    key: str,
+    section_class: type[BaseModel] | None,
+) -> bool:
     """Whether a key of a section has its default value. Returns False if the section's class is not known (None)."""
     if section_class is None or key not in section_class.model_fields:
         return False
     declared = section_class.model_fields[key]
     # A default may be a value or, for sections and mappings, a function that makes the value.
+    # A required key has no default, so whatever it has was given by somebody.
     return not declared.is_required() and section[key] == declared.get_default(call_default_factory=True)
 
 
@@ -137,6 +144,7 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
         kinds = references.KINDS
     else:
         return None
+    # A kind of an extension that is not installed has no class here.
     return kinds.model(kind) if kind in kinds else None
 
 
@@ -154,6 +162,8 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     for key, value in changes.items():
         if isinstance(value, (int, float)):
             for earlier_key in settings:
+                # `servo.kp.joint_2` of before would otherwise go on to overrule the new number of
+                # all axes.
                 if earlier_key.startswith(f"{key}.") and earlier_key not in changes:
                     kept.pop(earlier_key, None)
         change = _change_of_kind(key, value)

@@ -46,6 +46,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     Raises:
         SimrobError: the station cannot run; the message names the reason, such as a reference beyond a limit.
     """
+    # The built diagram has the plant and the references that a run would have.
     closed = closed_station(resolve(config))
     ports = closed.ports
     robots = ports.plant.robots.values()
@@ -56,6 +57,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in robots:
         findings += _effort_findings(config, robot)
         findings += _motor_findings(robot)
+        # A robot that floats has no fixed base to hold it: how it stands decides over its torques.
         stands = config.engine.moves_by_forces and robot.model.base == "floating"
         if stands:
             findings += _standing_findings(ports, robot)
@@ -99,6 +101,7 @@ def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -
     """Compute the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
+    # At rest tau + g(q) = 0 with gravity's generalized forces g, so the torques are -g.
     gravity = plant.plant.CalcGravityGeneralizedForces(context)
     return -robot.axis_map.efforts(gravity)
 
@@ -121,7 +124,8 @@ def _mount_text(piece: ResolvedPiece) -> str:
     # Adding 0.0 turns -0.0 into 0.0.
     origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
     text = message("stations.hangs_on", "hangs on {parent}", parent=piece.parent)
-    if piece.mount:  # the frame on which it hangs, whose name begins with that of the parent; empty for the world
+    # `mount` is the frame on which the piece hangs, whose name begins with that of the parent; empty for the world.
+    if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += message("stations.at_frame", ", at {frame}", frame=frame)
     text += message("stations.its_origin_at", ", its origin at {origin} m", origin=origin)
@@ -131,7 +135,11 @@ def _mount_text(piece: ResolvedPiece) -> str:
     return text
 
 
-def _reference_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _reference_findings(
+    config: StationConfig,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Check a reference: its positions by the limits of the axes, its speeds by the share that the verdict allows.
 
     Args:
@@ -151,9 +159,11 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
                 message("stations.controller_decides", "not looked at: a controller says where the robot goes"),
             )
         ]
+    # First the limits: a reference beyond them is an error, and its speeds do not matter.
     check_reference(robot, reference, config.duration)
     times, positions = reference_samples(reference, config.duration)
     step = times[1]  # the samples are evenly spaced and begin at 0
+    # Mean speeds between samples: |q_k+1 - q_k| / h, the largest one of each axis.
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / step
     limits = robot.speed_limits
     allowed_share = bound_value(config.verdict.speed_share)
@@ -186,13 +196,16 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
     )
     if np.isfinite(limits).any():
         # An axis without a speed limit (inf) has a share of 0. An axis at rest with the limit 0 has none (NaN).
-        text += message(
-            "stations.share_of_speed", ", at most {share:.0%} of their speed", share=np.nanmax(speeds / limits)
-        )
+        largest_share = np.nanmax(speeds / limits)
+        text += message("stations.share_of_speed", ", at most {share:.0%} of their speed", share=largest_share)
     return [Finding("ok", subject, text)]
 
 
-def _jump_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _jump_findings(
+    config: StationConfig,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Warn of a reference that begins away from the robot, so that its servos jump at the start.
 
     Args:
@@ -203,26 +216,31 @@ def _jump_findings(config: StationConfig, robot: StationRobot, reference: Refere
     """
     if reference is None or config.start is not None or not config.engine.moves_by_forces:
         return []
+    # Index 1 are the positions; their first row is at the start of the run.
     first_positions = reference_samples(reference, config.duration)[1][0]
     axes = axes_off_reference(robot, robot.initial, first_positions)
     if not axes.size:
         return []
     farthest = int(axes[0])
-    text = compound(
-        "{jump}{others}; {remedy}",
-        jump=jump_text(robot, farthest, robot.initial[farthest], first_positions[farthest]),
-        others=""
-        if axes.size == 1
-        else message(
+    others = ""
+    if axes.size > 1:
+        others = message(
             "stations.other_axes_jump",
             ", and {count} other {count:axis jumps|axes jump} too",
             count=axes.size - 1,
-        ),
-        remedy=message(
-            "stations.start_at_reference",
-            "set {key}, or begin the reference where the robot begins",
-            key="robot.initial_deg" if config.only_robot else f"robots.{robot.name}.initial_deg",
-        ),
+        )
+    # The key as the user writes it: a station with one robot has the section `robot`.
+    section = "robot" if config.only_robot else f"robots.{robot.name}"
+    remedy = message(
+        "stations.start_at_reference",
+        "set {key}, or begin the reference where the robot begins",
+        key=f"{section}.initial_deg",
+    )
+    text = compound(
+        "{jump}{others}; {remedy}",
+        jump=jump_text(robot, farthest, robot.initial[farthest], first_positions[farthest]),
+        others=others,
+        remedy=remedy,
     )
     return [Finding("warning", message("stations.start_of", "start of {robot}", robot=robot.name), text)]
 
@@ -256,6 +274,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
     axes_by_text = dict[str, list[str]]()
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
         if motor is not None:
+            # Equal motors have equal texts, so the text serves as the key.
             axes_by_text.setdefault(_motor_text(motor, unit), []).append(axis)
     subject = message("stations.motors_of", "motors of {robot}", robot=robot.name)
     return [
@@ -296,7 +315,11 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     )
 
 
-def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _holding_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
         text = message("stations.controller_decides", "not looked at: a controller says where the robot goes")
@@ -361,6 +384,7 @@ def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
         gap=abs(found.gap) * 1e3,
         side=side,
     )
+    # Contact pushes feet that begin deeper out of the ground; a robot that begins higher drops.
     is_on_ground = -TOUCHING <= found.gap <= _DROP
     return Finding("ok" if is_on_ground else "warning", f"{robot.prefix}base", text)
 
@@ -398,7 +422,12 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
     return Finding("warning", f"{robot.prefix}base", text)
 
 
-def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torque: float) -> Finding:
+def _standing_torque(
+    config: StationConfig,
+    robot: StationRobot,
+    axis: int,
+    torque: float,
+) -> Finding:
     """Check the torque with which an axis carries a robot that stands, and by how much its servo gives way.
 
     Args:
@@ -420,10 +449,10 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         effort=unit.effort,
         limit=limit,
     )
+    # A joint that does not hold has no equilibrium, so no sag is computed for it.
     if abs(torque) > limit:
-        return Finding(
-            "warning", subject, message("stations.will_not_hold", "{text}: the joint will not hold", text=text)
-        )
+        text = message("stations.will_not_hold", "{text}: the joint will not hold", text=text)
+        return Finding("warning", subject, text)
     level: Level = "ok"
     if kp > 0:
         # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
@@ -485,37 +514,31 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     Returns one finding: a warning if they overlap by more than a touch, otherwise that it is in order.
     """
     if ports.config.contact is None:
-        return [
-            Finding(
-                "note",
-                CONTACT,
-                message("stations.has_no_contact", "the station has none: whatever meets passes through each other"),
-            )
-        ]
+        text = message(
+            "stations.has_no_contact",
+            "the station has none: whatever meets passes through each other",
+        )
+        return [Finding("note", CONTACT, text)]
+    # The default context has the positions at the start; it is not stepped.
     overlap = deepest_overlap(ports, diagram.CreateDefaultContext())
     if overlap is None:
-        return [
-            Finding(
-                "ok",
-                CONTACT,
-                message("stations.nothing_penetrates", "of what can touch nothing penetrates at the start"),
-            )
-        ]
+        text = message(
+            "stations.nothing_penetrates",
+            "of what can touch nothing penetrates at the start",
+        )
+        return [Finding("ok", CONTACT, text)]
     if overlap.depth <= TOUCHING:
         return [Finding("ok", CONTACT, str(overlap))]
     # A run does not begin if a piece is too deep in another body.
     has_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
     is_refused = has_piece and overlap.depth > allowed_overlap(ports.config)
-    consequence = message("stations.run_does_not_begin", ", and a run does not begin") if is_refused else ""
-    return [
-        Finding(
-            "warning",
-            CONTACT,
-            message(
-                "stations.overlap_move_one",
-                "{overlap}{consequence}; move one of them",
-                overlap=overlap,
-                consequence=consequence,
-            ),
-        )
-    ]
+    consequence = ""
+    if is_refused:
+        consequence = message("stations.run_does_not_begin", ", and a run does not begin")
+    text = message(
+        "stations.overlap_move_one",
+        "{overlap}{consequence}; move one of them",
+        overlap=overlap,
+        consequence=consequence,
+    )
+    return [Finding("warning", CONTACT, text)]

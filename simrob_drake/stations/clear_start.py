@@ -24,7 +24,8 @@ from simrob_drake.stations.posed import posture_range
 _STEP_DEG = 20.0  # largest travel of a revolute axis [deg]
 _STEP_METRES = 0.05  # largest travel of a prismatic axis [m]
 _RANGE_SHARE = 0.4  # largest travel as a share of the way to the joint's limit
-_SPEED_SHARE = 0.4  # largest mean speed as a share of the axis' speed limit; the peak of a move is 1.9 times the mean
+# Largest mean speed as a share of the axis' speed limit; the peak of a move is 1.9 times the mean.
+_SPEED_SHARE = 0.4
 _LOAD = 0.9  # largest share of a motor's torque that holding may take
 # Shares of the move at which its postures are checked.
 _PARTS = np.linspace(0.0, 1.0, 6)
@@ -32,19 +33,23 @@ _FEW_PARTS = _PARTS[1::2]
 
 # Heights of the robot.
 _OVER = 0.05  # height that moving links keep over the floor, where they can [m]
-_HANGS = 0.25  # a robot that reaches below its base by more than this share of its reach hangs
-_ABOVE = 0.1  # height over the floor at which a hanging robot is held, as a share of its reach
+# A robot that reaches below its base by more than this share of its reach hangs.
+_HANGS = 0.25
+# Height over the floor at which a hanging robot is held, as a share of its reach.
+_ABOVE = 0.1
 _ROUNDING = 1e-3  # smaller differences of heights do not matter [m]
 
 # Effort of the search.
 _RANDOM = 40  # count of random postures, which also show the robot's reach
 _TRIED = 150  # count of postures that are tried for each count of changed axes
 _MOVED = 8  # count of postures of the same group whose first move is checked
-_STEPS = 8  # largest count of steps that reduce the faults of a posture, if no posture is clear
+# Largest count of steps that reduce the faults of a posture, if no posture is clear.
+_STEPS = 8
 
 # Singularities.
 _CHAIN = 5  # a singular posture is avoided if a chain has at least this many axes
-_DEXTERITY = 0.25  # least dexterity, as a share of the dexterity that one in five random postures exceeds
+# Least dexterity, as a share of the dexterity that one in five random postures exceeds.
+_DEXTERITY = 0.25
 
 
 @dataclass(frozen=True)
@@ -110,7 +115,14 @@ class ClearStart:
         hangs: whether the robot reaches so far below its root that it is held over the floor.
     """
 
-    def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
+    def __init__(
+        self,
+        clearance: Clearance,
+        robot: StationRobot,
+        duration: float,
+        *,
+        torque: bool,
+    ) -> None:
         """Prepare the search.
 
         Args:
@@ -380,7 +392,12 @@ class ClearStart:
         # Without followers, keep the step as it is: adding and subtracting would round it.
         return model.with_followers(posture + step) - posture if model.followers else step
 
-    def _is_clear(self, posture: Vector, step: Vector, parts: Sequence[float] | Vector) -> bool:
+    def _is_clear(
+        self,
+        posture: Vector,
+        step: Vector,
+        parts: Sequence[float] | Vector,
+    ) -> bool:
         """Whether the move by a step (n,) from a posture (n,) [rad or m] has no faults at some parts of it, 0 to 1."""
         return not any(any(self._faults(posture + part * step)) for part in parts)
 

@@ -107,7 +107,11 @@ class BodyChain(NamedTuple):
     axes: list[int]
 
 
-def standing(station: StationPlant, robot: StationRobot, context: Context | None = None) -> Standing | None:
+def standing(
+    station: StationPlant,
+    robot: StationRobot,
+    context: Context | None = None,
+) -> Standing | None:
     """Compute how a robot stands on the lowest points of its feet or, if it has no feet, of its collision shapes.
 
     Args:
@@ -146,7 +150,11 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
     )
 
 
-def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[ShapePoints]:
+def shape_points(
+    station: StationPlant,
+    robot: StationRobot,
+    context: Context,
+) -> list[ShapePoints]:
     """Find the points of each collision shape of a robot that are lowest with respect to the floor, in the world.
 
     The floor may be inclined: heights are measured along its normal.
@@ -165,7 +173,11 @@ def shape_points(station: StationPlant, robot: StationRobot, context: Context) -
     return found
 
 
-def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[SupportPoints]:
+def _support_points(
+    station: StationPlant,
+    robot: StationRobot,
+    context: Context,
+) -> list[SupportPoints]:
     """Find the points on which a robot may stand: of its feet or, if it has none, of all its collision shapes."""
     if robot.feet is None:
         shapes = shape_points(station, robot, context)
@@ -193,7 +205,10 @@ def outline(station: StationPlant, body: RigidBody) -> Vector:
 
 
 def _contact_distances(
-    station: StationPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
+    station: StationPlant,
+    robot: StationRobot,
+    context: Context,
+    contacts: Collection[StandingContact],
 ) -> dict[str, float]:
     """Compute for each link with contacts their smallest distance from its joint, see `Standing.ends`."""
     by_link: dict[str, list[StandingContact]] = {}
@@ -216,7 +231,10 @@ def _contact_distances(
 
 
 def _holding_torque(
-    plant: MultibodyPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
+    plant: MultibodyPlant,
+    robot: StationRobot,
+    context: Context,
+    contacts: Collection[StandingContact],
 ) -> Vector:
     """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
 
@@ -234,7 +252,11 @@ def _holding_torque(
     return np.asarray(-robot.axis_map.efforts(generalized))
 
 
-def _vertical_jacobian(plant: MultibodyPlant, context: Context, contact: StandingContact) -> Vector:
+def _vertical_jacobian(
+    plant: MultibodyPlant,
+    context: Context,
+    contact: StandingContact,
+) -> Vector:
     """Compute the derivative of a contact's vertical velocity by the plant's velocities, shape (nv,).
 
     An upward force at the contact, times this row, gives its generalized forces.
@@ -259,7 +281,8 @@ def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
     Returns:
         upward force on each contact, shape (k,) [N], none of them negative.
     """
-    from scipy.optimize import nnls  # loaded here, so that importing the package stays quick
+    # Loaded here, so that importing the package stays quick.
+    from scipy.optimize import nnls
 
     # Least squares for the shares x >= 0: sum of x = 1, sum of x times lever arm = 0, and weakly: x = 0. The last
     # equations make the shares even where the first ones leave several solutions.
@@ -378,7 +401,11 @@ class Clearance(PosedStation):
         return [overlap for overlap in self.overlaps() if overlap.robot == robot.name]
 
 
-def neighbouring_postures(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:
+def neighbouring_postures(
+    robot: StationRobot,
+    posture: Vector,
+    axes: Iterable[int],
+) -> Iterator[Vector]:
     """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES.
 
     Args:
@@ -396,7 +423,12 @@ def neighbouring_postures(robot: StationRobot, posture: Vector, axes: Iterable[i
                 yield neighbour
 
 
-def reduce_own_overlaps(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
+def reduce_own_overlaps(
+    clearance: Clearance,
+    robot: StationRobot,
+    posture: Vector,
+    axes: Collection[int],
+) -> Vector:
     """Find a posture in which the links of a robot overlap less, by moving one axis at a time.
 
     Each step takes the move that reduces the overlaps most. Only the axes between the two links that overlap most are

@@ -83,6 +83,7 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
     if not config.robots:
         return []
     clearance = Clearance(config)
+    # All checks below read the same postures: setting and measuring them takes most of the time.
     measured = _measure(clearance, references)
     findings = list[Finding]()
     for name, robot in clearance.station.robots.items():
@@ -117,6 +118,8 @@ def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Meas
     heights: dict[str, list[Mapping[str, float]]] = {name: [] for name in clearance.config.robots}
     overlaps = list[_TimedOverlap]()
     for index, time in enumerate(times.tolist()):
+        # All robots are moved to the same time before overlaps are measured: they may hit each
+        # other.
         clearance.place_robots({name: posture[index] for name, posture in postures.items()})
         overlaps += [_TimedOverlap(time, overlap) for overlap in clearance.overlaps()]
         for name, robot in clearance.station.robots.items():
@@ -139,10 +142,12 @@ def _floor_findings(
     subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
     if not (ground.has_floor or ground.boxes):
         return [Finding("note", subject, message("stations.there_is_no_floor", "not looked at: there is no floor"))]
+    # The same bound judges the run later, see the section `verdict`.
     allowed_depth = bound_value(clearance.config.verdict.below_floor)
     fixed_heights, moving_heights = _split_by_motion(clearance, robot, measured)
     findings = []
 
+    # A fixed link below the ground needs another remedy than a moving one: its base.
     fixed_height = min(fixed_heights, default=0.0)
     if fixed_height < -allowed_depth:
         text = message(
@@ -192,7 +197,11 @@ class _HeightsByMotion(NamedTuple):
     moving: list[_LinkHeight]
 
 
-def _split_by_motion(clearance: Clearance, robot: StationRobot, measured: _Measurements) -> _HeightsByMotion:
+def _split_by_motion(
+    clearance: Clearance,
+    robot: StationRobot,
+    measured: _Measurements,
+) -> _HeightsByMotion:
     """Separate the heights of a robot's fixed links from those of its moving links."""
     plant = clearance.plant
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
@@ -221,32 +230,23 @@ def _self_findings(
     """
     subject = message("stations.links_of", "links of {robot}", robot=robot.name)
     left_out = _left_out_text(clearance, robot)
+    # `overlap.robot` is empty if no robot owns both bodies, so it never equals a robot's name
+    # there.
     own = [timed for timed in measured.overlaps if timed.overlap.robot == robot.name]
     if own:
         text = _deepest_text(own) + left_out
-        return [
-            _contact_finding(
-                clearance,
-                subject,
-                text,
-                message("stations.change_start_or_reference", "change initial_deg or reference"),
-                is_own=True,
-            )
-        ]
+        remedy = message("stations.change_start_or_reference", "change initial_deg or reference")
+        return [_contact_finding(clearance, subject, text, remedy, is_own=True)]
+    # Each posture has the heights of the same links, those with shapes.
     count = len(measured.heights[robot.name][0])
-    return [
-        Finding(
-            "ok",
-            subject,
-            message(
-                "stations.no_body_in_another",
-                "{when} none of {count} bodies with shapes lies in another{left_out}",
-                when=when_checked,
-                count=count,
-                left_out=left_out,
-            ),
-        )
-    ]
+    text = message(
+        "stations.no_body_in_another",
+        "{when} none of {count} bodies with shapes lies in another{left_out}",
+        when=when_checked,
+        count=count,
+        left_out=left_out,
+    )
+    return [Finding("ok", subject, text)]
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
@@ -285,26 +285,29 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
 
     Collisions with the floor are not among them; :func:`_floor_findings` measures the height of each link instead.
     """
-    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:  # there is nothing to collide with
+    # A single body has nothing to collide with.
+    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
+    subject = message("stations.robots_and_pieces", "robots and pieces")
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
-        return [
-            _contact_finding(
-                clearance,
-                message("stations.robots_and_pieces", "robots and pieces"),
-                _deepest_text(others),
-                message("stations.move_one_of_them", "move one of them"),
-            )
-        ]
+        remedy = message("stations.move_one_of_them", "move one of them")
+        return [_contact_finding(clearance, subject, _deepest_text(others), remedy)]
     text = message(
         "stations.nothing_overlaps",
         "no robot or piece overlaps another one along the references, apart from pieces that robots carry or hold",
     )
-    return [Finding("ok", message("stations.robots_and_pieces", "robots and pieces"), text)]
+    return [Finding("ok", subject, text)]
 
 
-def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, is_own: bool = False) -> Finding:
+def _contact_finding(
+    clearance: Clearance,
+    subject: str,
+    text: str,
+    remedy: str,
+    *,
+    is_own: bool = False,
+) -> Finding:
     """Report a collision, as a note if the run simulates the contact, and as a warning if it does not.
 
     Args:
@@ -316,40 +319,34 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
     """
     contact = clearance.config.contact
     # Contact forces hold bodies apart in a dynamic station; between links of one robot they are optional.
-    is_simulated = (
-        clearance.config.engine.moves_by_forces and contact is not None and (contact.self_collision or not is_own)
-    )
+    is_simulated = False
+    if contact is not None and clearance.config.engine.moves_by_forces:
+        is_simulated = contact.self_collision or not is_own
     if is_simulated:
-        return Finding(
-            "note",
-            subject,
-            message(
-                "stations.if_nothing_held_back",
-                "{text}, if nothing held them back; the run shows what comes of it",
-                text=text,
-            ),
-        )
-    why = (
-        message("stations.self_collision_is_off", "contact.self_collision is off")
-        if is_own and contact is not None
-        else message("stations.no_contact", "the station has no contact")
-    )
-    return Finding(
-        "warning",
-        subject,
-        message(
-            "stations.nothing_holds_back",
-            "{text}, and nothing holds them back: {why}; {remedy}",
+        text = message(
+            "stations.if_nothing_held_back",
+            "{text}, if nothing held them back; the run shows what comes of it",
             text=text,
-            why=why,
-            remedy=remedy,
-        ),
+        )
+        return Finding("note", subject, text)
+    why = message("stations.no_contact", "the station has no contact")
+    if is_own and contact is not None:
+        why = message("stations.self_collision_is_off", "contact.self_collision is off")
+    text = message(
+        "stations.nothing_holds_back",
+        "{text}, and nothing holds them back: {why}; {remedy}",
+        text=text,
+        why=why,
+        remedy=remedy,
     )
+    return Finding("warning", subject, text)
 
 
 def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
     """Describe the deepest of some collisions, at least one, with its time, and count the other pairs of bodies."""
+    # The first of equally deep ones, so that the text is the same in every run.
     time, deepest = max(overlaps, key=lambda timed: timed.overlap.depth)
+    # A set, as the same pair may collide in many of the postures.
     other_pairs = len({timed.overlap.bodies for timed in overlaps}) - 1
     text = message(
         "stations.lie_in_each_other",

@@ -24,7 +24,7 @@ from simrob_drake.blocks.references import (
     interpolate_samples,
     reference_values,
 )
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.station_plant import StationRobot
@@ -56,7 +56,11 @@ class ClosedStation:
     references: dict[str, Reference] = field(default_factory=dict)
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
-    def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
+    def play(
+        self,
+        references: Mapping[str, Reference],
+        forces: Mapping[str, ForceConfig],
+    ) -> None:
         """Replace the trajectories of the robots and the pushes, without building the diagram again.
 
         Args:
@@ -64,6 +68,7 @@ class ClosedStation:
             forces: pushes and drags by name, as in :meth:`play_forces`.
         """
         for robot, player in self.players.items():
+            # Compared by identity: comparing trajectories would take as long as copying them.
             is_new = self.references[robot] is not references[robot]
             if is_new:  # the source copies its trajectory, which takes time and memory
                 self.references[robot] = references[robot]
@@ -73,6 +78,7 @@ class ClosedStation:
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
         """Replace the courses of pushes and drags, by name. Their points of action stay."""
         for name, force in forces.items():
+            # The name under which the station added the source of the force.
             source = f"force.{name}.source"
             trajectory = force.trajectory()
             if trajectory is not None and self.diagram.HasSubsystemNamed(source):
@@ -123,6 +129,9 @@ def closed_station(
     early: dict[str, _DrivenInputs] = {}
     if lean and not blocks and not station.config.controllers:
         early = _early_sources(builder, station, played)
+    early_ports = dict[str, OutputPort]()
+    for driven in early.values():
+        early_ports.update(driven.outputs)
     ports = compose(
         builder,
         station,
@@ -130,7 +139,7 @@ def closed_station(
         forces=forces,
         monitors=monitors,
         blocks=blocks,
-        sources={name: port for driven in early.values() for name, port in driven.outputs.items()},
+        sources=early_ports,
         lean=lean,
         closed=True,
     )
@@ -143,18 +152,22 @@ def closed_station(
         else:
             source = _add_source(builder, ports, robot, reference)
         if source is not None:
+            # Steps have to end where the reference has a corner: integration assumes smooth
+            # signals.
             ports.edges.extend(corner_times(reference))
             caption = ports.config.reference_of(robot.name).caption(robot.model)
-            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrapped(caption), robot)
+            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrap_label(caption), robot)
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
         for axis, reference in robot.prescribed.items():
             _add_prescribed(builder, ports, robot.axes[axis], robot, reference)
+    # Last, since an input that is open now has no other source.
     _add_zeros(builder, ports)
     try:
         return ClosedStation(built(builder), ports, kept, players)
     except RuntimeError as problem:
+        # Without blocks of the user, an error in the wiring is ours, and is not blamed on the user.
         if not ports.blocks:
             raise
         raise _wiring_error(ports, problem) from problem
@@ -173,21 +186,19 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
     """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
+    # Drake has no class for this error: its text is the only sign.
     was_built_before = "been built into a different Diagram" in str(problem)
-    cause = (
-        message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
-        if was_built_before
-        else message("stations.signals_in_circle", "signals must not go around in a circle")
+    cause = message("stations.signals_in_circle", "signals must not go around in a circle")
+    if was_built_before:
+        cause = message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
+    text = message(
+        "stations.blocks_cannot_be_wired",
+        "the blocks {blocks} cannot be wired so; {cause} ({problem})",
+        blocks=", ".join(ports.blocks),
+        cause=cause,
+        problem=problem,
     )
-    return SimrobError(
-        message(
-            "stations.blocks_cannot_be_wired",
-            "the blocks {blocks} cannot be wired so; {cause} ({problem})",
-            blocks=", ".join(ports.blocks),
-            cause=cause,
-            problem=problem,
-        )
-    )
+    return SimrobError(text)
 
 
 def _add_source(
@@ -201,8 +212,10 @@ def _add_source(
     free = []
     for name in _MOTION:
         port = ports.inputs.get(f"{robot.prefix}{name}")
+        # A block or a controller may drive the input already, and Drake allows one source only.
         if port and not builder.IsConnectedOrExported(port):
             free.append(name)
+    # Derivatives without the position that they belong to would contradict the block's reference.
     if "reference" not in free:
         return None
     driven = _source(builder, robot.prefix, reference, free)
@@ -223,6 +236,7 @@ def _early_sources(
     if not station.engine.moves_by_forces:
         return found
     for name, robot in station.robots.items():
+        # The inputs that the station will have: it does not exist yet.
         inputs = {"reference", *station.config.inputs}
         if station.config.servo_of(name).follows_motion:
             inputs.update(_MOTION)
@@ -231,7 +245,12 @@ def _early_sources(
     return found
 
 
-def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: Sequence[str]) -> _DrivenInputs:
+def _source(
+    builder: DiagramBuilder,
+    prefix: str,
+    reference: Reference,
+    taken: Sequence[str],
+) -> _DrivenInputs:
     """Add a source for a robot's desired motion.
 
     Args:
@@ -240,6 +259,7 @@ def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: S
         reference: the desired motion.
         taken: names of the inputs that the source drives, a part of ``_MOTION`` in its order.
     """
+    # The names are in the order of the derivatives, so an index is the order of a derivative.
     highest_derivative = _MOTION.index(taken[-1])
     source = add_reference(builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative)
     outputs = zip(_MOTION, (source.position, source.velocity, source.acceleration), strict=True)
@@ -248,7 +268,11 @@ def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: S
 
 
 def _add_prescribed(
-    builder: DiagramBuilder, ports: StationPorts, axis: str, robot: StationRobot, reference: Reference
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    axis: str,
+    robot: StationRobot,
+    reference: Reference,
 ) -> None:
     """Add the source of a prescribed axis, unless a block drives it.
 
@@ -258,6 +282,7 @@ def _add_prescribed(
     name = f"{robot.prefix}prescribed.{axis}"
     if builder.IsConnectedOrExported(ports.inputs[name]):
         return
+    # The force that the axis needs depends on its acceleration.
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
@@ -265,7 +290,7 @@ def _add_prescribed(
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
-    ports.picture.draw(f"{name}.source", "reference", wrapped(caption), robot)
+    ports.picture.draw(f"{name}.source", "reference", wrap_label(caption), robot)
     ports.picture.draw_nothing(f"{name}.motion")
 
 
@@ -299,12 +324,15 @@ def station_references(
         if own is None:
             reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
         elif isinstance(own, tuple):
+            # Straight lines have jumps of the speed, which servos that follow the speed would pass
+            # on.
             linear = not station.config.follows_speed(robot.name)
             reference = _interpolate(own, robot, linear=linear)
         else:
             reference = own
         _check_size(robot, reference)
         references[robot.name] = reference
+    # Last, since an axis that follows others needs their references.
     return obey_couplings(station, references, requested, starts)
 
 
@@ -316,16 +344,14 @@ def _check_start(robot: ResolvedRobot, start: Vector) -> None:
     """
     if len(start) == len(robot.axes):
         return
-    raise InvalidParameter(
-        "start",
-        message(
-            "stations.state_of_size",
-            "a state in which '{robot}' is of size {size}",
-            robot=robot.name,
-            size=len(start),
-        ),
-        message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)),
+    found = message(
+        "stations.state_of_size",
+        "a state in which '{robot}' is of size {size}",
+        robot=robot.name,
+        size=len(start),
     )
+    expected = message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes))
+    raise InvalidParameter("start", found, expected)
 
 
 def _check_size(robot: ResolvedRobot, reference: Reference) -> None:
@@ -333,13 +359,14 @@ def _check_size(robot: ResolvedRobot, reference: Reference) -> None:
     count = as_reference(reference).size
     if count == len(robot.axes):
         return
-    raise InvalidParameter(
-        "reference",
-        message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count),
-        message(
-            "stations.count_of_joints", "{count} joints: {axes}", count=len(robot.axes), axes=", ".join(robot.axes)
-        ),
+    found = message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count)
+    expected = message(
+        "stations.count_of_joints",
+        "{count} joints: {axes}",
+        count=len(robot.axes),
+        axes=", ".join(robot.axes),
     )
+    raise InvalidParameter("reference", found, expected)
 
 
 def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Vector]:
@@ -348,6 +375,7 @@ def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Ve
     Returns:
         the times, shape (m,) [s], and the positions, shape (m, n) [rad or m].
     """
+    # Both ends are samples, hence one more than there are intervals.
     times = np.linspace(0.0, duration, _REFERENCE_INTERVALS + 1)
     return times, reference_values(reference, times)
 
@@ -361,33 +389,39 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
     """
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
+        # The first value that is not finite: comparisons with limits would be false for it.
         row, axis = np.argwhere(~np.isfinite(positions))[0]
-        text = message("stations.value_at_time", "{value} at {time:.2f} s", value=positions[row, axis], time=times[row])
-        raise InvalidParameter(
-            message(
-                "stations.reference_of_axis", "reference of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
-            ),
-            text,
-            message("stations.finite_at_any_time", "a finite number at any time"),
+        subject = message(
+            "stations.reference_of_axis",
+            "reference of {prefix}{axis}",
+            prefix=robot.prefix,
+            axis=robot.axes[axis],
         )
+        found = message(
+            "stations.value_at_time",
+            "{value} at {time:.2f} s",
+            value=positions[row, axis],
+            time=times[row],
+        )
+        expected = message("stations.finite_at_any_time", "a finite number at any time")
+        raise InvalidParameter(subject, found, expected)
     violation = robot.model.limits.find_violation(positions)
     if violation is not None:
-        raise InvalidParameter(
-            message(
-                "stations.reference_of_axis",
-                "reference of {prefix}{axis}",
-                prefix=robot.prefix,
-                axis=robot.axes[violation.axis],
-            ),
-            message(
-                "stations.position_at_time",
-                "{position} {unit} at {time:.2f} s",
-                position=violation.value,
-                unit=violation.unit,
-                time=times[violation.row],
-            ),
-            message("stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits),
+        subject = message(
+            "stations.reference_of_axis",
+            "reference of {prefix}{axis}",
+            prefix=robot.prefix,
+            axis=robot.axes[violation.axis],
         )
+        found = message(
+            "stations.position_at_time",
+            "{position} {unit} at {time:.2f} s",
+            position=violation.value,
+            unit=violation.unit,
+            time=times[violation.row],
+        )
+        expected = message("stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits)
+        raise InvalidParameter(subject, found, expected)
 
 
 def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Trajectory:

@@ -47,7 +47,8 @@ ANY_DEPTH = 1e-9
 """Overlap above which shapes count as touching [m]; larger than rounding errors."""
 
 _SAMPLES = 24  # count of random postures in which permanent overlaps are sought
-_NEARLY_ALL = 0.9  # links overlap permanently if they overlap in at least this fraction of the random postures
+# Links overlap permanently if they overlap in at least this fraction of the random postures.
+_NEARLY_ALL = 0.9
 
 Bodies = tuple[str, str]
 """Names of two bodies in alphabetical order: links, pieces, the floor."""
@@ -280,7 +281,8 @@ class CollisionPolicy:
         An example is a ball in its socket.
         """
         before = self._posed.plant.GetPositions(self._posed.context)
-        random = np.random.default_rng(0)  # a fixed seed, so that the pairs are always the same
+        # A fixed seed, so that the pairs are always the same.
+        random = np.random.default_rng(0)
         counts = Counter[Bodies]()  # count of postures in which two links overlap
         robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
@@ -350,7 +352,12 @@ class OwnDistances(Distances):
         pairs: the pairs of shapes, in the order of the distances.
     """
 
-    def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector, fine: FineShapes) -> None:
+    def __init__(
+        self,
+        pairs: Collection[Pair],
+        inspector: SceneGraphInspector,
+        fine: FineShapes,
+    ) -> None:
         """Prepare the distances.
 
         Args:

@@ -133,6 +133,8 @@ class ServoConfig(Renamed):
     @model_validator(mode="after")
     def _fits_together(self) -> "ServoConfig":
         """Check that realization, law, feedforward, motor and admittance can be realized together."""
+        # The admittance integrates the servo's torque, which an actuator of the plant does not give
+        # out.
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError(
                 message(
@@ -140,6 +142,7 @@ class ServoConfig(Renamed):
                     "admittance_gain needs realization per_joint or vector: implicit hides the servo's torque",
                 )
             )
+        # Drake's actuators have PD gains, and no other law.
         if self.law != "pid" and self.realization == "implicit":
             raise ValueError(
                 message(
@@ -152,9 +155,11 @@ class ServoConfig(Renamed):
             raise ValueError(message("stations.admittance_without_motor", "admittance_gain goes without a motor"))
         if self.law != "pid" and self.admittance_gain > 0:
             raise ValueError(message("stations.admittance_with_pid", "admittance_gain goes with law pid"))
+        # Only a cascade has a loop whose command is a speed.
         if self.speed_limit is not None and self.law != "cascade":
             raise ValueError(message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade"))
         if self.law == "computed_torque":
+            # A feedforward would count gravity and inertia twice.
             if self.feedforward != "none":
                 raise ValueError(
                     message(
@@ -162,6 +167,8 @@ class ServoConfig(Renamed):
                         "law computed_torque is the whole torque of the model: leave feedforward out",
                     )
                 )
+            # Gains of a robot's file are torques for an error [N·m/rad], those of this law
+            # accelerations [1/s²].
             if self.kp is None or self.kd is None:
                 raise ValueError(
                     message(
@@ -228,6 +235,7 @@ class RobotConfig(Renamed):
 
     @model_validator(mode="after")
     def _one_origin(self) -> "RobotConfig":
+        # True if both are given, and if neither is.
         if (self.model is None) == (self.urdf is None):
             raise ValueError(message("stations.model_or_urdf", "a robot has either a model or a urdf"))
         if self.urdf is None and self.import_options is not None:
@@ -266,6 +274,7 @@ class StationConfig(Renamed):
         Raises:
             ValueError: there is such a key. Other unknown keys are refused later.
         """
+        # Other types are refused by pydantic, with a message of their own.
         if isinstance(content, dict):
             for key in content:
                 if key in RobotConfig.model_fields and key not in cls.model_fields:
@@ -351,6 +360,7 @@ class StationConfig(Renamed):
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "StationConfig":
+        # Checked with the file: a run that is too large would fail only after its memory is full.
         check_effort(self)
         return self
 
@@ -410,12 +420,14 @@ class StationConfig(Renamed):
     def motors_are_dampers(self, robot: str) -> bool:
         """Tell whether the lines of a robot's motors are dampers of Drake's joints, as its actuators need it."""
         engine = self.engine
+        # In a kinematic station no motor gives a torque.
         if not (engine.moves_by_forces and engine.allows_dampers_of_motors):
             return False
         return self.servo_of(robot).realization == "implicit" or engine.limits_torques_in_actuators
 
     def follows_speed(self, robot: str) -> bool:
         """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
+        # A kinematic station takes the speeds as inputs, as its inverse dynamics needs them.
         speed_is_input = not self.engine.moves_by_forces or "reference_velocity" in self.inputs
         return speed_is_input or self.servo_of(robot).follows_motion
 
@@ -434,6 +446,7 @@ def check_effort(config: StationConfig) -> None:
     Raises:
         InvalidParameter: there are too many samples, steps or pieces, or a sensor's delay is of too many samples.
     """
+    # Free pieces first: their bound is the smaller one.
     if len(config.free_pieces) > MOST_FREE_PIECES:
         found = message("stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces))
         raise InvalidParameter(
@@ -447,7 +460,9 @@ def check_effort(config: StationConfig) -> None:
             message("stations.count_of_pieces", "{count} pieces", count=len(config.pieces)),
             message("stations.at_most", "at most {most}", most=MOST_PIECES),
         )
-    duration, rate, solver = config.duration, config.sample_rate, config.solver
+    duration = config.duration
+    rate = config.sample_rate
+    solver = config.solver
     if duration * rate > MOST_SAMPLES:
         longest = message(
             "stations.longest_duration",
@@ -457,6 +472,7 @@ def check_effort(config: StationConfig) -> None:
             samples=MOST_SAMPLES,
         )
         raise InvalidParameter("duration", compound("{duration:g} s", duration=duration), longest)
+    # A kinematic station integrates nothing, so the step of a solver does not matter there.
     if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
         shortest = message(
             "stations.shortest_step",
@@ -467,6 +483,7 @@ def check_effort(config: StationConfig) -> None:
         )
         raise InvalidParameter(f"solver.{solver.step_key}", compound("{step:g} s", step=solver.step), shortest)
     for name, sensor in config.sensors.items():
+        # Only sampled sensors have a rate; the others count as never sampled.
         sensor_rate = getattr(sensor, "rate", None) or 0.0
         if duration * sensor_rate > MOST_STEPS:
             most = message(
@@ -478,6 +495,7 @@ def check_effort(config: StationConfig) -> None:
             )
             raise InvalidParameter(f"sensors.{name}.rate", compound("{rate:g} Hz", rate=sensor_rate), most)
         delay = getattr(sensor, "delay", 0.0)
+        # The block of a sensor keeps every sample that is on its way.
         if delay * sensor_rate > MOST_LATE:
             most = message(
                 "stations.largest_delay",

@@ -46,7 +46,8 @@ from simrob_drake.stations.solver_config import (
 _MOST_FACES = 20_000
 """Largest count of faces into which the round shapes of a station are divided. 33 000 faces of one ball take Drake 3 s,
 131 000 take 12 s and 0.2 GB."""
-_FINEST_STEP = 1e-5  # shortest step of an error-controlled scheme that is worth waiting for [s]
+# Shortest step of an error-controlled scheme that is worth waiting for [s].
+_FINEST_STEP = 1e-5
 _STABLE = 2.5
 """Largest stable product of step and angular frequency of a damped spring, for a third-order Runge-Kutta scheme. For a
 spring without damping it is below 1.7."""
@@ -65,7 +66,10 @@ def needs_shapes(config: StationConfig) -> bool:
 
 
 def apply_materials(
-    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    station: ResolvedStation,
+    shapes: Sequence[GeometryId],
 ) -> None:
     """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
@@ -130,6 +134,7 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
             rim_length += 2 * np.pi * shape.radius()
         elif isinstance(shape, (Sphere, Capsule)):
             length = shape.length() if isinstance(shape, Capsule) else 0.0
+            # Sphere: 4 pi r² = 2 pi r (2 r); the mantle of a capsule adds 2 pi r l.
             area += 2 * np.pi * shape.radius() * (2 * shape.radius() + length)
         elif isinstance(shape, Ellipsoid):
             # The sphere around the ellipsoid has a larger area, so that the bound is on the safe side.
@@ -147,7 +152,10 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
 
 
 def check_stiffnesses(
-    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    station: ResolvedStation,
+    shapes: Sequence[GeometryId],
 ) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
 
@@ -168,6 +176,7 @@ def check_stiffnesses(
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         material = _material(config, config.contact, piece_of_shape(station, inspector, shape))
         stiffness = material.stiffness
+        # A body that cannot move has no oscillation that a step could miss.
         if stiffness is not None and not plant.IsAnchored(body):
             _check_stiffness(config.solver, body, stiffness)
 
@@ -181,6 +190,7 @@ def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector)
     pairs = set()
     for first, second in combinations(rigid, 2):
         bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)]
+        # Two bodies that cannot move do not fall into each other.
         is_fixed = all(plant.IsAnchored(body) for body in bodies)
         if not is_fixed and not inspector.CollisionFiltered(first, second):
             names = sorted(body.scoped_name().get_full() for body in bodies)
@@ -201,9 +211,14 @@ def _is_hydroelastic(properties: ProximityProperties) -> bool:
     return bool(properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type"))
 
 
-def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
+def _material(
+    config: StationConfig,
+    contact: ContactConfig,
+    piece: str | None,
+) -> ContactMaterial:
     """Combine the material of a station with the values that a piece replaces; ``piece`` is None for other bodies."""
     own = config.pieces[piece].contact if piece else None
+    # None means that the piece does not give a value, so the station's stays.
     replaced = {} if own is None else own.model_dump(exclude_none=True, exclude={"model"})
     shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
     return ContactMaterial.model_validate({**shared, **replaced})
@@ -216,6 +231,7 @@ def _write_material(properties: ProximityProperties, material: ContactMaterial) 
     contact with the stiffness that the user gives.
     """
     if material.stiffness is not None:
+        # In series, 1/k = 1/(2 k1) + 1/(2 k2): for k1 = k2 this is k = k1.
         properties.UpdateProperty("material", "point_contact_stiffness", 2 * material.stiffness)
     if material.dissipation is not None:
         properties.UpdateProperty("material", "hunt_crossley_dissipation", material.dissipation)
@@ -224,7 +240,11 @@ def _write_material(properties: ProximityProperties, material: ContactMaterial) 
         properties.UpdateProperty("material", "coulomb_friction", friction)
 
 
-def _write_modulus(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
+def _write_modulus(
+    properties: ProximityProperties,
+    material: ContactMaterial,
+    contact: ContactConfig,
+) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
     A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file keeps its
@@ -254,12 +274,15 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     """
     engine = solver.engine
     if engine.softens_contacts:
+        # The third case of the list above: k = 4 pi² m / (3.3 h (h + 0.1 s)).
         softened = 4 * np.pi**2 * mass / (_SAP_FACTOR * solver.step * (solver.step + _SAP_RELAXATION))
         return float(softened)
     if engine.takes_any_contact_stiffness:
         return np.inf
     if engine.has_fixed_steps:
+        # The second case: ten steps take at most pi sqrt(m/k), so k = m (pi / (10 h))².
         return float(mass * (np.pi / (_STEPS_A_CONTACT * solver.step)) ** 2)
+    # The first case: k = m (2.5 / h)² for the shortest step that is worth waiting for.
     return mass * (_STABLE / _FINEST_STEP) ** 2
 
 
@@ -271,11 +294,10 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
     """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        step = (
-            message("stations.steps_of", "steps of {step:g} s", step=solver.step)
-            if solver.engine.has_discrete_states
-            else solver.kind
-        )
+        # The length of the steps is the reason for the limit with discrete solvers only.
+        step: str = solver.kind
+        if solver.engine.has_discrete_states:
+            step = message("stations.steps_of", "steps of {step:g} s", step=solver.step)
         allowed = message(
             "stations.largest_stiffness",
             "at most {largest:.3g} N/m for {body} ({mass:.3g} kg) with the solver",
@@ -283,11 +305,8 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
             body=body.name(),
             mass=body.default_mass(),
         )
-        raise InvalidParameter(
-            "contact.stiffness",
-            stiffness,
-            compound("{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step),
-        )
+        expected = compound("{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step)
+        raise InvalidParameter("contact.stiffness", stiffness, expected)
 
 
 def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -312,6 +331,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
         if not friction.any():
             continue
         if not engine.puts_friction_in_actuators:
+            # v_s >= c h / M, so that friction does not reverse the motion within a step.
             slowest = friction * config.solver.step / robot.free_inertias()
             speed = np.maximum(robot.model.drives.friction_speed, slowest)
             sliding = _sliding(builder, ports, robot, speed)
@@ -368,7 +388,12 @@ def with_friction(
     return add_sum(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 
-def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
+def _sliding(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    speed: Vector,
+) -> OutputPort:
     """Add a block for the Coulomb friction of a robot's axes: c sat(v / v_s), of the plant's state.
 
     Here c are the friction torques of the robot's model, v the speeds of its axes, and sat limits to -1 and 1.
@@ -384,11 +409,11 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     """
     name = f"{robot.prefix}friction"
     friction = robot.model.friction
-    ports.picture.draw(
-        name, "force", message("stations.block_friction", "Friction\nof {robot}", robot=robot.model.name), robot
-    )
+    label = message("stations.block_friction", "Friction\nof {robot}", robot=robot.model.name)
+    ports.picture.draw(name, "force", label, robot)
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
+    # c v / v_s, which the saturation limits to -c and c.
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state
     unlimited = add_matrix_gain(builder, f"{name}.slope", slope, ports.state)
     return add_and_connect(builder, name, Saturation(-friction, friction), unlimited)

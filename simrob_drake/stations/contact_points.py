@@ -82,7 +82,8 @@ MOST_CORNERS = 32
 MOST_EDGE_PARTS = 8
 """Largest count of parts into which balls divide an edge."""
 
-_CARRYING_BALLS = 4  # count of balls that share the weight of a body that lies on a face
+# Count of balls that share the weight of a body that lies on a face.
+_CARRYING_BALLS = 4
 
 
 class ContactBall(NamedTuple):
@@ -169,6 +170,7 @@ def add_contact_points(
     if not free:  # nothing rests on a face, and balls would only cost time
         return points
     supports = [shape for shape in flat if owners.is_support(shape)]
+    # The stiffest demand: balls that carry the heaviest body carry all others.
     heaviest = max(owners.moved_mass(shape) for shape in free)
     load = heaviest * abs(station.config.gravity)
     for shape in [*free, *supports]:
@@ -294,7 +296,12 @@ class _ShapeOwners:
         return self.body(shape).index() in fingers
 
 
-def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points: ContactPoints) -> None:
+def _register_balls(
+    owners: _ShapeOwners,
+    shape: GeometryId,
+    load: float,
+    points: ContactPoints,
+) -> None:
     """Register the balls of one shape in the plant, and append them to ``points``.
 
     Each ball has the material of the shape, and the shape's name with a number.
@@ -307,6 +314,7 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
     """
     inspector = owners.inspector
     body = owners.body(shape)
+    # Balls are registered in the frame of the body, but computed in that of the shape.
     pose = inspector.GetPoseInFrame(shape)
     material = inspector.GetProximityProperties(shape)
     name = own_name(inspector, shape)
@@ -323,6 +331,8 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
     is_polyhedron = 0 < len(corners) <= MOST_CORNERS
     if is_polyhedron:
         balls = balls_at_corners(corners, depth=depth)
+        # The balls at the corners are the ends of the edges, so that all balls of an edge are in
+        # line.
         on_edges = balls_on_edges(balls, _edges_of(inspector, shape))
         points.polyhedra.append(shape)
         points.edges += [register(ball, f"edge_{number}") for number, ball in enumerate(on_edges)]
@@ -331,7 +341,12 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
     points.corners += [register(ball, f"corner_{number}") for number, ball in enumerate(balls)]
 
 
-def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
+def balls_at_corners(
+    corners: Vector,
+    *,
+    depth: float = 0.0,
+    protrusion: float = 0.0,
+) -> list[ContactBall]:
     """Place a ball inside each corner of a convex body, so that the balls touch its faces from inside.
 
     Each ball is shifted inward along x, y and z by its radius, less the protrusion. So it reaches exactly to faces that
@@ -422,11 +437,16 @@ def _sinking_depth(config: StationConfig, piece: str | None, load: float) -> flo
     return load / (_CARRYING_BALLS * stiffness)
 
 
-def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[ContactBall]:
+def _balls_of_round_shape(
+    inspector: SceneGraphInspector,
+    shape_id: GeometryId,
+    depth: float,
+) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
     The balls protrude by twice the depth [m] by which they sink in, so that they carry the flat parts.
     """
+    # Twice the depth, so that balls that have sunk in still hold the flat part off.
     protrusion = float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Cylinder):
@@ -446,7 +466,11 @@ def _balls_of_capsule(capsule: Capsule, protrusion: float) -> list[ContactBall]:
     return balls
 
 
-def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[ContactBall]:
+def balls_of_cylinder(
+    radius: float,
+    half_length: float,
+    protrusion: float,
+) -> list[ContactBall]:
     """Place small balls on both rims of a cylinder and, if it is longer than wide, two wide balls on which it rolls.
 
     The small balls protrude from the end faces but not from the mantle, so that they do not disturb rolling. The wide
@@ -457,6 +481,7 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
         half_length: half of its length along z [m].
         protrusion: how far the small balls reach beyond the end faces, and the wide ones beyond the mantle [m].
     """
+    # The shortest side of a cylinder is its diameter or its length.
     small = _ball_radius(2 * min(radius, half_length), protrusion)
     # A small ball reaches to `radius - protrusion` across, and to `half_length + protrusion` along the axis.
     across = radius - small - protrusion
@@ -468,6 +493,7 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
         balls.append(ContactBall(centre, small))
     if half_length > radius:
         for side in (-1.0, 1.0):
+            # The sphere of the cylinder's radius touches the end face from inside there.
             centre = np.array([0.0, 0.0, side * (half_length - radius)])
             balls.append(ContactBall(centre, radius + protrusion))
     return balls
@@ -481,6 +507,7 @@ def _ball_radius(shortest_side: float, depth: float) -> float:
         depth: how far the balls sink in, or protrude [m]. The radius is at least twice as large, unless the shape is
             too small for such balls.
     """
+    # Small balls keep the shape's form; only soft contacts need larger ones.
     usual = min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
     # With the factor 2, a ball sinks in by no more than half of its radius.
     soft = min(2 * depth, SOFT_RADIUS_SHARE * shortest_side)

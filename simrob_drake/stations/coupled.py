@@ -24,7 +24,8 @@ from simrob_drake.stations.config import RobotConfig, StationConfig
 # degrees with four decimals, and the grippers of robot.yaml have six digits.
 ROUNDING_DEG = 0.01
 ROUNDING_METRES = 1e-5
-_ZERO_RATIO = 1e-9  # smaller ratios of a condition count as zero: they are rounding errors
+# Smaller ratios of a condition count as zero: they are rounding errors.
+_ZERO_RATIO = 1e-9
 
 
 def gear_name(config: StationConfig, robot: str, axis: str) -> str:
@@ -85,7 +86,11 @@ def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[
     return pairs
 
 
-def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:
+def coupled_axes(
+    config: StationConfig,
+    mimics: Mapping[str, Gear],
+    axes: Sequence[str],
+) -> CoupledAxes:
     """Collect the equations of all gears between axes. Other couplings, such as a weld, tie bodies, not axes.
 
     Args:
@@ -123,7 +128,11 @@ def axis_units(models: Iterable[RobotModel]) -> AxisUnits:
 
 
 def expected_position(
-    coupled: CoupledAxes, condition: AxisCondition, violation: ConditionViolation, position: Vector, units: AxisUnits
+    coupled: CoupledAxes,
+    condition: AxisCondition,
+    violation: ConditionViolation,
+    position: Vector,
+    units: AxisUnits,
 ) -> str:
     """Write, for an error message, the position that an axis would need and the couplings that demand this position.
 
@@ -253,7 +262,9 @@ def _check_solvable(condition: AxisCondition) -> None:
 
 
 def starting_positions(
-    config: StationConfig, models: Mapping[str, RobotModel], unheld_gears: Mapping[str, Gear]
+    config: StationConfig,
+    models: Mapping[str, RobotModel],
+    unheld_gears: Mapping[str, Gear],
 ) -> dict[str, Vector]:
     """Compute the initial positions of all robots from ``initial_deg`` and the couplings.
 

@@ -28,7 +28,8 @@ from simrob_drake.stations.coupled import (
 )
 from simrob_drake.stations.resolve import ResolvedStation
 
-_COMPARISONS = 500  # intervals between the times at which references are compared with couplings
+# Intervals between the times at which references are compared with couplings.
+_COMPARISONS = 500
 
 
 def obey_couplings(
@@ -84,7 +85,11 @@ def obey_couplings(
 
 
 def _check_conditions(
-    coupled: CoupledAxes, dependence: Dependence, times: Vector, positions: Vector, units: AxisUnits
+    coupled: CoupledAxes,
+    dependence: Dependence,
+    times: Vector,
+    positions: Vector,
+    units: AxisUnits,
 ) -> None:
     """Check that references fulfil the couplings between axes of which none gives way.
 
@@ -120,7 +125,10 @@ def _check_conditions(
 
 
 def _axes_to_change(
-    dependence: Dependence, positions: Vector, firmness: Sequence[Firmness], units: AxisUnits
+    dependence: Dependence,
+    positions: Vector,
+    firmness: Sequence[Firmness],
+    units: AxisUnits,
 ) -> list[int]:
     """Find the axes whose references have to change so that the couplings hold.
 
@@ -145,7 +153,12 @@ def _axes_to_change(
     return changed
 
 
-def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: Collection[int]) -> Vector:
+def with_partners(
+    station: ResolvedStation,
+    robot: str,
+    posture: Vector,
+    named: Collection[int],
+) -> Vector:
     """Complete a posture to which a move goes: move the partners of its named axes to where the couplings take them.
 
     Args:
@@ -189,7 +202,12 @@ def _axis_ranges(station: ResolvedStation) -> dict[str, range]:
     return ranges
 
 
-def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Firmness]:
+def _firmness(
+    station: ResolvedStation,
+    robot: ResolvedRobot,
+    *,
+    is_requested: bool,
+) -> list[Firmness]:
     """Find how firmly the reference of each of a robot's axes is given.
 
     An axis that is NAMED never gives way to a coupling; one that is PASSIVE gives way first, whatever its reference.

@@ -43,7 +43,8 @@ from simrob_drake.stations.steps import set_solver, step_findings
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
 _FINGER_MOVE = 1.0  # duration of closing and of opening fingers [s]
-_FINGER_GAP = 0.1  # share of their travel at which closing fingers stop, so that they do not press on each other
+# Share of their travel at which closing fingers stop, so that they do not press on each other.
+_FINGER_GAP = 0.1
 # Travel of each motor in the first move of a robot with closed loops.
 _LOOP_ANGLE = np.deg2rad(10.0)  # [rad]
 _LOOP_DISTANCE = 0.01  # [m]
@@ -59,7 +60,8 @@ _LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
 
 # Options of the command line that may be given several times.
 _REPEATED_OPTIONS = ("mesh_path", "packages", "xacro_arg")
-_ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
+# Keys of a station that say where its robot comes from.
+_ORIGINS = ("urdf", "model", "import_options")
 
 # Sections of drafted stations: the solver of an arm, and that of an arm for which it takes too long.
 _CONTINUOUS: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
@@ -78,7 +80,12 @@ _ON_FEET: dict[str, Any] = {
 }
 
 
-def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
+def draft_station(
+    urdf: Path | str,
+    options: ImportOptions | None = None,
+    *,
+    folder: Path | str | None = None,
+) -> str:
     """Write the YAML text of a first station for a robot.
 
     A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
@@ -188,7 +195,11 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
     return couplings
 
 
-def _import_warnings(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
+def _import_warnings(
+    robot: RobotModel,
+    content: Mapping[str, Any],
+    file: Path,
+) -> list[str]:
     """Find mechanics that were lost in the import of the robot's file, and implausible numbers of the robot.
 
     Args:
@@ -245,13 +256,16 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
     The solver is continuous if a trial run gets to its end quickly enough, otherwise discrete.
     """
-    content["servo"]["feedforward"] = "gravity"  # otherwise each joint sags by its weight over its gain
-    content["inputs"] = ["reference_velocity"]  # otherwise the damping of the servos delays the motion
+    # Otherwise each joint sags by its weight over its gain.
+    content["servo"]["feedforward"] = "gravity"
+    # Otherwise the damping of the servos delays the motion.
+    content["inputs"] = ["reference_velocity"]
     content["solver"] = _CONTINUOUS
     if gets_through(_config(robot, content)):
         return []
     content["solver"] = _DISCRETE
-    content["servo"]["realization"] = "implicit"  # servos as blocks act once a step, which makes stiff ones unstable
+    # Servos as blocks act once a step, which makes stiff ones unstable.
+    content["servo"]["realization"] = "implicit"
     text = message(
         "stations.drafted_discrete",
         "In discrete steps, since radau3 was tried and takes too many steps: some links are too light for it.",
@@ -444,7 +458,11 @@ def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> N
     content["monitors"] = {"fall": fall}
 
 
-def _set_initial_posture(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
+def _set_initial_posture(
+    robot: RobotModel,
+    content: dict[str, Any],
+    posture: Vector,
+) -> None:
     """Write a posture (n,) [rad or m] into the content of a station, as ``initial_deg``.
 
     Axes at 0 and followers are left out: they begin at 0, and where the couplings take them.
@@ -455,7 +473,8 @@ def _set_initial_posture(robot: RobotModel, content: dict[str, Any], posture: Ve
     if initial:
         content["robot"]["initial_deg"] = initial
     elif robot.home.any():
-        content["robot"]["initial_deg"] = 0.0  # without initial_deg the robot would begin at home
+        # Without initial_deg the robot would begin at home.
+        content["robot"]["initial_deg"] = 0.0
 
 
 def _home(robot: RobotModel) -> dict[str, float]:
@@ -467,7 +486,8 @@ def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
     """Convert a posture (n,) from rad or m to deg, or m of prismatic axes; four decimals, and within the limits."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     rounded = np.round(posture / robot.user_units, 4)
-    return np.asarray(np.clip(rounded, lower, upper)) + 0.0  # the sum turns -0.0 into 0.0
+    # The sum turns -0.0 into 0.0.
+    return np.asarray(np.clip(rounded, lower, upper)) + 0.0
 
 
 def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
@@ -523,7 +543,8 @@ def _command_options(options: ImportOptions | None) -> list[str]:
         occurrences = value if key in _REPEATED_OPTIONS else [value]
         for occurrence in occurrences:
             words.append(f"--{key.replace('_', '-')}")
-            if isinstance(occurrence, list):  # an option with several numbers, such as a pose
+            # An option with several numbers, such as a pose.
+            if isinstance(occurrence, list):
                 words += [str(number) for number in occurrence]
             elif occurrence is not True:  # a switch that is on has no value
                 words.append(str(occurrence))

@@ -55,14 +55,18 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     config = ports.config
     robots = ports.plant.robots
     _check_external_inputs(config, robots)
+    # All robots first: the feedforward is one block that reads the references of all of them.
     signals = {name: _add_signals(builder, ports, robot) for name, robot in robots.items()}
     signals = _with_feedforward(builder, ports, signals)
     for robot in robots.values():
         _add_servos(builder, ports, robot, signals[robot.name])
         for external in ("external_force", "external_torque"):
+            # Of several robots, only those with a tool get the input.
             if external in config.inputs and robot.tcp in robot.tools:
                 _add_external_input(builder, ports, robot, external)
+    # After the servos, which may have connected the desired state of friction already.
     wire_friction(builder, ports)
+    # Schemes without joint limits need springs at the ends of the axes.
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
         joints = ports.plant.joints
@@ -90,7 +94,12 @@ def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRo
             raise InvalidParameter("inputs", name, expected)
 
 
-def _add_external_input(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, external: str) -> None:
+def _add_external_input(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    external: str,
+) -> None:
     """Add the input of a force or torque at the tool centre point of a robot, size 3 [N or N·m].
 
     Args:
@@ -103,6 +112,7 @@ def _add_external_input(builder: DiagramBuilder, ports: StationPorts, robot: Sta
     name = f"{robot.prefix}{external}"
     tool = robot.tools[robot.tcp]
     block = add_external_force(builder, ports.plant.plant_block, tool, name=name, turns=is_torque)
+    # A block that passes the value on: a port of the station's input can be read as an output, too.
     entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
     builder.Connect(entry.get_output_port(), block.get_command_input_port())
     ports.inputs[name] = entry.get_input_port()
@@ -125,6 +135,7 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
         stiffness [N·m/rad or N/m] and damping [N·m·s/rad or N·s/m], shape (2, nv).
     """
     stated = config.joint_stops.model_dump()
+    # Values by axis do not say what holds for a joint that is no axis.
     usual = JointStops().model_dump()
     for_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
     stops = np.tile(np.array(for_all)[:, np.newaxis], plant.plant.num_velocities())
@@ -133,12 +144,17 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     return stops
 
 
-def servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
+def servo_inertias(
+    config: StationConfig,
+    robot: StationRobot,
+    context: Context | None = None,
+) -> Vector:
     """Inertias that the servos of a robot move, to judge their gains, shape (n,) [kg m² or kg].
 
     They are 1 for computed torque, whose gains are multiplied by the inertia already.
     """
     if config.servo_of(robot.name).law == "computed_torque":
+        # tau = M (kp e + kd de/dt): the gains act on an inertia of 1.
         return np.ones(len(robot.axes))
     return robot.free_inertias(context)
 
@@ -157,6 +173,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     """
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
+        # The axis that needs the shortest steps decides.
         worst = int(np.argmin(steps))
         step = config.engine.time_step
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
@@ -198,7 +215,11 @@ def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> S
 
 
 def add_motion(
-    site: Site, robot: StationRobot, reference: OutputPort, position: OutputPort, velocity: OutputPort
+    site: Site,
+    robot: StationRobot,
+    reference: OutputPort,
+    position: OutputPort,
+    velocity: OutputPort,
 ) -> None:
     """Declare the outputs of a robot's reference, position and velocity, size n each.
 
@@ -207,14 +228,19 @@ def add_motion(
     """
     count = len(robot.axes)
     rows = robot.axis_map.state_matrix
-    site.outputs.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
+    desired = axis_signal(robot, "q_ref", "reference", "reference")
+    site.outputs.add(f"{robot.prefix}reference", reference, desired)
     motion = axis_signal(robot, "q", "position", "motion")
     site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
     speed = axis_signal(robot, "v", "velocity", "motion")
     site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
 
 
-def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
+def _add_signals(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+) -> ServoSignals:
     """Add the inputs of a robot and the signals that its servos read.
 
     Returns:
@@ -223,17 +249,23 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     prefix = robot.prefix
     count = len(robot.joints)
     servo = ports.config.servo_of(robot.name)
+    # From the plant's state to positions and velocities in the order and the signs of the axes.
     state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
     ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
     reference = ports.add_input(builder, robot, "reference")
     if robot.prescribed:
+        # Prescribed axes follow their own input, so the servos' reference gets its position in
+        # their places.
         reference = add_prescribed_motion(builder, ports, robot, reference)
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
     names: set[str] = set(ports.config.inputs)
     if servo.follows_motion:
         names.update(_DERIVATIVES)
-    optional = {name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in names}
+    optional = dict[str, OutputPort]()
+    for name in (*_DERIVATIVES, "feedforward"):
+        if name in names:
+            optional[name] = ports.add_input(builder, robot, name)
     if servo.bus is not None:
         reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)
@@ -265,16 +297,19 @@ def _add_bus(
     """
     not_brought = next((name for name in optional if name != "reference_velocity"), None)
     if not_brought is not None:
-        raise Unsuitable(
-            "servo.bus",
-            message(
-                "stations.bus_brings_positions", "a bus brings positions and speeds alone, not {fast}", fast=not_brought
-            ),
-            message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought),
+        problem = message(
+            "stations.bus_brings_positions",
+            "a bus brings positions and speeds alone, not {fast}",
+            fast=not_brought,
         )
+        remedy = message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought)
+        raise Unsuitable("servo.bus", problem, remedy)
     # The resolution of a motor's encoder counts, unless the bus has its own; 0 means no rounding.
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
-    steps = np.array(own_steps) if bus.resolution_deg is None else np.full(len(robot.axes), bus.resolution_deg)
+    steps = np.array(own_steps)
+    if bus.resolution_deg is not None:
+        steps = np.full(len(robot.axes), bus.resolution_deg)
+    # The resolution is given in the user's unit (deg or mm), and needed in rad or m.
     block = CommandBus(
         period=1 / bus.rate,
         delay=bus.delay,
@@ -323,8 +358,10 @@ def _with_feedforward(
             # torque that the inverse dynamics adds for it is subtracted: tau = ... - d v.
             assert own.reference_velocity is not None
             matrix = -np.diag(damping)
-            parts.append(add_matrix_gain(builder, f"{robot.prefix}motors.feedforward", matrix, own.reference_velocity))
-        changed[name] = replace(own, feedforward=add_sum(builder, f"{robot.prefix}whole_feedforward", *parts))
+            name_of_part = f"{robot.prefix}motors.feedforward"
+            parts.append(add_matrix_gain(builder, name_of_part, matrix, own.reference_velocity))
+        whole = add_sum(builder, f"{robot.prefix}whole_feedforward", *parts)
+        changed[name] = replace(own, feedforward=whole)
     draw_feedforward(ports, list(predicted))
     return changed
 
@@ -334,11 +371,18 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
     site.outputs.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
 
 
-def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
+def _add_servos(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    signals: ServoSignals,
+) -> None:
     """Add the servos of a robot, in the plant's actuators or as blocks, and the output of their torques."""
     servo = ports.config.servo_of(robot.name)
     plant = ports.plant.plant
     if servo.realization == "implicit":
+        # A joint may have an actuator for its friction, and a passive axis has no motor: neither
+        # gets a torque of a servo.
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
             builder,
@@ -350,23 +394,22 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             prefix=robot.prefix,
         )
         if ports.config.engine.actuator_torques_lack_friction:
+            # Only an axis with a motor has a torque that friction was subtracted from.
             driven = [int(axis) for axis in np.flatnonzero(~robot.gains.passive)]
             torque = with_friction(builder, ports, robot, torque, axes=driven)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
-            draw_integral(
-                ports,
-                robot,
-                "servo",
-                list(range(len(robot.axes))),
-                message("stations.block_joints", "{count} joints", count=len(robot.axes)),
-            )
+            all_axes = list(range(len(robot.axes)))
+            label = message("stations.block_joints", "{count} joints", count=len(robot.axes))
+            draw_integral(ports, robot, "servo", all_axes, label)
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:
         torque = _add_servo_blocks(builder, ports, robot, signals)
         if robot.prescribed:
+            # The motion of a prescribed axis is given: its torque is computed, and replaces that of
+            # the servo.
             torque = add_prescribed_torque(builder, ports, robot, torque)
             if uses_reaction_forces(ports.config):
                 torque = with_friction(builder, ports, robot, torque, axes=list(robot.prescribed))
@@ -390,7 +433,8 @@ def _add_servo_blocks(
     in_actuators = ports.config.engine.limits_torques_in_actuators
     prefix = robot.prefix
     per_joint = servo.realization == "per_joint"
-    to_speed = np.eye(2 * count)[count:]  # from the state (positions, velocities) of the axes
+    # Selects the velocities from the state of the axes, which has the positions first.
+    to_speed = np.eye(2 * count)[count:]
 
     def add_limits(command: OutputPort) -> OutputPort:
         """Add a block that limits commands by the torque limits and motors of all axes. Returns the torques."""
@@ -461,7 +505,9 @@ def _add_admittance_servos(
     gain = ports.config.servo_of(robot.name).admittance_gain
     plant = ports.plant.plant
     name = f"{prefix}model_torque"
-    steady = add_and_connect(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
+    # Zero acceleration: the mode for gravity alone would leave out the Coriolis terms C v.
+    no_acceleration = ConstantVectorSource(np.zeros(plant.num_velocities()))
+    steady = add_and_connect(builder, f"{name}.acceleration", no_acceleration)
     force = add_model_torque(builder, plant, ports.state, steady, name=name)
     model = add_matrix_gain(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
     extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
@@ -469,19 +515,14 @@ def _add_admittance_servos(
     total = add_sum(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
-    ports.picture.draw(
-        f"{prefix}admittance",
-        "servo",
-        message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain),
-        robot,
-    )
-    ports.picture.draw(
-        f"{prefix}model_torque",
-        "servo",
-        message("stations.block_model_torque", "Torque of the model\nat this speed"),
-        robot,
-    )
-    ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
+    label = message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain)
+    ports.picture.draw(f"{prefix}admittance", "servo", label, robot)
+    label = message("stations.block_model_torque", "Torque of the model\nat this speed")
+    ports.picture.draw(f"{prefix}model_torque", "servo", label, robot)
+    # Sums and stacks of signals would only clutter the picture.
+    hidden = [f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus"]
+    ports.picture.draw_nothing(*hidden)
+    # felt = ID(q, v) - tau, as a matrix on both torques.
     felt = add_multiplexer(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output = f"{prefix}felt_torque"
@@ -524,21 +565,28 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     robots = ports.plant.robots.values()
     accelerations = []
     for robot in robots:
+        # The blocks of the inputs pass the values on unchanged.
         position, velocity, acceleration = (
             ports.inputs[f"{robot.prefix}{signal}"].get_system().get_output_port() for signal in _MOTION
         )
+        # The robot follows its reference exactly, so the position serves as the reference as well.
         add_motion(ports, robot, position, position, velocity)
         accelerations.append(acceleration)
+    # tau = M(q) dv/dt + C(q, v) v + tau_g(q) of the desired motion.
     dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
+    # Accelerations are in the order of the plant's velocities.
     to_velocities = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
     of_axes = add_multiplexer(builder, "robot_accelerations", *accelerations)
     desired = add_matrix_gain(builder, "accelerations", to_velocities, of_axes)
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
     force = dynamics.get_output_port_generalized_force()
     for robot in robots:
+        # Drake's plant has no friction of joints, so it is added to the torques that move the
+        # robot.
         torque = add_matrix_gain(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
         declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
+    # Nothing else limits the steps of a kinematic station, see STEP.
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))

@@ -57,6 +57,7 @@ def _loops_of_stations(folder: Path, model: str) -> KnownLoops:
         the loops. Of loops with the same name, the one of the first station in alphabetical order is taken.
     """
     known: KnownLoops = {}
+    # Sorted, as the order in which a file system lists its files is not defined.
     for file in sorted(folder.glob("*.yaml")):
         content = read_yaml(file)
         if content.get("robot", {}).get("model") != model:
@@ -67,7 +68,12 @@ def _loops_of_stations(folder: Path, model: str) -> KnownLoops:
     return known
 
 
-def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: bool) -> Settings:
+def settings_with_loop(
+    known: KnownLoops,
+    settings: Settings,
+    name: str,
+    on: bool,
+) -> Settings:
     """Switch a loop on or off in the settings of a station. Returns the changed settings.
 
     Sensors that were added for a loop are removed with the loop, unless another loop needs them.
@@ -87,12 +93,14 @@ def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: boo
     for loop in loops_on(known, settings):
         if loop != name:
             needed_by_others.update(known[loop])
+    # Two loops may read the same sensor, which stays as long as one of them is on.
     dropped = {key, *added} - needed_by_others
     changed = {other: value for other, value in settings.items() if other not in dropped}
     is_own = not added
     if on:
         changed.update(added)  # nothing for an own loop, which is on without a setting
     elif is_own:
+        # The file of the station has the loop, so only a setting can remove it.
         changed[key] = None
     return changed
 

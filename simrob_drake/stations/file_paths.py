@@ -84,7 +84,11 @@ class FilesToCopy(NamedTuple):
     needed: list[Path]
 
 
-def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
+def with_absolute_paths(
+    content: Mapping[str, Any],
+    folder: Path,
+    border: Border | None = None,
+) -> dict[str, Any]:
     """Copy a station's content with absolute paths.
 
     Args:
@@ -95,11 +99,13 @@ def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border
     Raises:
         InvalidConfig: a path is beyond the border.
     """
+    # A copy, as the paths are replaced in place below; the caller keeps its content.
     result: dict[str, Any] = deepcopy(dict(content))
     for section, last, key in paths_in(result):
         value = section[last]
         if last == "class":
-            section[last] = class_from(value, folder)  # code needs a permission of its own, which is checked elsewhere
+            # Code needs a permission of its own, which is checked elsewhere.
+            section[last] = class_from(value, folder)
             continue
         named = value if isinstance(value, list) else [value]
         paths = [_absolute_path(path, key, folder, border) for path in named]
@@ -124,14 +130,16 @@ def _absolute_path(path: object, key: str, folder: Path, border: Border | None) 
     """
     text = str(path)
     if not text.startswith(PACKAGE_URI):
+        # An absolute path replaces the folder, as pathlib joins paths.
         return str(folder / text)
+    # Packages are looked for from a file: any name in the folder does.
     own_border = border or Border(folder / "station.yaml")
     try:
         return str(package_path(text, own_border))
     except OutsideBorder as problem:
         raise InvalidConfig(
             own_border.source, key, compound("{path} {problem}", path=shortened(text, 300), problem=problem)
-        ) from problem
+        ) from None
 
 
 def changes_with_absolute_paths(
@@ -144,6 +152,8 @@ def changes_with_absolute_paths(
     result = dict[str, Any]()
     for key, value in changes.items():
         whole: Any = value
+        # The dotted key becomes nested sections, as `paths_in` expects them, and is taken apart
+        # again.
         for part in reversed(key.split(".")):
             whole = {part: whole}
         whole = with_absolute_paths(whole, folder, border)
@@ -153,7 +163,11 @@ def changes_with_absolute_paths(
     return result
 
 
-def program_with_absolute_paths(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
+def program_with_absolute_paths(
+    program: Mapping[str, Any],
+    folder: Path,
+    border: Border | None,
+) -> dict[str, Any]:
     """Copy a program, with absolute paths in the changes that it makes to its station.
 
     A program is a mapping with a list of moves and a list ``changes``. The key ``set`` of a change has values of the
@@ -183,6 +197,7 @@ def station_with_absolute_path(station: str, file: Path) -> str:
     """
     if not is_yaml_name(station):
         return station
+    # First the folder of the file, so that a program works from any working directory.
     near = file.absolute().parent / station
     path = near if near.is_file() else Path(station).absolute()
     Border(file).check(path, "station")
@@ -211,6 +226,7 @@ def _paths_at(node: Any, pattern: list[str], prefix: str = "") -> Iterator[Named
         if len(pattern) > 1:
             yield from _paths_at(value, pattern[1:], f"{prefix}{key}.")
             continue
+        # `model` is the name of a model of the package, or a file.
         is_model_name = key == "model" and not is_yaml_name(str(value))
         expected_type = list if key in _KEYS_WITH_LISTS else str
         if isinstance(value, expected_type) and not is_model_name:
@@ -242,8 +258,10 @@ def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
     """
     content = config.model_dump(mode="json", exclude_none=True)
     for section, last, key in paths_in(content):
+        # A relative path names a copy already, of a result that is saved again.
         if last not in _FILES_OF or not Path(section[last]).is_absolute():
             continue
+        # A folder for each section, as files of two robots may have the same name.
         subfolder = Path(FILES, *key.split(".")[:-1])
         with suppress(SimrobError):  # the file cannot be read any more
             options = ImportOptions.model_validate(section.get("import_options") or {})
@@ -258,6 +276,7 @@ def _copy_files(files: FilesToCopy, folder: Path) -> None:
     """Copy a file, and those needed files that are in its folder or below, into a folder."""
     source = files.main.parent
     for file in dict.fromkeys((files.main, *files.needed)):
+        # Other files would have to be written outside of the folder to keep their relative paths.
         if file.is_relative_to(source):
             copy = folder / file.relative_to(source)
             copy.parent.mkdir(parents=True, exist_ok=True)

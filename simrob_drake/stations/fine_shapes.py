@@ -148,7 +148,12 @@ class FineShapes:
         self._parts: dict[GeometryId, list[PosedShape] | None] = {}
         self._pairs: dict[tuple[GeometryId, GeometryId], PairOfBodies | None] = {}
 
-    def distance(self, query: QueryObject, first: GeometryId, second: GeometryId) -> float | None:
+    def distance(
+        self,
+        query: QueryObject,
+        first: GeometryId,
+        second: GeometryId,
+    ) -> float | None:
         """Signed distance of two shapes [m], measured with their convex parts.
 
         Returns None if neither shape has convex parts. Drake's own distance, between the
@@ -170,7 +175,12 @@ class FineShapes:
         second_body = query.GetPoseInWorld(inspector.GetFrameId(second))
         return pair.distance(first_body.inverse() @ second_body)
 
-    def _make_pair(self, inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> PairOfBodies | None:
+    def _make_pair(
+        self,
+        inspector: SceneGraphInspector,
+        first: GeometryId,
+        second: GeometryId,
+    ) -> PairOfBodies | None:
         """Prepare the distance between the convex parts of two shapes.
 
         A shape without convex parts is used as it is. Returns None if neither shape has convex
@@ -190,13 +200,21 @@ class FineShapes:
             second_parts = [_posed_shape(inspector, second)]
         return PairOfBodies(first_parts, second_parts)
 
-    def _parts_of(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
+    def _parts_of(
+        self,
+        inspector: SceneGraphInspector,
+        shape: GeometryId,
+    ) -> list[PosedShape] | None:
         """Convex parts of a shape as `_cut` returns them, which are kept after the first call."""
         if shape not in self._parts:
             self._parts[shape] = self._cut(inspector, shape)
         return self._parts[shape]
 
-    def _cut(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
+    def _cut(
+        self,
+        inspector: SceneGraphInspector,
+        shape: GeometryId,
+    ) -> list[PosedShape] | None:
         """Cut a shape into convex parts, given in the frame of its body.
 
         Returns None if the shape is not a mesh, if the file of the mesh cannot be read, or if the
@@ -221,7 +239,11 @@ class FineShapes:
         shapes = [Convex(corners.T, "part") for corners in corners_of_parts]
         return [PosedShape(convex, RigidTransform()) for convex in shapes]
 
-    def _visible_triangles(self, inspector: SceneGraphInspector, shape: GeometryId) -> Triangles | None:
+    def _visible_triangles(
+        self,
+        inspector: SceneGraphInspector,
+        shape: GeometryId,
+    ) -> Triangles | None:
         """Triangles of all visible meshes of the body that a collision shape belongs to.
 
         Returns None if the body has other collision shapes, no visible mesh, or a visible

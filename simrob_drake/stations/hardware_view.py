@@ -65,11 +65,13 @@ class HardwareStation(Diagram):
         super().__init__()
         config = config_of(station, overrides)
         check_steps_plant(config)
+        # Manipulation's station has an input of torques, which are added to those of the servos.
         config = config.model_copy(update={"inputs": tuple(dict.fromkeys((*config.inputs, "feedforward")))})
         robots = resolve(config).robots
         names = dict(grippers or {})
         for robot in robots.values():
             if robot.model.fingers:
+                # A name that the user gives comes before the usual one.
                 names.setdefault(robot.name, f"{robot.name}_gripper")
 
         def finish(parser: Parser) -> None:
@@ -89,6 +91,7 @@ class HardwareStation(Diagram):
             MeshcatVisualizer.AddToBuilder(builder, self.ports.plant.scene_graph, meshcat)
         if prebuild is not None:
             prebuild(builder)
+        # Last, since no port can be exported from a diagram that is built.
         builder.BuildInto(self)
         release(builder, self)
         self.set_name("station")
@@ -131,7 +134,12 @@ def build_hardware_station(
     )
 
 
-def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, gripper: str | None) -> None:
+def _export_robot(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    gripper: str | None,
+) -> None:
     """Export the ports of one robot, and of its gripper if it has one.
 
     Args:
@@ -155,6 +163,7 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
                 count=len(fingers),
             )
         )
+    # Rows of the identity: they select the axes of the arm, or of the fingers, from all axes.
     arm_rows = np.eye(count)[arm]
     finger_rows = np.eye(count)[fingers]
 
@@ -171,10 +180,12 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
     export(f"{robot.name}.position_commanded", arm_rows, outputs["reference"])
     export(f"{robot.name}.position_measured", arm_rows, outputs["position"])
     export(f"{robot.name}.velocity_estimated", arm_rows, outputs["velocity"])
+    # Both ports give what the motors apply: no sensor of torques is simulated between them.
     export(f"{robot.name}.torque_commanded", arm_rows, outputs["torque"])
     export(f"{robot.name}.torque_measured", arm_rows, outputs["torque"])
     state = add_multiplexer(builder, f"hardware.{robot.name}.state", outputs["position"], outputs["velocity"])
     nothing = np.zeros_like(arm_rows)
+    # The state has positions, then velocities, so the selection is done twice along the diagonal.
     export(f"{robot.name}.state_estimated", np.block([[arm_rows, nothing], [nothing, arm_rows]]), state)
 
     position = builder.AddNamedSystem(f"hardware.{robot.name}.position", PassThrough(len(arm)))
@@ -182,6 +193,7 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
     builder.ExportInput(position.get_input_port(), f"{robot.name}.position")
     builder.ExportInput(torque.get_input_port(), f"{robot.name}.torque")
     reference = position.get_output_port()
+    # The transposed selection puts values of the arm into a vector of all axes, with 0 for fingers.
     spread = arm_rows.T
     if gripper is not None:
         opening = builder.AddNamedSystem(f"hardware.{gripper}.position", PassThrough(1))
@@ -190,19 +202,16 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
         # Each finger moves by half of the opening.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
         reference = add_multiplexer(builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port())
+        # The opening is the sum of the positions of both fingers.
         widths = both @ finger_rows
         no_width = np.zeros_like(widths)
         export(f"{gripper}.state_measured", np.block([[widths, no_width], [no_width, widths]]), state)
         # Positive where the fingers press what is between them.
         export(f"{gripper}.force_measured", -widths / _FINGERS, outputs["torque"])
-    builder.Connect(
-        add_matrix_gain(builder, f"hardware.{robot.name}.whole_reference", spread, reference),
-        ports.inputs[f"{robot.prefix}reference"],
-    )
-    builder.Connect(
-        add_matrix_gain(builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port()),
-        ports.inputs[f"{robot.prefix}feedforward"],
-    )
+    whole_reference = add_matrix_gain(builder, f"hardware.{robot.name}.whole_reference", spread, reference)
+    builder.Connect(whole_reference, ports.inputs[f"{robot.prefix}reference"])
+    feedforward = add_matrix_gain(builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port())
+    builder.Connect(feedforward, ports.inputs[f"{robot.prefix}feedforward"])
 
 
 def _export_plant(builder: DiagramBuilder, ports: StationPorts) -> None:

@@ -30,7 +30,11 @@ POSTURES = 50
 """Approximate count of postures along the reference at which torques are computed."""
 
 
-def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector) -> list[Finding]:
+def holding_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    positions: Vector,
+) -> list[Finding]:
     """Predict the torques that hold a robot at postures along its reference, its sag, and its payload.
 
     Args:
@@ -49,6 +53,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.limit_at_rest,
     )
     torques = dynamics.gravity(postures)
+    # Without any mass all torques are 0, which would look like a robot that holds easily.
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
         return [_no_inertia_finding(robot, lacking)]
@@ -61,6 +66,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
             continue
         sag = None if sags is None else float(sags[axis])
         findings.append(_axis_finding(config, robot, axis, torques[:, axis], sag))
+    # The tool is lowest where all axes have sagged.
     if sags is not None:
         findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
@@ -106,7 +112,13 @@ def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding
     return Finding("note", subject, text)
 
 
-def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques: Vector, sag: float | None) -> Finding:
+def _axis_finding(
+    config: StationConfig,
+    robot: StationRobot,
+    axis: int,
+    torques: Vector,
+    sag: float | None,
+) -> Finding:
     """Judge the torques that hold one axis along the reference, and its sag at the end of the reference.
 
     Args:
@@ -129,6 +141,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         end=torques[-1],
     )
     text += message("stations.of_the_reference", " of the reference")
+    # A joint that does not hold has no equilibrium, so its sag and its heat do not matter.
     if abs(largest) > limit:
         text += message(
             "stations.at_most_and_limit",
@@ -214,7 +227,12 @@ def error_bound(verdict: VerdictConfig, *, slides: bool) -> float:
     return float(np.deg2rad(bound_value(verdict.final_error_deg)))
 
 
-def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, reference: Vector) -> Vector | None:
+def _sags(
+    config: StationConfig,
+    robot: StationRobot,
+    dynamics: Dynamics,
+    reference: Vector,
+) -> Vector | None:
     """Predict how far a robot's axes sag from a posture that they are to hold.
 
     At rest, the proportional part of each servo is in equilibrium with gravity: kp (q_r - q) = g(q), with the desired
@@ -230,7 +248,8 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
         the position errors q - q_r, shape (n,) [rad or m]. None if the station is kinematic, if the servos compensate
         gravity by their model, if an axis has no gain kp (such as a passive one), or if no equilibrium is found.
     """
-    from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
+    # Loaded where it is needed: commands that do not check start without SciPy.
+    from scipy.optimize import root
 
     gains = robot.gains
     if not config.engine.moves_by_forces or holds_by_model(config, robot) or not (gains.kp > 0).all():
@@ -244,6 +263,8 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
         gravity = dynamics.gravity(posture[np.newaxis])[0]
         return np.asarray(reference - posture - gravity / gains.kp)
 
+    # The sag changes the posture, and with it the torques: n equations that are solved together.
+    # The reference is near, since sags are small.
     solution = root(imbalance, reference)
     if not solution.success:
         return None
@@ -251,7 +272,11 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
     return np.where(has_integral, 0.0, solution.x - reference)
 
 
-def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) -> list[Finding]:
+def _tool_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    posture: Vector,
+) -> list[Finding]:
     """Warn of a tool centre point that is below the floor in a posture (n,) [rad or m], after the axes have sagged.
 
     Without a tool or a floor there is nothing to warn of.
@@ -263,6 +288,7 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) ->
     context = plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, posture)
     position = robot.tools[robot.tcp].CalcPoseInWorld(context).translation()
+    # The ground may be inclined or a terrain, so its height is taken below the tool.
     ground_height = ports.plant.ground.beneath(position[np.newaxis])[0]
     depth = float(ground_height - position[2])
     bound = bound_value(config.verdict.below_floor)
@@ -276,13 +302,8 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) ->
         bound=bound * 1e3,
     )
     remedy = message("stations.raise_kp_or_feedforward", "raise servo.kp, or set servo.feedforward to gravity")
-    return [
-        Finding(
-            "warning",
-            message("stations.tool_of", "tool of {robot}", robot=robot.name),
-            compound("{text}; {remedy}", text=text, remedy=remedy),
-        )
-    ]
+    subject = message("stations.tool_of", "tool of {robot}", robot=robot.name)
+    return [Finding("warning", subject, compound("{text}; {remedy}", text=text, remedy=remedy))]
 
 
 def _payload_findings(
@@ -319,15 +340,21 @@ def _payload_findings(
     if rated is not None and robot.load > bound * rated:
         text = message(
             "stations.load_over_rating",
-            "it carries {load:.3g} kg, and is rated for {rated:g} kg: lighten its load",
+            "it carries {load:.3g} kg ({pieces}), and is rated for {rated:g} kg: lighten its load",
             load=robot.load,
+            pieces=robot.load_in_words,
             rated=rated,
         )
         findings.append(Finding("warning", subject, text))
     return findings
 
 
-def _payload_finding(subject: str, text: str, payload: float, robot: StationRobot) -> Finding:
+def _payload_finding(
+    subject: str,
+    text: str,
+    payload: float,
+    robot: StationRobot,
+) -> Finding:
     """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
     # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already.
     if payload > 0:

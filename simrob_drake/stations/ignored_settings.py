@@ -33,6 +33,7 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
     findings = list[Finding]()
     if config.contact is not None:
         findings += _ignored_contact_settings(config, config.contact)
+    # Stops with the default values were given by nobody, so that ignoring them is no surprise.
     has_own_stops = config.joint_stops != JointStops()
     if has_own_stops and config.engine.holds_joint_limits:
         text = message(
@@ -40,11 +41,8 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
             "the solver {engine} stops joints at their limits by itself and ignores joint_stops",
             engine=config.engine.name,
         )
-        findings.append(
-            Finding(
-                "warning", "joint_stops", message("stations.take_radau", "{text}; take solver.scheme radau3", text=text)
-            )
-        )
+        text = message("stations.take_radau", "{text}; take solver.scheme radau3", text=text)
+        findings.append(Finding("warning", "joint_stops", text))
     return findings
 
 
@@ -52,6 +50,7 @@ def rounded_delays(config: StationConfig) -> list[Finding]:
     """Find the delays of buses and sensors that are rounded, since a delay lasts a whole number of samples."""
     findings = []
     for setting in _delay_settings(config):
+        # A delay line holds whole samples: d = round(delay rate) / rate.
         rounded = round(setting.delay * setting.rate) / setting.rate
         if abs(rounded - setting.delay) > SHORTEST_DELAY:
             text = message(
@@ -88,7 +87,8 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
         config: configuration of the station.
         contact: its section ``contact``, which holds for all surfaces but those of pieces with a section of their own.
     """
-    materials: dict[str, ContactMaterial] = {"contact": contact}  # by the key of the section
+    # Materials by the keys of the sections that describe them.
+    materials: dict[str, ContactMaterial] = {"contact": contact}
     for name, piece in config.pieces.items():
         if piece.contact is not None:
             materials[f"pieces.{name}.contact"] = piece.contact
@@ -99,7 +99,11 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
     return findings
 
 
-def _ignored_by_solver(config: StationConfig, key: str, material: ContactMaterial) -> Iterator[str]:
+def _ignored_by_solver(
+    config: StationConfig,
+    key: str,
+    material: ContactMaterial,
+) -> Iterator[str]:
     """Yield a text for each setting of a surface that the station's solver ignores.
 
     Args:
@@ -108,6 +112,7 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
         material: the settings of the surface.
     """
     engine = config.engine
+    # A dissipation of 0 is what such a solver has anyway.
     if not engine.has_contact_dissipation and material.dissipation:
         yield message(
             "stations.ignores_dissipation",
@@ -118,6 +123,7 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
     friction = material.friction
     if friction is None:
         return
+    # With equal coefficients it does not matter that the static one is ignored.
     if not engine.has_static_friction and friction.static != friction.dynamic:
         text = message(
             "stations.ignores_static_friction",
@@ -134,7 +140,11 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
         )
 
 
-def _ignored_by_model(contact: ContactConfig, key: str, material: ContactMaterial) -> Iterator[str]:
+def _ignored_by_model(
+    contact: ContactConfig,
+    key: str,
+    material: ContactMaterial,
+) -> Iterator[str]:
     """Yield a text for each setting of a surface that the station's contact model ignores.
 
     Args:

@@ -21,7 +21,12 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import WordGroup, group_by_words
 
 
-def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None) -> list[Finding]:
+def import_findings(
+    config: StationConfig,
+    robot: ResolvedRobot,
+    *,
+    source: Path | None = None,
+) -> list[Finding]:
     """Find the mechanics of a robot's file that the station does not simulate.
 
     Args:
@@ -43,6 +48,7 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
     imported_by_station = config.robots[robot.name].urdf
     source = source or imported_by_station or report.source
     subject = message("stations.import_of", "import of {file}", file=source.name)
+    # Friction has a finding of its own, as a setting brings it back.
     frictions = _lost_frictions(robot, report.of("lost"))
     if frictions:
         findings.append(_friction_finding(config, robot, source, frictions))
@@ -50,40 +56,30 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
     for group in group_by_words(losses):
         text = _loss_text(group)
         # The text alone becomes a warning of a run, so it names the file; the subject is only a title.
-        findings.append(
-            Finding(
-                "warning",
-                message("stations.lost_mechanics", "lost mechanics"),
-                message("stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text),
-            )
-        )
+        title = message("stations.lost_mechanics", "lost mechanics")
+        whole_text = message("stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text)
+        findings.append(Finding("warning", title, whole_text))
     estimated = estimated_inertias(robot.model, source)
     if estimated:
         inertias = message("stations.inertias_of", "inertias of {robot}", robot=robot.name)
         findings.append(Finding("note", inertias, estimated))
     # A station may also use a robot that was imported earlier. Only the station that imports gets the summary.
     if imported_by_station is not None:
-        findings.append(
-            Finding(
-                "note",
-                subject,
-                message(
-                    "stations.summary_of_import",
-                    "{summary}; `simrob check {source}` tells all",
-                    summary=report.summary(),
-                    source=source,
-                ),
-            )
+        summary = message(
+            "stations.summary_of_import",
+            "{summary}; `simrob check {source}` tells all",
+            summary=report.summary(),
+            source=source,
         )
+        findings.append(Finding("note", subject, summary))
     return findings
 
 
 def _loss_text(group: WordGroup) -> str:
     """Describe losses with the same text: the first element with the text, then the other elements."""
     first, *others = group.places
-    text = (
-        compound("{first}: {text}", first=first, text=group.text) if first else group.text
-    )  # a loss of the whole robot names no element
+    # A loss of the whole robot names no element.
+    text = compound("{first}: {text}", first=first, text=group.text) if first else group.text
     if others:
         text += message("stations.likewise", "; likewise {others}", others=listed(others))
     return text
@@ -96,6 +92,7 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
         robot: the imported robot.
         element: element that the entry names, such as ``joint 'elbow' <dynamics>``.
     """
+    # Entries name a part of the joint's element, such as its dynamics, or the joint itself.
     joint_name = element.removesuffix(" <dynamics>")
     for name, axis in robot.model.axes.items():
         if joint_name == message("stations.joint_called", "joint '{joint}'", joint=axis.joint):
@@ -118,6 +115,7 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     for loss in lost:
         axis = _axis_of_joint(robot, loss.element)
         if axis is not None:
+            # Friction is reported by `_friction_finding`, with the setting that brings it back.
             if _FRICTION.match(loss.text):
                 continue
             if loss.text.startswith("mimics ") and axis in robot.model.followers:
@@ -149,7 +147,10 @@ def _lost_frictions(robot: ResolvedRobot, lost: list[Entry]) -> dict[str, float]
 
 
 def _friction_finding(
-    config: StationConfig, robot: ResolvedRobot, source: Path, frictions: Mapping[str, float]
+    config: StationConfig,
+    robot: ResolvedRobot,
+    source: Path,
+    frictions: Mapping[str, float],
 ) -> Finding:
     """Warn of joint friction that an import left out, with the setting that brings it back.
 
@@ -170,6 +171,7 @@ def _friction_finding(
         setting = f"{section}.drives.friction.{axis}={friction:g}"
     else:
         values = ", ".join(f"{axis}: {friction:g}" for axis, friction in frictions.items())
+        # Quoted for the shell, since braces and spaces have a meaning there.
         setting = f"'{section}.drives.friction={{{values}}}'"
     text = message(
         "stations.friction_left_out",

@@ -74,7 +74,12 @@ class _Support(NamedTuple):
     normal: Vector | None
 
 
-def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
+def put_upright(
+    clearance: Clearance,
+    robot: StationRobot,
+    posture: Vector,
+    height: float = 0.0,
+) -> None:
     """Put a robot with a free base into a posture (n,) [rad or m], its root upright at a height [m]."""
     pose = RigidTransform(np.array([0.0, 0.0, height]))
     clearance.plant.SetFreeBodyPose(clearance.context, robot.root.body(), pose)
@@ -115,6 +120,7 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """
     groups = [group for group in _equal_chains(clearance, robot) if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
+    # A fixed seed, so that the same robot has the same legs in every run.
     random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
     for postures in (natural, [*natural, *random]):
         heights = [_lowest_height(clearance, robot, group, postures) for group in groups]
@@ -130,7 +136,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Group the chains of at least two axes by their count of axes and by their lengths."""
     groups = list[list[Leg]]()
-    lengths_of_groups = list[Vector]()  # of the first chain of each group, as by chain_lengths
+    # Lengths of the first chain of each group, as by chain_lengths.
+    lengths_of_groups = list[Vector]()
     for body, axes in ends_of(clearance, robot):
         if len(axes) < 2:
             continue
@@ -139,7 +146,8 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
         support = _foot_support(clearance, robot, body, axes[-1])
         leg = Leg(axes, links, body, support.point, support.normal)
         for group, group_lengths in zip(groups, lengths_of_groups, strict=True):
-            if len(group[0].axes) == len(axes) and has_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
+            has_equal_count = len(group[0].axes) == len(axes)
+            if has_equal_count and has_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
                 group.append(leg)
                 break
         else:
@@ -148,7 +156,12 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     return groups
 
 
-def chain_lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int], leg: Leg | None = None) -> Vector:
+def chain_lengths(
+    clearance: Clearance,
+    robot: StationRobot,
+    axes: Sequence[int],
+    leg: Leg | None = None,
+) -> Vector:
     """Measure the length of a chain in two ways, with all axes at zero.
 
     Left and right legs of one robot may differ in one of the two: in the first if their joints are drawn at other
@@ -164,7 +177,8 @@ def chain_lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int]
         the length from joint to joint, and the straight distance from the first to the last point, shape (2,) [m].
     """
     put_upright(clearance, robot, straight(robot))
-    points = [robot.joints[axis].frame_on_child().CalcPoseInWorld(clearance.context).translation() for axis in axes]
+    frames = [robot.joints[axis].frame_on_child() for axis in axes]
+    points = [frame.CalcPoseInWorld(clearance.context).translation() for frame in frames]
     if leg is not None:
         points.append(foot_place(clearance, leg))
     distances = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -177,7 +191,12 @@ def has_equal_length(lengths: Vector, other_lengths: Vector, tolerance: float) -
     return bool((difference <= tolerance * np.maximum(lengths, other_lengths)).any())
 
 
-def _lowest_height(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:
+def _lowest_height(
+    clearance: Clearance,
+    robot: StationRobot,
+    legs: list[Leg],
+    postures: Iterable[Vector],
+) -> float:
     """Height of the lowest standing point of some legs over the root [m], over all given postures (n,)."""
     heights = []
     for posture in postures:
@@ -186,7 +205,12 @@ def _lowest_height(clearance: Clearance, robot: StationRobot, legs: list[Leg], p
     return float(min(heights))
 
 
-def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int) -> _Support:
+def _foot_support(
+    clearance: Clearance,
+    robot: StationRobot,
+    body: RigidBody,
+    axis: int,
+) -> _Support:
     """Find the part of a body with which it stands: a flat sole, else the centre of a ball, else the tip.
 
     Args:
@@ -201,7 +225,8 @@ def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, ax
     direction = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
     put_upright(clearance, robot, straight(robot))
     # The third row of the body's rotation is the world's z axis in the frame of the body.
-    down = -clearance.plant.EvalBodyPoseInWorld(clearance.context, body).rotation().matrix()[2]
+    pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, body)
+    down = -pose.rotation().matrix()[2]
     sole = _find_sole(points, float(KNEELING * distances.max()), direction, down)
     if sole is not None:
         return sole
@@ -211,7 +236,12 @@ def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, ax
     return _Support(middle if is_round else tip, None)
 
 
-def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector) -> _Support | None:
+def _find_sole(
+    points: Vector,
+    knee_distance: float,
+    axis: Vector,
+    down: Vector,
+) -> _Support | None:
     """Find the flat side of a foot on which it can stand.
 
     A sole is a large flat side of the convex hull. All of it is farther from the joint than a knee would be, and it
@@ -235,6 +265,7 @@ def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector)
         return None  # fewer than four points, or all of them in one plane
     normals = hull.equations[:, :3]
     corners = points[hull.simplices]  # (facets, 3 corners, 3)
+    # Area of a triangle: half of the length of the cross product of two edges.
     edge_products = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(edge_products, axis=1) / 2
 
@@ -242,7 +273,11 @@ def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector)
     # the side of facet i.
     sides = normals @ normals.T > _SAME_PLANE
     side_areas = sides @ areas
-    nearest = np.array([np.linalg.norm(corners[side].reshape(-1, 3), axis=1).min() for side in sides])
+    nearest_distances = []
+    for side in sides:
+        corners_of_side = corners[side].reshape(-1, 3)
+        nearest_distances.append(np.linalg.norm(corners_of_side, axis=1).min())
+    nearest = np.array(nearest_distances)
     is_far_from_joint = nearest > knee_distance
     is_large = side_areas > _SMALLEST_SOLE * areas.sum()
     is_across_axis = np.abs(normals @ axis) < _ALONG_AXIS
@@ -250,6 +285,7 @@ def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector)
     if not is_possible.any():
         return None
 
+    # Large sides and sides that look down win: A (1.2 + cos), with the angle of the normal to down.
     score = side_areas * (_WEIGHT_OF_AREA + normals @ down)
     best = sides[int(np.argmax(np.where(is_possible, score, -np.inf)))]
     # The centre and the normal are means over the facets, weighted by area.

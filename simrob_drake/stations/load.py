@@ -14,7 +14,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from os.path import exists, isdir, isfile  # these return False for names that no file can have; Path methods raise
+
+# These functions return False for names that no file can have; methods of Path raise.
+from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Any
 
@@ -93,15 +95,11 @@ def load_station(
     path = _station_file(name_or_path)
     changes = {} if overrides is None else overrides
     folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
-    for key in instance(
-        changes, "overrides", Mapping, message("stations.mapping_to_values", "a mapping of keys to values")
-    ):
-        instance(
-            key,
-            "overrides",
-            str,
-            message("stations.keys_are_texts", "a mapping whose keys are texts, such as 'servo.kp'"),
-        )
+    # Checked here, since a wrong type would only show as an unclear error of the code below.
+    mapping = message("stations.mapping_to_values", "a mapping of keys to values")
+    text_keys = message("stations.keys_are_texts", "a mapping whose keys are texts, such as 'servo.kp'")
+    for key in instance(changes, "overrides", Mapping, mapping):
+        instance(key, "overrides", str, text_keys)
 
     def load(some_changes: Mapping[str, Any], where: Path | str) -> StationConfig:
         """Load the station with some of the overrides."""
@@ -120,7 +118,9 @@ def load_station(
 
 
 def _culprits(
-    load: Callable[[Mapping[str, Any], str], StationConfig], overrides: Mapping[str, Any], wrong_key: str
+    load: Callable[[Mapping[str, Any], str], StationConfig],
+    overrides: Mapping[str, Any],
+    wrong_key: str,
 ) -> list[str]:
     """Find the overrides that make a station invalid.
 
@@ -156,7 +156,12 @@ def _culprits(
 
 
 def _read_station(
-    path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
+    path: Path,
+    overrides: Mapping[str, Any],
+    where: Path | str,
+    *,
+    allow_code: bool,
+    mesh_path: tuple[Path, ...],
 ) -> StationConfig:
     """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
     scenes = find_station_importer(path)
@@ -171,7 +176,8 @@ def _read_station(
     content = with_absolute_paths(content, path.parent, border)
     if "program" in content:
         content["program"] = _program_content(content["program"], path.parent, border)
-    content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
+    # The station has the name of the file, unless the file gives another one.
+    content = {"name": path.stem, **content}
     return _make_config(content, overrides, where, allow_code, mesh_path)
 
 
@@ -190,7 +196,11 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
     return _make_config(content, overrides or {}, robot, allow_code=False)
 
 
-def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
+def with_settings(
+    config: StationConfig,
+    settings: Mapping[str, Any],
+    where: str = "settings",
+) -> StationConfig:
     """Change a configuration. Returns the changed copy, or the same configuration if there are no settings.
 
     Args:
@@ -204,7 +214,10 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     """
     if not settings:
         return config
+    # Code in the configuration has been allowed when it was loaded; settings may not bring the
+    # first.
     has_own_code = any(controller.runs_code for controller in config.controllers.values())
+    # Through the content of a file, so that settings mean the same as overrides.
     content = station_content(config)
     return _make_config(content, settings, where, allow_code=has_own_code, is_complete=True)
 
@@ -243,7 +256,8 @@ def _make_config(
         before = _make_config(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         axes = {name: robot.axes for name, robot in resolve(before).robots.items()}
 
-    losses = KeyLosses(counts_defaults=not is_complete)  # collects warnings about keys that are dropped
+    # Collects warnings about keys that are dropped.
+    losses = KeyLosses(counts_defaults=not is_complete)
     paths = {key: key.split(".") for key in overrides}
     for key in sorted(others, key=lambda key: _rank(paths[key])):
         _override(content, paths[key], overrides[key], where, losses)
@@ -251,7 +265,8 @@ def _make_config(
     _write_by_axis(content, keys_of_axes, axes)
     for key in keys_of_axes:
         _override(content, paths[key], overrides[key], where, losses)
-    content = with_absolute_paths(content, Path.cwd())  # relative paths in overrides start at the current folder
+    # Relative paths in overrides start at the current folder.
+    content = with_absolute_paths(content, Path.cwd())
     content = _with_robots_section(content, where)
     packages = _named_packages(content, {}, Path.cwd())
     content.pop("packages", None)
@@ -277,9 +292,10 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     """
     _check_extensions(content, where)
     try:
+        # Pydantic's key has the section `robots`, though the user may have written `robot`.
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
+        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from None
     for name, controller in config.controllers.items():
         if controller.runs_code and not allow_code:
             expected = message(
@@ -289,9 +305,10 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
             )
             raise InvalidConfig(where, f"controllers.{name}", expected)
     try:
+        # Only now are the robots read, whose names of axes and links the parts need.
         check_parts(resolve(config))
     except SimrobError as problem:
-        raise InvalidConfig(where, "", _in_short_form(str(problem))) from problem
+        raise InvalidConfig(where, "", _in_short_form(str(problem))) from None
     return config
 
 
@@ -309,8 +326,10 @@ def _check_extensions(content: Content, where: Path | str) -> None:
         InvalidConfig: an extension is not installed, or is left out.
     """
     entries = content.get("extensions", ())
-    if not entries or not isinstance(entries, list | tuple) or not all(isinstance(entry, str) for entry in entries):
-        return  # The station needs none, or the value has a wrong type, which the validation reports.
+    # If the value has a wrong type, the validation reports it later.
+    are_names = isinstance(entries, list | tuple) and all(isinstance(entry, str) for entry in entries)
+    if not entries or not are_names:
+        return
     for entry in entries:
         matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
         if not matching:
@@ -320,6 +339,7 @@ def _check_extensions(content: Content, where: Path | str) -> None:
                 package=entry,
             )
             raise InvalidConfig(where, "extensions", problem)
+        # An entry may name a package, which has several extensions.
         for found in matching:
             if found.problem:
                 state = message(
@@ -329,16 +349,20 @@ def _check_extensions(content: Content, where: Path | str) -> None:
                     package=found.package,
                     problem=found.problem,
                 )
-                raise InvalidConfig(
-                    where,
-                    "extensions",
-                    message(
-                        "stations.needs_and", "the station needs {package}, and {state}", package=entry, state=state
-                    ),
+                problem = message(
+                    "stations.needs_and",
+                    "the station needs {package}, and {state}",
+                    package=entry,
+                    state=state,
                 )
+                raise InvalidConfig(where, "extensions", problem)
 
 
-def _named_packages(content: Content, overrides: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+def _named_packages(
+    content: Content,
+    overrides: Mapping[str, Any],
+    folder: Path,
+) -> dict[str, Path]:
     """Find the folders of packages that the section ``packages`` of a file and its overrides name.
 
     Args:
@@ -380,34 +404,28 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
         name, _, scenario = str(entry).partition("#")
         file = Path(name)
         if not isfile(file):
-            raise InvalidConfig(
-                where, "add_directives", message("stations.no_file", "there is no file {file}", file=file)
-            )
+            problem = message("stations.no_file", "there is no file {file}", file=file)
+            raise InvalidConfig(where, "add_directives", problem)
         scenes = find_station_importer(file)
         if scenes is None:
-            raise InvalidConfig(
-                where,
-                "add_directives",
-                message(
-                    "stations.no_scene",
-                    "{file} has no model directives of Drake: no list under the key directives",
-                    file=file,
-                ),
+            problem = message(
+                "stations.no_scene",
+                "{file} has no model directives of Drake: no list under the key directives",
+                file=file,
             )
+            raise InvalidConfig(where, "add_directives", problem)
         sections = scenes.station_sections(file, replace(request, scenario=scenario))
         for section in ("robots", "pieces"):
             for key, value in sections.get(section, {}).items():
+                # Two scenes may each describe a part of one station, but not the same part.
                 known = added.setdefault(section, {})
                 if key in known:
-                    raise InvalidConfig(
-                        where,
-                        "add_directives",
-                        message(
-                            "stations.name_in_two_scenes",
-                            "two files have a model {name}; the names of models differ",
-                            name=key,
-                        ),
+                    problem = message(
+                        "stations.name_in_two_scenes",
+                        "two files have a model {name}; the names of models differ",
+                        name=key,
                     )
+                    raise InvalidConfig(where, "add_directives", problem)
                 known[key] = value
     return _merged(added, rest)
 
@@ -430,13 +448,15 @@ def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
         values: values that are added. Without any, nothing changes.
     """
     robots = content.get("robots")
-    if not values or not isinstance(robots, dict):  # a section of a wrong type is refused by the validation later
+    # A section of a wrong type is refused by the validation later.
+    if not values or not isinstance(robots, dict):
         return
     for robot in robots.values():
         if not isinstance(robot, dict) or not robot.get("urdf"):
             continue
         options = robot.get("import_options") or {}
         if isinstance(options, dict):
+            # The robot's own values come first, since they are searched first.
             all_values = [*(options.get(key) or []), *values]
             without_duplicates = list(dict.fromkeys(all_values))
             robot["import_options"] = {**options, key: without_duplicates}
@@ -450,6 +470,7 @@ def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = N
         only: keys to convert, as pydantic's ``include``; all by default.
     """
     content = config.model_dump(mode="json", exclude_none=True, include=only)
+    # The short form, as most users write it.
     if only is None and list(config.robots) == [ONLY_ROBOT]:
         content["robot"] = content.pop("robots")[ONLY_ROBOT]
     return content
@@ -475,25 +496,24 @@ def _station_file(name_or_path: str | Path) -> Path:
         InvalidConfig: the path is a folder, or the file does not exist.
     """
     if not isinstance(name_or_path, (str, Path)):
-        raise InvalidParameter(
-            "station",
-            quoted(name_or_path),
-            message("stations.station_name_or_file", "a name of `simrob list`, or a YAML file"),
-        )
+        expected = message("stations.station_name_or_file", "a name of `simrob list`, or a YAML file")
+        raise InvalidParameter("station", quoted(name_or_path), expected)
     path = Path(name_or_path)
+    # Names come before paths, so that a file of that name in the working directory changes nothing.
     named = model_file("stations", str(name_or_path))
     if named is not None:
         return named
     if isdir(path):
         inside = path / "station.yaml"
-        hint = (
-            message("stations.did_you_mean_inside", "; did you mean {inside}?", inside=inside) if isfile(inside) else ""
+        hint = ""
+        if isfile(inside):
+            hint = message("stations.did_you_mean_inside", "; did you mean {inside}?", inside=inside)
+        problem = message(
+            "stations.is_a_folder",
+            "is a folder, and a station is a name or a YAML file{hint}",
+            hint=hint,
         )
-        raise InvalidConfig(
-            path,
-            "",
-            message("stations.is_a_folder", "is a folder, and a station is a name or a YAML file{hint}", hint=hint),
-        )
+        raise InvalidConfig(path, "", problem)
     if not is_yaml_name(path):
         # A plain word is a misspelt name of a station, and so is an existing file that is not YAML.
         has_form_of_path = bool(path.suffix) or len(path.parts) > 1
@@ -536,7 +556,13 @@ def _rank(path: list[str]) -> int:
     return _OTHER_RANK
 
 
-def _override(content: Content, path: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
+def _override(
+    content: Content,
+    path: list[str],
+    value: Any,
+    where: Path | str,
+    losses: KeyLosses,
+) -> None:
     """Change one value of a station's content in place.
 
     Args:
@@ -555,6 +581,7 @@ def _override(content: Content, path: list[str], value: Any, where: Path | str, 
         return
     # The section, or the list, that contains the value, and the value's key in it.
     section, key = place_of(content, path, where)
+    # An index such as in `robots.arm.base.2`, which replaces one number.
     if isinstance(section, list):
         section[int(key)] = value
         return
@@ -562,6 +589,7 @@ def _override(content: Content, path: list[str], value: Any, where: Path | str, 
     if value is None and is_entry and key in section:
         del section[key]
         return
+    # Before the new robot is written, as the former one is compared with it.
     is_origin = path[0] in _ROBOT_SECTIONS and key in _KEYS_OF_OTHER_ORIGIN
     if is_origin and value is not None:
         _drop_former_robot(section, key, value)
@@ -570,8 +598,10 @@ def _override(content: Content, path: list[str], value: Any, where: Path | str, 
     if not _changes_keys_only(value, section.get(key), path):
         section[key] = _copy(value, path, where)
         return
+    text_keys = message("stations.section_of_texts", "a section whose keys are texts")
     for inner_key in value:
-        instance(inner_key, ".".join(path), str, message("stations.section_of_texts", "a section whose keys are texts"))
+        instance(inner_key, ".".join(path), str, text_keys)
+    # Inside of a mapping the order is the same as between overrides: a kind first.
     for inner_key in sorted(value, key=lambda inner_key: _rank([*path, inner_key])):
         _override(content, [*path, inner_key], value[inner_key], where, losses)
 
@@ -586,6 +616,7 @@ def _changes_keys_only(value: Any, old: Any, path: list[str]) -> bool:
     """
     if not isinstance(value, Mapping) or not value or not isinstance(old, dict):
         return False
+    # A section without kinds, such as `servo`, can only be changed key by key.
     old_kind = kind_of(old, path)
     if old_kind is None:
         return True
@@ -610,7 +641,11 @@ def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
         del section["initial_deg"]
 
 
-def _is_below_number(content: Content, overrides: Mapping[str, Any], path: list[str]) -> bool:
+def _is_below_number(
+    content: Content,
+    overrides: Mapping[str, Any],
+    path: list[str],
+) -> bool:
     """Whether a path leads into a number, as ``servo.kp.joint_1`` does if ``servo.kp`` is one number for all axes.
 
     Args:
@@ -621,11 +656,17 @@ def _is_below_number(content: Content, overrides: Mapping[str, Any], path: list[
     node: Any = content
     for key in path[:-1]:
         node = node.get(key) if isinstance(node, dict) else None
+    # An override of the whole, such as `servo.kp`, is applied before, and replaces the file's
+    # value.
     node = overrides.get(".".join(path[:-1]), node)
     return isinstance(node, (int, float)) and not isinstance(node, bool)
 
 
-def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequence[str]]) -> None:
+def _write_by_axis(
+    content: Content,
+    keys: list[str],
+    axes: Mapping[str, Sequence[str]],
+) -> None:
     """Replace numbers for all axes of a robot by mappings or lists with the number for each axis, in place.
 
     Args:
@@ -643,7 +684,8 @@ def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequenc
             section = section.get(key) if isinstance(section, dict) else None
         number = section.get(number_key) if isinstance(section, dict) else None
         if not isinstance(number, (int, float)):
-            continue  # replaced already: for another axis, or by another override of the section
+            # Replaced already: for another axis, or by another override of the section.
+            continue
         if axis in names:
             section[number_key] = dict.fromkeys(names, number)
         elif axis.isdecimal():
@@ -659,10 +701,12 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
     try:
         return deepcopy(value)
     except Exception as problem:  # an object may raise any exception when it is copied
-        expected = message(
-            "stations.no_file_could_hold", "is {value}, which no station's file could hold", value=quoted(value)
+        text = message(
+            "stations.no_file_could_hold",
+            "is {value}, which no station's file could hold",
+            value=quoted(value),
         )
-        raise InvalidConfig(where, ".".join(path), expected) from problem
+        raise InvalidConfig(where, ".".join(path), text) from problem
 
 
 def _in_short_form(text: str) -> str:
@@ -671,9 +715,10 @@ def _in_short_form(text: str) -> str:
     A message keeps its id, so that it can be translated: the names are in its fields.
     """
     if isinstance(text, Message):
-        fields = {
-            name: _in_short_form(value) if isinstance(value, str) else value for name, value in text.fields.items()
-        }
+        fields = dict(text.fields)
+        for name, value in text.fields.items():
+            if isinstance(value, str):
+                fields[name] = _in_short_form(value)
         return Message(text.id, text.template, fields, text.longest, text.is_sentence)
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
@@ -687,9 +732,9 @@ def _with_robots_section(content: Content, where: Path | str) -> Content:
     if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
-        raise InvalidConfig(
-            where, "robot", message("stations.robot_or_robots", "a station has either robot: or robots:")
-        )
+        problem = message("stations.robot_or_robots", "a station has either robot: or robots:")
+        raise InvalidConfig(where, "robot", problem)
+    # A loop instead of `pop`, so that the section keeps its place in the order of keys.
     changed = Content()
     for key, value in content.items():
         if key == ONLY_ROBOT:

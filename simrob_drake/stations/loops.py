@@ -22,11 +22,14 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
 _CLOSED = 1e-6  # a loop is closed if no deviation is larger than this [m or rad]
-_RANDOM_STARTS = 20  # count of random postures from which a search starts, in addition to the home posture
-_SPREAD = 1.0  # largest distance of these postures from the home posture, for each axis [rad or m]
+# Count of random postures from which a search starts, in addition to the home posture.
+_RANDOM_STARTS = 20
+# Largest distance of these postures from the home posture, for each axis [rad or m].
+_SPREAD = 1.0
 _STEP = 1e-6  # step of an axis for the central difference [rad or m]
 _MARGIN = 1e-6  # distance of a search's bounds from the limits of the axes [rad or m]
-_INDEPENDENT = 1e-4  # columns of a matrix are dependent below this singular value, as a share of the longest column
+# Columns of a matrix are dependent below this singular value, as a share of the longest column.
+_INDEPENDENT = 1e-4
 
 
 class _EndPoses(NamedTuple):
@@ -63,7 +66,8 @@ class LoopsOfRobot:
         Raises:
             InvalidParameter: no posture was found that closes all loops.
         """
-        from scipy.optimize import least_squares  # loaded where it is needed: other commands start without SciPy
+        # Loaded where it is needed: other commands start without SciPy.
+        from scipy.optimize import least_squares
 
         lower, upper = self._robot.axis_limits
         home = np.clip(self._robot.home, lower, upper)

@@ -20,7 +20,12 @@ _CHECKED_PACKAGES_OF_DRAKE = ("pydrake.systems.primitives", "pydrake.systems.con
 _MOST_NAMES = 6  # count of open inputs that an error lists
 
 
-def check_inputs(diagram: Diagram, inputs: Mapping[str, InputPort], *, may_be_exported: bool) -> None:
+def check_inputs(
+    diagram: Diagram,
+    inputs: Mapping[str, InputPort],
+    *,
+    may_be_exported: bool,
+) -> None:
     """Check that every input in a diagram is connected.
 
     A block of the user's own may leave inputs open that it names in an attribute ``optional_inputs``.
@@ -33,6 +38,8 @@ def check_inputs(diagram: Diagram, inputs: Mapping[str, InputPort], *, may_be_ex
     Raises:
         SimrobError: the open inputs, and how to connect or export them.
     """
+    # A port has a value only in a context; values that are fixed in another context are not known
+    # here.
     context = diagram.CreateDefaultContext()
     names_of_station = {_key(port): name for name, port in inputs.items()}
     found = list(_open_inputs_within(diagram, context, names_of_station.get))
@@ -62,7 +69,11 @@ _Names = Callable[[tuple[int, int]], "str | None"]
 """Finds the name of an input of the station by the key of its port."""
 
 
-def _open_inputs_within(diagram: Diagram, context: Context, name_of: _Names) -> Iterator[str]:
+def _open_inputs_within(
+    diagram: Diagram,
+    context: Context,
+    name_of: _Names,
+) -> Iterator[str]:
     """Yield the names of open inputs of the systems in a diagram, but for those that it exports.
 
     Args:
@@ -74,6 +85,7 @@ def _open_inputs_within(diagram: Diagram, context: Context, name_of: _Names) -> 
     for index in range(diagram.num_input_ports()):
         for system, port_index in diagram.GetInputPortLocators(InputPortIndex(index)):
             exported.add((id(system), int(port_index)))
+    # An exported input is an input of the diagram around, where it is looked at again.
     for system in diagram.GetSystems():
         for index in range(system.num_input_ports()):
             if (id(system), index) not in exported and _is_open(system, index, context):
@@ -87,10 +99,12 @@ def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iter
     for index in range(diagram.num_input_ports()):
         port = diagram.get_input_port(index)
         if not port.HasValue(context):
-            targets = [
-                system.get_input_port(place) for system, place in diagram.GetInputPortLocators(InputPortIndex(index))
-            ]
-            known = [name for name in map(name_of, map(_key, targets)) if name is not None]
+            # The inputs of systems inside that this input of the diagram feeds.
+            known = list[str]()
+            for system, port_index in diagram.GetInputPortLocators(InputPortIndex(index)):
+                name = name_of(_key(system.get_input_port(port_index)))
+                if name is not None:
+                    known.append(name)
             own_name = message("stations.input_of_diagram", "{port} of the diagram", port=port.get_name())
             yield known[0] if known else own_name
 
@@ -99,6 +113,7 @@ def _is_open(system: System, index: int, context: Context) -> bool:
     """Whether an input must be connected and is not."""
     if isinstance(system, (MultibodyPlant, SceneGraph)):
         return False  # what is not connected to a plant does not act
+    # Blocks of the user's own are checked, too; Drake's others may have inputs that are optional.
     module = type(system).__module__
     is_of_drake = module.startswith("pydrake") and not isinstance(system, Diagram)
     if is_of_drake and not module.startswith(_CHECKED_PACKAGES_OF_DRAKE):
@@ -109,7 +124,8 @@ def _is_open(system: System, index: int, context: Context) -> bool:
     try:
         return not port.HasValue(system.GetMyContextFromRoot(context))
     except RuntimeError:
-        return False  # it is connected, to an output that needs an input whose value is fixed later
+        # The input is connected, to an output that needs an input whose value is fixed later.
+        return False
 
 
 def _name(system: System, port: InputPort, name_of: _Names) -> str:

@@ -65,11 +65,15 @@ class OtherEngine(SolverSection):
 def other_engine(config: StationConfig) -> OtherEngine | None:
     """Section ``solver`` of another engine than Drake. None if Drake's plant or a reference moves the station."""
     solver = config.solver
+    # In a kinematic station, the section `solver` has no effect.
     return solver if config.engine.moves_by_forces and isinstance(solver, OtherEngine) else None
 
 
 def add_plant_block(
-    builder: DiagramBuilder, engine: OtherEngine, station: ResolvedStation, plant: StationPlant
+    builder: DiagramBuilder,
+    engine: OtherEngine,
+    station: ResolvedStation,
+    plant: StationPlant,
 ) -> PlantBlock:
     """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
 
@@ -84,6 +88,7 @@ def add_plant_block(
         BrokenExtension: the block lacks a method or a port that a station needs.
     """
     block: Any = engine.plant_block(station, plant)
+    # Checked here, as a missing method would only show in the middle of a run.
     missing = missing_methods(block)
     if missing:
         lacking = ", ".join(missing)
@@ -96,6 +101,7 @@ def add_plant_block(
                 lacking=lacking,
             )
         )
+    # The scene graph gets the poses of the shapes from the states of the engine.
     builder.AddSystem(block)
     builder.Connect(block.get_state_output_port(), plant.add_geometry_poses(builder, of_state=True))
     return cast(PlantBlock, block)

@@ -28,7 +28,9 @@ CONTACT = message("stations.contact", "contact")
 
 
 def physics_findings(
-    config: StationConfig, ports: StationPorts, references: Mapping[str, Reference] | None = None
+    config: StationConfig,
+    ports: StationPorts,
+    references: Mapping[str, Reference] | None = None,
 ) -> list[Finding]:
     """Find the causes by which runs of a station differ from what its file describes.
 
@@ -43,6 +45,7 @@ def physics_findings(
     for robot in ports.plant.robots.values():
         findings += import_findings(config, robot)
     if not config.engine.moves_by_forces:
+        # In a kinematic station nothing moves by forces: contact, solver and servos have no effect.
         return findings + _weightless_findings(ports)
     findings += ignored_settings(config)
     findings += _grip_findings(config, ports)
@@ -87,9 +90,11 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
             "robot.import_options.estimate_inertia: true, or write one in the URDF",
             links=listed(links),
         )
+        # Forces that are all zero are no trap, forces that are only too small are.
         has_weight = any(mass_of(link) > 0 for link in robot.model.element.iterfind("link"))
         level: Level = "warning" if has_weight else "note"
-        findings.append(Finding(level, message("stations.inertias_of", "inertias of {robot}", robot=robot.name), text))
+        subject = message("stations.inertias_of", "inertias of {robot}", robot=robot.name)
+        findings.append(Finding(level, subject, text))
     return findings
 
 
@@ -104,6 +109,7 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
             "stations.fingers_without_contact",
             "the station has no contact: fingers hold nothing; add contact: {{model: hydroelastic}}",
         )
+    # A single point on each finger holds a piece against shifting, but not against turning.
     elif config.contact.model == "point" and not uses_contact_points(config):
         problem = message(
             "stations.points_let_creep", "points let a held piece turn and creep; take contact.model hydroelastic"
@@ -116,11 +122,12 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
         )
     if not problem:
         return []
-    grippers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
-    return [
-        Finding("warning", message("stations.gripper_of", "gripper of {robot}", robot=robot.name), problem)
-        for robot in grippers
-    ]
+    findings = []
+    for robot in ports.plant.robots.values():
+        if robot.model.fingers:
+            subject = message("stations.gripper_of", "gripper of {robot}", robot=robot.name)
+            findings.append(Finding("warning", subject, problem))
+    return findings
 
 
 def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
@@ -147,6 +154,7 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
     # Contact points at the corners carry a flat body, and so do several points of the engine itself.
     if uses_contact_points(config) or config.engine.touches_at_several_points:
         return []
+    # One finding suffices: its remedy holds for all pieces.
     for name, body in plant.free_pieces.items():
         shapes = plant.plant.GetCollisionGeometriesForBody(body)
         if any(is_flat(inspector, shape) for shape in shapes):
@@ -155,11 +163,6 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
                 "{name} lies on one point that jumps about: it trembles, and sticks where it should slide",
                 name=name,
             )
-            return [
-                Finding(
-                    "warning",
-                    CONTACT,
-                    message("stations.set_corners", "{text}; set contact.corners to true", text=text),
-                )
-            ]
+            text = message("stations.set_corners", "{text}; set contact.corners to true", text=text)
+            return [Finding("warning", CONTACT, text)]
     return []

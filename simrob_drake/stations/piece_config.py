@@ -58,6 +58,7 @@ class Scatter(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> "Scatter":
+        # Two corners become a pair (lower, upper) for each of x, y and z.
         ranges = [*zip(*self.within, strict=True), self.turn_deg]
         if any(lower > upper for lower, upper in ranges):
             raise ValueError(message("stations.lower_values_first", "within and turn_deg have the lower values first"))
@@ -69,9 +70,13 @@ class Scatter(Strict):
         Raises:
             ValueError: there is no room for so many copies.
         """
+        # Two generators, as Drake's uniform rotations need one of Drake. The same seed gives the
+        # same poses.
         random = np.random.default_rng(self.seed)
         drake_random = RandomGenerator(self.seed)
         attempts = [self._draw_positions(random)]
+        # Pieces that are placed badly may leave no room for the last one, though there is enough in
+        # all.
         while len(attempts[-1]) < self.count and len(attempts) < _ATTEMPTS:
             attempts.append(self._draw_positions(random))
         positions = attempts[-1]
@@ -90,6 +95,7 @@ class Scatter(Strict):
             if self.tumbled:
                 rotation = UniformlyRandomRotationMatrix(drake_random)
             else:
+                # R = Rz(angle): the piece stays upright.
                 angle = random.uniform(*np.deg2rad(self.turn_deg))
                 rotation = RollPitchYaw(0.0, 0.0, angle).ToRotationMatrix()
             pose = RigidTransform(rotation, position)
@@ -106,8 +112,13 @@ class Scatter(Strict):
             positions.append(position)
         return positions
 
-    def _draw_free_position(self, random: np.random.Generator, others: list[Vector]) -> Vector | None:
+    def _draw_free_position(
+        self,
+        random: np.random.Generator,
+        others: list[Vector],
+    ) -> Vector | None:
         """Draw a position (3,) [m] that keeps the smallest distance from others, or None if none of many does."""
+        # Rejection sampling: positions stay uniformly distributed over the free room.
         for _ in range(_DRAWS):
             position = random.uniform(*self.within)
             if all(np.linalg.norm(position - other) >= self.apart for other in others):
@@ -168,6 +179,7 @@ class PieceConfig(Strict):
 
     @model_validator(mode="after")
     def _free_of_parents(self) -> "PieceConfig":
+        # `model_fields_set` has the keys that the user gave, even with their default values.
         if self.scatter is not None and {"parent", "pose"} & self.model_fields_set:
             raise ValueError(
                 message(
@@ -231,11 +243,13 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
             ) from problem
         changes: dict[str, Any] = {"scatter": None, "free": True}
         if not entry.sources:
-            changes["model"] = name  # the name of a piece without a source is its model, but that of a copy is not
+            # The name of a piece without a source is its model, but that of a copy is not.
+            changes["model"] = name
         copies = {
             f"{name}_{number}": entry.model_copy(update={**changes, "pose": pose})
             for number, pose in enumerate(poses, start=1)
         }
+        # A copy would replace a piece of the user without a word.
         taken = copies.keys() & entries.keys()
         if taken:
             raise ValueError(

@@ -77,7 +77,8 @@ class PlantHooks(NamedTuple):
     """Callbacks of the user while a plant is filled. Both get the same Parser of the plant."""
 
     parser_preload: ParserHook | None = None  # before the robots are added
-    prefinalize: ParserHook | None = None  # after robots and pieces are added, before the plant is finalized
+    # After robots and pieces are added, before the plant is finalized.
+    prefinalize: ParserHook | None = None
 
     @property
     def is_used(self) -> bool:
@@ -113,7 +114,11 @@ def check_steps_plant(config: StationConfig) -> None:
         )
 
 
-def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHooks | None = None) -> StationPlant:
+def add_plant(
+    builder: DiagramBuilder,
+    resolved: ResolvedStation,
+    hooks: PlantHooks | None = None,
+) -> StationPlant:
     """Add a station's scene graph and plant to a diagram.
 
     The plant stays outside of the diagram if the station is kinematic, or if another engine stands in for it.
@@ -132,6 +137,8 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHo
         check_steps_plant(config)
     stand_in = other_engine(config)
     if not config.engine.moves_by_forces or stand_in is not None:
+        # A plant outside of the diagram only computes poses and masses: its time step 0 has no
+        # effect.
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -140,12 +147,14 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHo
     else:
         plant, scene_graph = add_empty_plant(builder, config)
     if hooks.is_used:
+        # One parser for both callbacks, as it remembers the packages that the first one names.
         parser = Parser(plant)
         hooks.preload(parser)
         models = add_models(plant, scene_graph, resolved, floor=True, is_shared=True)
         hooks.finish(parser)
     else:
         models = add_models(plant, scene_graph, resolved, floor=True)
+    # Bodies, joints and actuators can be added until here only; collision filters and defaults come after.
     plant.Finalize()
     station = complete_plant(models)
     replaced = filter_contact_points(scene_graph, models.points)
@@ -162,8 +171,10 @@ def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[Mul
         time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
     )
     if engine.has_discrete_states:
+        # Schemes of the discrete solver have Drake's names of the approximation.
         settings.discrete_contact_approximation = engine.name
-        settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+        # Otherwise signals could not be evaluated again from a recorded state.
+        settings.use_sampled_output_ports = False
     plant, scene_graph = AddMultibodyPlant(settings, builder)
     plant.set_name("plant")
     scene_graph.set_name("scene_graph")
@@ -216,7 +227,9 @@ def add_models(
     """
     config = resolved.config
     engine = config.engine
-    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
+    # Without collision shapes, the plant never asks the scene graph: a fifth less work.
+    collision = needs_shapes(config)
+    # The plant may have shapes of the user's own, whose materials are not changed.
     inspector = scene_graph.model_inspector()
     shapes_before = set(inspector.GetAllGeometryIds(Role.kProximity))
 
@@ -228,8 +241,10 @@ def add_models(
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     if floor:
         _add_floor(plant, resolved, collision)
+    # After all bodies, since the heaviest free body decides over the balls of all.
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes())
     shapes_with_points = own_shapes()  # the contact points are shapes, too
+    # Before the plant is finalized, which makes filters that a later change of roles would lose.
     apply_materials(plant, scene_graph, resolved, shapes_with_points)
     station = StationPlant(
         plant,
@@ -242,6 +257,7 @@ def add_models(
         scope=resolved.scope,
         is_shared=is_shared,
     )
+    # Constraints and springs act in a plant that is stepped only.
     for coupling in config.couplings.values() if engine.moves_by_forces else ():
         coupling.add(station)
     return StationModels(resolved, station, shapes_with_points, points)
@@ -262,6 +278,7 @@ def complete_plant(models: StationModels) -> StationPlant:
     plant = station.plant
     for robot in station.robots.values():
         for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
+            # The default positions are those of every context that is created from now on.
             joint.set_default_positions(np.array([sign * angle]))
     for robot in station.robots.values():
         set_rotors(plant, robot.joints, robot)
@@ -273,7 +290,11 @@ def complete_plant(models: StationModels) -> StationPlant:
     return station
 
 
-def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
+def _add_standing_pieces(
+    plant: MultibodyPlant,
+    station: ResolvedStation,
+    collision: bool,
+) -> dict[str, RigidBody]:
     """Add the pieces that no robot carries.
 
     Returns:
@@ -292,6 +313,7 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
                 free[name] = plant.GetBodyByName(name, instance)
                 plant.SetDefaultFloatingBaseBodyPose(free[name], piece.pose)
             else:
+                # A piece on the world has no parent in the plant.
                 parent = instances.get(piece.parent)
                 mount = plant.GetFrameByName(piece.mount, parent) if parent else plant.world_frame()
                 plant.WeldFrames(mount, plant.GetFrameByName(name, instance), piece.pose)
@@ -313,6 +335,8 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
         return
     terrain = config.floor.terrain
     if terrain is None:
+        # The picture shows a slab, contact is with a half-space: it has no edges over which a body
+        # could fall.
         slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
         below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
         plant.RegisterVisualGeometry(plant.world_body(), floor_pose @ below, slab, FLOOR, _FLOOR_COLOUR)
@@ -326,6 +350,7 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
         name = f"{FLOOR}.{number}"
         box = Box(*(2 * block.half))
         pose = floor_pose @ block.pose
+        # Height of the upper face: half of the box over its centre.
         top = block.pose.translation()[2] + block.half[2]
         relative_height = top / terrain.height
         brightness = 1 + _SHADE * relative_height
@@ -346,7 +371,8 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
         if modulus is None:
-            AddRigidHydroelasticProperties(1.0, surface)  # a compliant box on a compliant one would fall back to points
+            # A compliant box on a compliant one would fall back to points.
+            AddRigidHydroelasticProperties(1.0, surface)
         else:
             AddCompliantHydroelasticProperties(1.0, modulus, surface)
     surface.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
@@ -367,11 +393,16 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
             feet = [] if robot.feet is None else robot.feet.links
             bodies = [station.plant.GetFrameByName(foot, robot.instance).body() for foot in feet]
         geometry = station.plant.CollectRegisteredGeometries(bodies)
-        station.scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(geometry))
+        without_own_contact = CollisionFilterDeclaration().ExcludeWithin(geometry)
+        station.scene_graph.collision_filter_manager().Apply(without_own_contact)
 
 
 def add_robot(
-    plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
+    plant: MultibodyPlant,
+    station: ResolvedStation,
+    robot: ResolvedRobot,
+    *,
+    collision: bool,
 ) -> StationRobot:
     """Add a robot and the pieces that it carries to a plant that is not finalized.
 
@@ -393,21 +424,21 @@ def add_robot(
             "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true",
         )
         where = station.config.robots[robot.name].urdf or model.urdf_path
-        raise InvalidModel(
-            where,
-            "",
-            message(
-                "stations.links_without_inertia",
-                "the moving links {links} have no inertia; {remedy}",
-                links=listed,
-                remedy=remedy,
-            ),
+        problem = message(
+            "stations.links_without_inertia",
+            "the moving links {links} have no inertia; {remedy}",
+            links=listed,
+            remedy=remedy,
         )
+        raise InvalidModel(where, "", problem)
     urdf = urdf_with_pieces(station, robot)
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.engine.moves_by_forces:
-        add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
-    instance = add_urdf(plant, urdf, name=f"{station.scope}{robot.name}", where=model.urdf_path, collision=collision)
+        joint_names = [axis.joint for axis in model.axes.values()]
+        add_play(urdf, dict(zip(joint_names, model.play.tolist(), strict=True)))
+    name_in_plant = f"{station.scope}{robot.name}"
+    instance = add_urdf(plant, urdf, name=name_in_plant, where=model.urdf_path, collision=collision)
+    # A free base gets an initial pose, a fixed one a weld to the world.
     root = plant.GetFrameByName(model.root, instance)
     if robot.floats:
         plant.SetDefaultFloatingBaseBodyPose(root.body(), robot.base)
@@ -418,10 +449,13 @@ def add_robot(
     if robot.tcp_offset is not None and tcp:
         pose = transform_from_pose(robot.tcp_offset)
         offset = FixedOffsetFrame(f"{robot.name}_tcp_offset", tools[tcp], pose, instance)
-        tcp, tools[TCP] = TCP, plant.AddFrame(offset)
+        tools[TCP] = plant.AddFrame(offset)
+        tcp = TCP
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
     if station.engine.moves_by_forces:
         motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+        # In the play the motor turns its rotor alone: without inertia its acceleration would be
+        # infinite.
         turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
         for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
             if play > 0 and joint.index() not in turning:
@@ -430,16 +464,16 @@ def add_robot(
                     "0, or {axis} have a rotor_inertia, which its motor moves alone in the play",
                     axis=axis,
                 )
-                raise InvalidParameter(
-                    f"robots.{robot.name}.drives.backlash_deg",
-                    message("stations.given_for", "given for {axis}", axis=axis),
-                    expected,
-                )
+                key = f"robots.{robot.name}.drives.backlash_deg"
+                found = message("stations.given_for", "given for {axis}", axis=axis)
+                raise InvalidParameter(key, found, expected)
         implicit = station.config.servo_of(robot.name).realization == "implicit"
+        # Limits and gains of actuators can be set before the plant is finalized only.
         if implicit or station.engine.limits_torques_in_actuators:
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
         if station.engine.puts_friction_in_actuators:
             set_friction(plant, joints, model.friction, model.drives.friction_speed)
+    # The robot in the plant has all properties of the resolved one, but for the tool of the offset.
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
 
@@ -451,5 +485,6 @@ def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
         put_on_feet(element, robot.feet)
     for name in robot.carried:
         piece = station.pieces[name]
+        # Carried pieces become links of the robot, so that its model has their masses.
         add_piece(element, name=name, piece=piece.model, parent=piece.mount, pose=piece.pose)
     return element

@@ -29,14 +29,18 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import group_by_words
 from simrob_drake.stations.solver_config import ContactConfig
 
-_POSE_KEYS = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")  # keys whose values are poses
+# Keys whose values are poses.
+_POSE_KEYS = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")
 _FARTHEST = 100.0  # largest plausible coordinate of a pose [m]
-_LARGEST = 30.0  # largest plausible side of a piece [m]; a plate that serves as ground may be larger
+# Largest plausible side of a piece [m]; a plate that serves as ground may be larger.
+_LARGEST = 30.0
 _PLATE = 1.0  # thickness up to which a piece counts as a plate [m]
 _SMALLEST = 1e-4  # smallest plausible value for the largest side of a piece [m]
 _STRONGEST_GRAVITY = 100.0  # largest plausible gravity [m/s²]; Jupiter has 25
-_ROUGHEST = 5.0  # largest plausible coefficient of friction; rubber on rubber has about 1
-_LEAST_MASS_FACTOR = 0.1  # smallest plausible factor on the mass that a robot's file gives a link
+# Largest plausible coefficient of friction; rubber on rubber has about 1.
+_ROUGHEST = 5.0
+# Smallest plausible factor on the mass that a robot's file gives a link.
+_LEAST_MASS_FACTOR = 0.1
 _LARGEST_MASS_FACTOR = 10.0  # largest plausible factor
 _LISTED = 3  # number of keys that a warning names
 

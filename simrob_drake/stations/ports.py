@@ -9,7 +9,7 @@ from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message, translate
-from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
+from simrob_drake.parts.captions import MANY, fits_line, shown_limits, shown_values, wrap_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import Feedforward, StationConfig
@@ -49,10 +49,17 @@ class StationPorts(Site):
     sources: Mapping[str, OutputPort] = field(default_factory=dict)
     name: str = ""
 
-    def add_input(self, builder: DiagramBuilder, robot: StationRobot, name: str) -> OutputPort:
+    def add_input(
+        self,
+        builder: DiagramBuilder,
+        robot: StationRobot,
+        name: str,
+    ) -> OutputPort:
         """Add an input of one value an axis, as a block that any number of others can read."""
+        # What drives it is known, so no block has to stand for the open input.
         if f"{robot.prefix}{name}" in self.sources:
             return self.sources[f"{robot.prefix}{name}"]
+        # Drake's inputs cannot be read: the output of a block that passes values on can.
         block = builder.AddNamedSystem(f"{robot.prefix}{name}", PassThrough(len(robot.joints)))
         self.inputs[f"{robot.prefix}{name}"] = block.get_input_port()
         return block.get_output_port()
@@ -71,23 +78,22 @@ _PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "i
 
 def draw_plant(ports: StationPorts) -> None:
     """Draw the plant with its robots, pieces and the servos inside of its actuators, stops and scene."""
-    config, robots = ports.config, list(ports.plant.robots.values())
+    config = ports.config
+    robots = list(ports.plant.robots.values())
     robot_texts = [_robot_text(robot) for robot in robots]
     if not config.engine.moves_by_forces:
-        ports.picture.draw(
-            "inverse_dynamics",
-            "robot",
-            join_texts([message("stations.block_inverse_dynamics", "Inverse dynamics"), *robot_texts], "\n"),
-        )
-        ports.picture.draw("geometry_poses", "robot", message("stations.block_geometry_poses", "Geometry poses"))
+        title = message("stations.block_inverse_dynamics", "Inverse dynamics")
+        ports.picture.draw("inverse_dynamics", "robot", join_texts([title, *robot_texts], "\n"))
+        label = message("stations.block_geometry_poses", "Geometry poses")
+        ports.picture.draw("geometry_poses", "robot", label)
     else:
         pieces = list[str]()
         if config.pieces:
             names = message("stations.block_with", "with {pieces}", pieces=", ".join(config.pieces))
-            pieces.append(wrapped(translate(names)))
-        ports.picture.draw(
-            "plant", "robot", join_texts([message("stations.block_plant", "Plant"), *robot_texts, *pieces], "\n")
-        )
+            pieces.append(wrap_label(translate(names)))
+        title = message("stations.block_plant", "Plant")
+        ports.picture.draw("plant", "robot", join_texts([title, *robot_texts, *pieces], "\n"))
+        # Otherwise the stops are a part of the solver, and no block.
         if robots and not config.engine.holds_joint_limits:
             stops = zip(*(robot.stops for robot in robots), strict=True)
             stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
@@ -103,7 +109,8 @@ def draw_plant(ports: StationPorts) -> None:
                 dampers=dampers,
             )
             ports.picture.draw("stops", "force", label)
-    ports.picture.draw("scene_graph", "scene", message("stations.block_scene_graph", "Scene graph\nall geometry"))
+    label = message("stations.block_scene_graph", "Scene graph\nall geometry")
+    ports.picture.draw("scene_graph", "scene", label)
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
@@ -111,19 +118,17 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
     Of many joints, only the first and the last have a row. Those between share a single block.
     """
-    axes, prefix = robot.axes, robot.prefix
-    if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
+    axes = robot.axes
+    prefix = robot.prefix
+    # One block shows the limits of all.
+    if ports.config.engine.limits_torques_in_actuators:
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
     if not per_joint:
-        _draw_servo(
-            ports,
-            robot,
-            "servo",
-            list(range(len(axes))),
-            message("stations.block_joints", "{count} joints", count=len(axes)),
-        )
+        title = message("stations.block_joints", "{count} joints", count=len(axes))
+        _draw_servo(ports, robot, "servo", list(range(len(axes))), title)
         return
+    # A row for each of many joints would make the picture unreadable.
     between = axes[1:-1] if len(axes) > MANY else []
     for index, axis in enumerate(axes):
         if axis in between:
@@ -135,6 +140,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
                 last=between[-1],
             )
             for part in _PARTS:
+                # Blocks with the same key share one box in the picture.
                 ports.picture.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
         else:
             _draw_servo(ports, robot, axis, [index], axis)
@@ -148,10 +154,13 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
         joints=message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)),
         passive=_passive_text(robot),
     )
-    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
-    kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
-    law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
+    units = [robot.model.effort_units[axis] for axis in driven]
+    limit = wrap_label(shown_limits(robot.gains.torque_limit[driven], units))
+    kp = f"kp {shown_values(robot.gains.kp[driven])}"
+    kd = f"kd {shown_values(robot.gains.kd[driven])}"
+    law = f"PD\n{kp}, {kd}" if fits_line(f"{kp}, {kd}") else f"PD\n{wrap_label(kp)}\n{wrap_label(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
+    # Which of the two blocks exists depends on the gains; both are drawn as the same box.
     for part in ("desired_state", "actuation"):
         ports.picture.draw(
             f"{robot.prefix}{part}",
@@ -168,30 +177,42 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
     kinds = dict.fromkeys(_FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots)
     whose = message("stations.block_of_reference", "of what is asked for")
+    # With one robot it is clear whose motion is meant.
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
     label = message(
         "stations.block_feedforward",
         "Feedforward: {kinds}\n{whose}",
         kinds=join_texts(kinds),
-        whose=wrapped(translate(whose)),
+        whose=wrap_label(translate(whose)),
     )
     ports.picture.draw("model_feedforward", "servo", label)
 
 
 def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     """Draw the law that goes through the model, and what saturates its torques."""
-    gains, name = robot.gains, f"{robot.prefix}computed_torque"
-    kp, kd = shown_values(gains.kp), shown_values(gains.kd)
-    label = message("stations.block_computed_torque", "Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", kp=kp, kd=kd)
-    ports.picture.draw(name, "servo", label, robot)
+    # The gains are per inertia, hence their units.
+    label = message(
+        "stations.block_computed_torque",
+        "Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s",
+        kp=shown_values(robot.gains.kp),
+        kd=shown_values(robot.gains.kd),
+    )
+    ports.picture.draw(f"{robot.prefix}computed_torque", "servo", label, robot)
     _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
     _draw_motors(ports, f"{robot.prefix}motors", list(range(len(robot.axes))), robot)
 
 
-def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+def draw_integral(
+    ports: StationPorts,
+    robot: StationRobot,
+    row: str,
+    group: list[int],
+    who: str,
+) -> None:
     """Draw the integral part of a group of joints."""
-    gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
+    gains = robot.gains
+    units = [robot.model.effort_units[index] for index in group]
     limit = shown_limits(gains.integral_limit[group], units)
     label = f"{translate(who)}: I\nki {shown_values(gains.ki[group])}, {limit}"
     for part in ("integrator", "integral_clip"):
@@ -208,44 +229,43 @@ def _passive_text(robot: StationRobot) -> str:
     names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
     if not names:
         return ""
-    text = wrapped(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    text = wrap_label(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
     return f"\n{text}"
 
 
-def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+def _draw_servo(
+    ports: StationPorts,
+    robot: StationRobot,
+    row: str,
+    group: list[int],
+    who: str,
+) -> None:
     """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
     driven = _axes_with_motor(robot, group)
     if not driven:
+        label = message("stations.block_no_motor", "{axes}: no motor", axes=who)
         for part in ("pd", "saturation"):
-            ports.picture.draw(
-                f"{name}.{part}",
-                "servo",
-                message("stations.block_no_motor", "{axes}: no motor", axes=who),
-                robot,
-                key=f"{name}.passive",
-            )
+            ports.picture.draw(f"{name}.{part}", "servo", label, robot, key=f"{name}.passive")
         return
     without_motor = ""
+    # The label of a group counts the axes with motors, and names those without.
     if len(driven) < len(group):
         several = message("stations.block_joints", "{count} joints", count=len(driven))
         who = robot.axes[driven[0]] if len(driven) == 1 else several
         without_motor = _passive_text(robot)
         group = driven
     units = [robot.model.units[index].si for index in group]
-    kp, kd = gains.kp[group], gains.kd[group]
+    kp = gains.kp[group]
+    kd = gains.kd[group]
+    # A cascade: the position loop is a P controller kp / kd [1/s] for the speed.
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
-        ports.picture.draw(
-            f"{name}.position_loop",
-            "servo",
-            compound("{axes}: P\n{gain} 1/s", axes=who, gain=shown_values(kp / kd)),
-            robot,
-        )
-        ports.picture.draw(
-            f"{name}.speed_limit", "servo", message("stations.block_speed", "Speed\n{limit}", limit=limit), robot
-        )
+        position_label = compound("{axes}: P\n{gain} 1/s", axes=who, gain=shown_values(kp / kd))
+        ports.picture.draw(f"{name}.position_loop", "servo", position_label, robot)
+        speed_label = message("stations.block_speed", "Speed\n{limit}", limit=limit)
+        ports.picture.draw(f"{name}.speed_limit", "servo", speed_label, robot)
         label = message("stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd))
         ports.picture.draw(f"{name}.velocity_loop", "servo", label, robot)
         ports.picture.draw_nothing(f"{name}.speed")
@@ -261,33 +281,47 @@ def _pd_label(who: str, kp: Vector, kd: Vector) -> str:
     return f"{translate(who)}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}"
 
 
-def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+def _draw_motors(
+    ports: StationPorts,
+    name: str,
+    group: list[int],
+    robot: StationRobot,
+) -> None:
+    """Draw the block of motors whose torque falls with their speed, if a group of joints has any."""
     line = robot.gains.line
-    if line is not None and line.slope[group].any():
-        limit = shown_limits(line.stall[group], [robot.model.effort_units[index] for index in group])
-        ports.picture.draw(
-            f"{name}.stall",
-            "servo",
-            message("stations.block_motor", "Motor\n{limit} at rest", limit=wrapped(limit)),
-            robot,
-        )
-        ports.picture.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
+    if line is None or not line.slope[group].any():
+        return
+    units = [robot.model.effort_units[index] for index in group]
+    limit = shown_limits(line.stall[group], units)
+    label = message("stations.block_motor", "Motor\n{limit} at rest", limit=wrap_label(limit))
+    ports.picture.draw(f"{name}.stall", "servo", label, robot)
+    # The blocks that add and subtract the slope times the speed would only repeat the motor.
+    for part in (*_MOTOR, "commands", "driven"):
+        if part != "stall":
+            ports.picture.draw_nothing(f"{name}.{part}")
 
 
-def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+def _draw_saturation(
+    ports: StationPorts,
+    name: str,
+    group: list[int],
+    robot: StationRobot,
+) -> None:
     """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
+    # If none has a motor, the limits of all are shown: they are 0.
     group = _axes_with_motor(robot, group) or group
-    limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
-    ports.picture.draw(
-        name, "servo", message("stations.block_saturation", "Saturation\n{limit}", limit=wrapped(limit)), robot
-    )
+    units = [robot.model.effort_units[index] for index in group]
+    limit = shown_limits(robot.gains.torque_limit[group], units)
+    label = message("stations.block_saturation", "Saturation\n{limit}", limit=wrap_label(limit))
+    ports.picture.draw(name, "servo", label, robot)
 
 
 def _robot_text(robot: StationRobot) -> str:
     """Describe a robot in the block of the plant: what it is, and its count of axes."""
+    # The first part of a description names the robot, what follows it are details.
     kind = robot.model.description.split(",")[0]
-    kind = kind if short(kind) else robot.model.name
+    kind = kind if fits_line(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
     axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
     whole = translate(compound("{title}, {axes}", title=title, axes=axes))
-    return whole if short(whole) else compound("{title},\n{axes}", title=wrapped(title), axes=axes)
+    return whole if fits_line(whole) else compound("{title},\n{axes}", title=wrap_label(title), axes=axes)

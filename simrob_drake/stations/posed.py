@@ -97,6 +97,7 @@ class PosedStation:
         Args:
             postures: the new posture (n,) [rad or m] of each robot that moves, by the robot's name.
         """
+        # The plant's own context collects the postures; the shapes are moved once, at the end.
         for name, posture in postures.items():
             axis_map = self.station.robots[name].axis_map
             axis_map.set_positions(self.plant, self.context, posture)
@@ -128,6 +129,7 @@ class PosedStation:
             distance: largest signed distance of such a pair [m].
         """
         scene = self.station.scene_graph
+        # Filters in the context, as those of the model would need a new context.
         context = scene.GetMyMutableContextFromRoot(self._root_context)
         filters = scene.collision_filter_manager(context)
         near_pairs = self.query().ComputeSignedDistancePairwiseClosestPoints(distance)

@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.base.messages import message, translate
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
@@ -40,7 +40,7 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             outputs.append(f"{robot.prefix}tcp_pose")
         # The block joins the diagram that is stepped only if another block reads one of these outputs.
         ports.outputs.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
-        names = wrapped(", ".join(["base", *robot.tools]))
+        names = wrap_label(", ".join(["base", *robot.tools]))
         label = message("stations.block_poses", "Poses\n{names}", names=names)
         ports.picture.draw(f"{robot.prefix}poses", "sensor", label, robot)
 
@@ -78,11 +78,8 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
     poses = FramePoses(plant=plant, frames=frames)
     ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
-    ports.picture.draw(
-        "piece_poses",
-        "sensor",
-        wrapped(translate(message("stations.block_poses_of", "Poses of {names}", names=", ".join(free)))),
-    )
+    label = message("stations.block_poses_of", "Poses of {names}", names=", ".join(free))
+    ports.picture.draw("piece_poses", "sensor", wrap_label(translate(label)))
     entries = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
     velocities = _selector(plant, entries)
     ports.outputs.add_report(builder, "piece_velocity", velocities, ports.state, *entries)
@@ -100,7 +97,11 @@ def piece_pose_signal(piece: str) -> Signal:
     return _piece_signal(piece, "pose", POSE)
 
 
-def _piece_signal(piece: str, output: str, content: tuple[tuple[str, ...], tuple[str, ...], str]) -> Signal:
+def _piece_signal(
+    piece: str,
+    output: str,
+    content: tuple[tuple[str, ...], tuple[str, ...], str],
+) -> Signal:
     """Declare the columns of a free piece's pose or velocity in a result, with a plot of the first three.
 
     Args:
@@ -123,6 +124,7 @@ def unit_poses(poses: Vector) -> Vector:
     """
     quaternions = poses[:, 3:]
     signs = np.where(poses[:, 3:4] < 0, -1.0, 1.0)
+    # q / (|q| s) with the sign s of qw: one division does both.
     size = np.linalg.norm(quaternions, axis=1, keepdims=True) * signs
     return np.hstack([poses[:, :3], quaternions / size])
 
@@ -160,7 +162,10 @@ def _selector(plant: MultibodyPlant, entries: Mapping[str, Indices]) -> Selector
     """
     outputs = []
     for name, indices in entries.items():
-        selections = [SelectorParams.OutputSelection(input_port_index=0, input_offset=int(index)) for index in indices]
+        selections = []
+        for index in indices.tolist():
+            selection = SelectorParams.OutputSelection(input_port_index=0, input_offset=index)
+            selections.append(selection)
         outputs.append(SelectorParams.OutputPortParams(name=name, selections=selections))
     state = SelectorParams.InputPortParams(name="state", size=plant.num_multibody_states())
     return Selector(SelectorParams(inputs=[state], outputs=outputs))

@@ -191,7 +191,11 @@ def alone_on(robot: ResolvedRobot, axis: int) -> ResolvedRobot:
     return replace(robot, model=model, initial=robot.initial[[axis]], prescribed={})
 
 
-def begin_on_prescribed(robot: ResolvedRobot, positions: Vector, velocities: Vector) -> tuple[Vector, Vector]:
+def begin_on_prescribed(
+    robot: ResolvedRobot,
+    positions: Vector,
+    velocities: Vector,
+) -> tuple[Vector, Vector]:
     """Replace positions and velocities of the prescribed axes by those of their references at time 0.
 
     Args:
@@ -224,7 +228,8 @@ def set_rotors(plant: MultibodyPlant, joints: list[Joint], robot: ResolvedRobot)
     for axis in robot.prescribed:
         joint = joints[axis]
         motor = _motor(plant, joint)
-        inertia = _ROTOR_FACTOR * diagonal[joint.velocity_start()]  # as felt at the joint, behind the gear
+        # Inertia of the rotor as felt at the joint, behind the gear.
+        inertia = _ROTOR_FACTOR * diagonal[joint.velocity_start()]
         motor.set_default_rotor_inertia(inertia / motor.default_gear_ratio() ** 2)
 
 
@@ -297,8 +302,10 @@ def add_prescribed_torque(
     name = f"{robot.prefix}prescribed"
     axes = list(robot.prescribed)
     motors = [_motor(plant, robot.joints[axis]) for axis in axes]
-    rotors = np.diag([motor.default_reflected_inertia() for motor in motors])  # J, for each prescribed joint
-    to_joints = robot.axis_map.velocity_matrix[axes]  # (k, nv), from generalized velocities to those of the joints
+    # Inertia J of the rotor of each prescribed joint, on the diagonal.
+    rotors = np.diag([motor.default_reflected_inertia() for motor in motors])
+    # Matrix (k, nv) from generalized velocities to those of the joints.
+    to_joints = robot.axis_map.velocity_matrix[axes]
     to_plant = to_joints.T  # (nv, k), from the joints' torques to generalized forces
 
     # All quantities are linear in the signals, so that matrices compute them. The bus is one vector: the motions (3
@@ -353,7 +360,8 @@ def _rotor_law(robot: StationRobot, rotors: Vector, rate: float) -> Vector:
     axes = list(robot.prescribed)
     count = len(robot.axes)
     velocities = [count + axis for axis in axes]
-    measured = robot.axis_map.state_matrix[[*axes, *velocities]]  # from the plant's state to q and v of the joints
+    # Rows of the matrix from the plant's state to q and v of the joints.
+    measured = robot.axis_map.state_matrix[[*axes, *velocities]]
     identity = np.eye(len(axes))
     # ddq_r + 2 omega dq_r + omega² q_r: a motion has the order position, velocity, acceleration.
     desired = np.kron(identity, [rate**2, 2 * rate, 1.0])
@@ -407,7 +415,11 @@ def constraining_couplings(config: StationConfig) -> list[str]:
     return [name for name, coupling in config.couplings.items() if coupling.constrains]
 
 
-def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
+def _add_joint_forces(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+) -> OutputPort:
     """Add a sensor block for the reaction forces in the robot's k prescribed joints.
 
     Returns:

@@ -56,11 +56,13 @@ from simrob_drake.stations.target_limits import check_targets
 class ResolvedStation(StationContents):
     """A station, resolved."""
 
-    config: StationConfig  # its configuration, with the gears of axes that mimic others in their robots' files
+    # Its configuration, with the gears of axes that mimic others in their robots' files.
+    config: StationConfig
     # Gears of mimic joints that the solver does not hold, by key. The start and the references obey these gears, but no
     # force holds the axes together during a run.
     unheld_gears: Mapping[str, Gear] = field(default_factory=dict)
-    mimics: tuple[str, ...] = ()  # keys of the gears that come from the robots' files, not from the station
+    # Keys of the gears that come from the robots' files, not from the station.
+    mimics: tuple[str, ...] = ()
 
     @cached_property
     def coupled(self) -> CoupledAxes:
@@ -115,17 +117,19 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
     if held:
         config = config.model_copy(update={"couplings": {**config.couplings, **held}})
+    # Before the robots, as an axis may follow one of another robot.
     starts = starting_positions(config, models, unheld_gears)
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
-            raise InvalidParameter(
-                f"pieces.{name}",
-                name,
-                message("stations.unused_name", "a name that no robot of the station has, nor the world"),
-            )
-    ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
-    robots = {name: _robot(config, name, model, pieces, ground, starts[name]) for name, model in models.items()}
+            expected = message("stations.unused_name", "a name that no robot of the station has, nor the world")
+            raise InvalidParameter(f"pieces.{name}", name, expected)
+    # After the pieces, since boxes that are fixed are ground, too.
+    contact_model = config.contact.model if config.contact else ""
+    ground = _ground(config.floor, contact_model, pieces)
+    robots = dict[str, ResolvedRobot]()
+    for name, model in models.items():
+        robots[name] = _robot(config, name, model, pieces, ground, starts[name])
     # A sampled sensor that a controller reads has to be computed in the loop, not afterwards from the record.
     sensors = dict(config.sensors)
     for name in sensors_read(readers_of(config.controllers), sensors):
@@ -156,11 +160,8 @@ def check_parts(station: ResolvedStation) -> None:
         )
         raise InvalidParameter("robots", "empty", expected)
     if free and not config.engine.moves_by_forces:
-        raise InvalidParameter(
-            f"pieces.{free[0]}.free",
-            True,
-            message("stations.false_in_kinematic", "false in a kinematic station, which moves robots only"),
-        )
+        expected = message("stations.false_in_kinematic", "false in a kinematic station, which moves robots only")
+        raise InvalidParameter(f"pieces.{free[0]}.free", True, expected)
     _check_engine(config)
     for robot in station.robots.values():
         check_targets(config, robot)
@@ -168,6 +169,7 @@ def check_parts(station: ResolvedStation) -> None:
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
         monitor.check(name, station)
+        # The condition is built only to raise the errors that a run would raise.
         monitor.condition(name, station)
     check_loops(station, loops_of(config.controllers))
     for name, flow in flows_of(config.controllers).items():
@@ -225,6 +227,7 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot
+    # Drives that are applied last win: first those of the motors, then those of robot and station.
     without_drives = robot.model_copy(update={"drives": Drives()})
     return without_drives.with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 
@@ -236,6 +239,7 @@ def _robot_as_described(entry: RobotConfig) -> RobotModel:
         SimrobError: the files have a defect.
     """
     options = "" if entry.import_options is None else entry.import_options.model_dump_json()
+    # All that the robot's files are read with: another import option gives another robot.
     key = (entry.urdf, entry.model, options, tuple(granted()))
     return _ROBOTS.value(key, lambda: _robot_from_files(entry))
 
@@ -254,7 +258,8 @@ def _robot_from_files(entry: RobotConfig) -> RobotModel:
 def _described_robot(entry: RobotConfig) -> RobotModel:
     """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
-        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+        # Few stations need the importer.
+        from simrob_drake.importer.importing import robot_from_file
 
         return robot_from_file(entry.urdf, entry.import_options)
     # A station names robots of other files under `urdf`, where the borders of the station's folder are checked.
@@ -262,7 +267,11 @@ def _described_robot(entry: RobotConfig) -> RobotModel:
     return read_described_robot(Path(model)) if is_yaml_name(model) else load_robot(model)
 
 
-def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
+def _ground(
+    floor: FloorConfig | None,
+    contact: str,
+    pieces: Mapping[str, ResolvedPiece],
+) -> Ground:
     """Collect on what robots of a station can stand: the floor, its terrain, and boxes that do not move.
 
     Args:
@@ -284,9 +293,9 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
             "stations.left_out_or_hydroelastic",
             "left out, or with contact.model hydroelastic or hydroelastic_with_fallback: points know no modulus",
         )
-        raise InvalidParameter(
-            "floor.terrain.soft", message("stations.given_with_point_contact", "given with point contact"), expected
-        )
+        found = message("stations.given_with_point_contact", "given with point contact")
+        raise InvalidParameter("floor.terrain.soft", found, expected)
+    # The terrain is described relative to the floor, which may be inclined.
     terrain_boxes = tuple((plane.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
     return replace(plane, boxes=(*terrain_boxes, *boxes), depth=floor.terrain.depth)
 
@@ -307,12 +316,15 @@ def _fixed_boxes(pieces: Mapping[str, ResolvedPiece]) -> Iterator[tuple[RigidTra
             continue
         pose = piece.pose
         if piece.parent in poses:
+            # The name of the frame in the plant has the parent's name before it.
             frame_name = piece.mount.removeprefix(f"{piece.parent}_")
             frame = pieces[piece.parent].model.frame_poses[frame_name]
             pose = poses[piece.parent] @ transform_from_pose(frame) @ pose
         poses[piece.name] = pose
         for shape in piece.model.shapes:
             if shape.box is not None and shape.collides:
+                # The pose of a box in the world: that of the piece, then that of the shape in the
+                # piece.
                 yield pose @ transform_from_pose(shape.pose), np.array(shape.box) / 2
 
 
@@ -343,11 +355,11 @@ def _robot(
     if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
-        raise Unsuitable(
-            f"robots.{name}.feet", message("stations.has_no_feet", "{model} has no feet", model=model.name)
-        )
+        problem = message("stations.has_no_feet", "{model} has no feet", model=model.name)
+        raise Unsuitable(f"robots.{name}.feet", problem)
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
     held = _held_pieces(config, name, model, pieces)
+    # Each carried piece is a tool, too, whose frame is its tool centre point.
     tool_frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
     if entry.tcp in model.links:
         tool_frames.setdefault(entry.tcp, entry.tcp)
@@ -355,6 +367,7 @@ def _robot(
     if tcp:
         one_of(message("base.tool_of", "tool of {model}", model=name), tcp, tool_frames)
     stops = config.stops_of(name)
+    # Axes that a mapping leaves out have the stops of a station without the section.
     usual_stops = JointStops().model_dump()
     stiffness = model.axis_vector(stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"])
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
@@ -372,7 +385,7 @@ def _robot(
         stops=(stiffness, damping),
         initial=initial,
         carried=carried,
-        load=sum(pieces[piece].model.mass for piece in carried),
+        loads={piece: pieces[piece].model.mass for piece in carried},
         held=held,
         tool_frames=tool_frames,
         tcp=tcp,
@@ -385,7 +398,11 @@ def _robot(
     return resolved
 
 
-def _check_axis_values(model: RobotModel, servo: ServoConfig, reference: ReferenceConfig) -> None:
+def _check_axis_values(
+    model: RobotModel,
+    servo: ServoConfig,
+    reference: ReferenceConfig,
+) -> None:
     """Check that the values by axis in the servo and the reference of a robot name axes of the robot.
 
     Raises:
@@ -401,7 +418,10 @@ def _check_axis_values(model: RobotModel, servo: ServoConfig, reference: Referen
 
 
 def _held_pieces(
-    config: StationConfig, robot: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]
+    config: StationConfig,
+    robot: str,
+    model: RobotModel,
+    pieces: Mapping[str, ResolvedPiece],
 ) -> tuple[str, ...]:
     """Names of the pieces that a robot holds by its tools, directly or through other pieces.
 
@@ -412,6 +432,7 @@ def _held_pieces(
     for piece in pieces.values():
         if piece.carrier != robot:
             continue
+        # Only a piece that is directly on the robot has a frame of the robot.
         frame = config.pieces[piece.name].frame if piece.parent == robot else None
         is_on_link = frame is not None and frame not in model.tools
         is_worn = piece.parent in worn or is_on_link
@@ -430,7 +451,9 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
         entry = config.pieces[piece]
         parent = _parent(config, piece)
         model = piece_of(entry, piece)
+        # Recorded before the next piece, which may be mounted on this one.
         models[piece] = model
+        # Newton's law has no solution for a body without mass or inertia.
         if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
             expected = message(
                 "stations.piece_with_inertia", "a piece with mass and inertia: gravity and contact move it"
@@ -490,6 +513,7 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         piece = described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
     has_own_shapes = entry.mesh is not None or bool(shapes)
     has_mass = entry.mass is not None or entry.density is not None
+    # A piece that is fixed to the world does not move, so its mass has no effect.
     needs_mass = entry.free or entry.parent != WORLD
     if has_own_shapes and needs_mass and not has_mass:
         seen = "" if entry.free else message("stations.zero_if_seen", ", 0 if it is only seen")
@@ -516,6 +540,7 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
 
     mesh = drake_mesh(file)
     scale = entry.scale or 1.0
+    # The longest side is compared: a sheet may be very thin.
     size = max(mesh_sides(mesh, scale))
     if not _SMALLEST_MESH <= size <= _LARGEST_MESH:
         expected = message(
@@ -525,13 +550,12 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
         )
         raise InvalidParameter(f"{where}.scale", scale, expected)
     if entry.scale is None and size > _SIZE_WITH_UNIT and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
-        raise InvalidParameter(
-            f"{where}.scale",
-            None,
-            message(
-                "stations.scale_for_millimetres", "0.001 for millimetres, or 1 if it is {size:.3g} m long", size=size
-            ),
+        expected = message(
+            "stations.scale_for_millimetres",
+            "0.001 for millimetres, or 1 if it is {size:.3g} m long",
+            size=size,
         )
+        raise InvalidParameter(f"{where}.scale", None, expected)
     return PieceModel(folder=mesh.parent, shapes=(PieceShape(mesh=mesh.name, scale=scale),))
 
 
@@ -548,6 +572,7 @@ def carriers_of(config: StationConfig) -> dict[str, str]:
     parents = {piece: _parent(config, piece) for piece in config.pieces}
     carriers: dict[str, str] = {}
     for piece in _outward(config, parents):
+        # The carrier of the parent, if that is a piece; otherwise the parent itself is the carrier.
         carriers[piece] = carriers.get(parents[piece], parents[piece])
     return carriers
 
@@ -560,7 +585,8 @@ def _parent(config: StationConfig, piece: str) -> str:
     """
     entry = config.pieces[piece]
     if entry.parent is None and not entry.free:
-        choices = ", ".join([WORLD, *config.robots, *(other for other in config.pieces if other != piece)])
+        other_pieces = [other for other in config.pieces if other != piece]
+        choices = ", ".join([WORLD, *config.robots, *other_pieces])
         expected = message(
             "stations.what_it_hangs_on", "what it hangs on, one of {choices}; or say free: true", choices=choices
         )
@@ -582,27 +608,26 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
     for piece, parent in parents.items():
         known = [WORLD, *config.robots, *config.pieces]
         if parent not in known:
-            raise UnknownName(
-                message("stations.parent_for_piece", "parent for pieces.{piece}", piece=piece),
-                parent,
-                [name for name in known if name != piece],
-            )
+            subject = message("stations.parent_for_piece", "parent for pieces.{piece}", piece=piece)
+            raise UnknownName(subject, parent, [name for name in known if name != piece])
+    # Pieces without a parent among the rest come next. If none is left, the rest is a circle.
     ordered: list[str] = []
     while len(ordered) < len(parents):
         rest = [piece for piece in parents if piece not in ordered]
         ready = [piece for piece in rest if parents[piece] not in rest]
         if not ready:
-            raise InvalidParameter(
-                f"pieces.{rest[0]}.parent",
-                parents[rest[0]],
-                message("stations.no_piece_below", "no piece that hangs on this one"),
-            )
+            expected = message("stations.no_piece_below", "no piece that hangs on this one")
+            raise InvalidParameter(f"pieces.{rest[0]}.parent", parents[rest[0]], expected)
         ordered += ready
     return ordered
 
 
 def _mount(
-    key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
+    key: str,
+    frame: str | None,
+    parent: str,
+    robots: Mapping[str, RobotModel],
+    pieces: Mapping[str, PieceModel],
 ) -> str:
     """Find the frame of the plant on which a piece is mounted.
 
@@ -623,17 +648,21 @@ def _mount(
     if parent in robots:
         known = [*robots[parent].tools, *robots[parent].links]
         if frame is not None:
-            one_of(
-                message("stations.tool_or_link_for", "tool or link of {parent} for {key}", parent=parent, key=key),
-                frame,
-                known,
+            subject = message(
+                "stations.tool_or_link_for",
+                "tool or link of {parent} for {key}",
+                parent=parent,
+                key=key,
             )
+            one_of(subject, frame, known)
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
-            raise Unsuitable(
-                key, message("stations.world_without_frames", "the piece hangs on the world, which has no frames")
+            problem = message(
+                "stations.world_without_frames",
+                "the piece hangs on the world, which has no frames",
             )
+            raise Unsuitable(key, problem)
         return ""
     kind = message("stations.frame_of", "frame of {parent}", parent=parent)
     name = one_of(kind, frame or TCP, pieces[parent].frame_poses)

@@ -13,15 +13,22 @@ SCHEMA_FILE = "station.schema.json"
 
 def station_schema() -> dict[str, Any]:
     """Return the schema of a station file: that of a configuration, with ``robot:`` for a single robot."""
+    # The schema is that of a configuration; a file may be shorter, so some keys are changed below.
     schema = StationConfig.model_json_schema()
-    schema["properties"]["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
-    schema["properties"]["program"]["anyOf"] = [{"type": "string"}, {"$ref": "../models/program.schema.json"}]
+    properties = schema["properties"]
+    properties["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
+    program_schema = {"$ref": "../models/program.schema.json"}
+    properties["program"]["anyOf"] = [{"type": "string"}, program_schema]
+    # Loading gives the name of the file, and makes `robots` of `robot`.
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
     schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
-    schema["oneOf"].append({"required": ["pieces"], "properties": {"robot": False, "robots": {"maxProperties": 0}}})
+    # A station without robots moves pieces only.
+    no_robots = {"robot": False, "robots": {"maxProperties": 0}}
+    schema["oneOf"].append({"required": ["pieces"], "properties": no_robots})
     for family in (monitors, sensors, couplings, forces):
         for entry in family.KINDS.models.values():
-            schema["$defs"][entry.__name__]["required"].remove("kind")  # a part's name can be its kind
+            # A part's name can be its kind.
+            schema["$defs"][entry.__name__]["required"].remove("kind")
     return schema
 
 

@@ -35,12 +35,15 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
     found: list[Motor | None] = [None] * len(robot.axes)
     if choice is None:
         return found
+    # One choice for all axes, or one for each axis that a mapping names.
     by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
     passive = _passive_indices(robot, servo)
     for axis, own in by_axis.items():
         index = robot.axis_index(axis, _KEY)
         if index not in passive:
             found[index] = _complete_motor(own, robot, index)
+        # A choice for all axes, or of the robot's own file, just leaves passive axes out; a name
+        # asks for one.
         elif isinstance(servo.motor, dict) and own != NO_MOTOR:
             raise passive_axis(f"{_KEY}.{axis}", axis)
     return found
@@ -92,12 +95,14 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     if servo.passive is None:
         return robot
     own = robot.servo.torque_limit
-    limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)  # NaN stands for axes without a value
+    # NaN stands for axes without a value.
+    limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)
     if servo.torque_limit is not None:
         limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
     known = {axis: limit for axis, limit in zip(robot.axes, limits.tolist(), strict=True) if np.isfinite(limit)}
     for axis, motor in zip(robot.axes, station_motors(robot, servo), strict=True):
         if motor is not None:
+            # A limit that is given comes before that of the motor.
             known.setdefault(axis, motor.peak_torque or motor.line[0])
     changed = robot.with_passive_axes(servo.passive, known)
     changed.element  # noqa: B018  # raises now if a motor has no limit
@@ -130,13 +135,12 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
     elif stated.model in known_motors():
         base = known_motors()[stated.model]
     else:
-        raise UnknownName(
-            message("stations.motor_for", "motor for {key}", key=_KEY),
-            stated.model,
-            [*known_motors(), OF_URDF, NO_MOTOR],
-        )
+        subject = message("stations.motor_for", "motor for {key}", key=_KEY)
+        raise UnknownName(subject, stated.model, [*known_motors(), OF_URDF, NO_MOTOR])
+    # Values that the station gives replace those of the model that it names.
     motor = base.model_copy(update=stated.model_dump(exclude_unset=True, exclude={"model"}))
     _check_motor_values(motor)
+    # Motors are described at their shafts, servos count at the joint, behind the gear.
     return motor.at_output
 
 
@@ -148,14 +152,13 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
     """
     torque = float(robot.efforts[axis])
     speed = float(robot.speed_limits[axis])
+    # Two points define the line of a motor: effort at rest, and speed without torque.
     has_limits = np.isfinite([torque, speed]).all() and torque > 0
     if not has_limits:
         name = [*robot.axes][axis]
-        raise InvalidParameter(
-            message("stations.key_of", "{key} of {name}", key=_KEY, name=name),
-            OF_URDF,
-            message("stations.values_needed", "figures: its URDF limits not both effort and velocity"),
-        )
+        subject = message("stations.key_of", "{key} of {name}", key=_KEY, name=name)
+        expected = message("stations.values_needed", "figures: its URDF limits not both effort and velocity")
+        raise InvalidParameter(subject, OF_URDF, expected)
     return Motor(
         stall_torque=torque,
         no_load_speed=speed,
@@ -172,11 +175,11 @@ def _check_motor_values(motor: Motor) -> None:
     """
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
-            raise Unsuitable(
-                f"{_KEY}.{needed}",
-                message("stations.is_missing", "it is missing"),
-                message("stations.give_it_or_motor", "give it, or name a motor that has it"),
-            )
+            problem = message("stations.is_missing", "it is missing")
+            remedy = message("stations.give_it_or_motor", "give it, or name a motor that has it")
+            raise Unsuitable(f"{_KEY}.{needed}", problem, remedy)
+    # Torque and speed scale with supply / voltage, so the voltage of the given values must be
+    # known.
     needs_of_supply = {"supply": ("voltage",), "supply_resistance": ("voltage", "stall_current")}
     for key, needs in needs_of_supply.items():
         is_complete = all(getattr(motor, need) is not None for need in needs)
@@ -199,8 +202,10 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
         motors: motor of each axis, or None.
         robot: the robot.
     """
+    # A mapping without entries gives each axis the value NaN below.
     own_inertias = {} if robot.drives.rotor_inertia is None else robot.drives.rotor_inertia
-    inertias = robot.axis_vector(own_inertias, "rotor_inertia", np.nan)  # NaN if the robot's drives give none
+    # NaN if the robot's drives give none.
+    inertias = robot.axis_vector(own_inertias, "rotor_inertia", np.nan)
     values: dict[str, dict[str, float]] = {key: {} for key in _DRIVE_KEYS}
     for axis, motor, inertia in zip(robot.axes, motors, inertias.tolist(), strict=True):
         if motor is None:
@@ -214,7 +219,12 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
     return Drives(**unchecked)
 
 
-def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
+def servo_gains(
+    robot: RobotModel,
+    servo: ServoConfig,
+    *,
+    dampers: bool = False,
+) -> ServoGains:
     """Collect the gains and limits of a robot's servos.
 
     A value of the station comes before the robot's own, and this before those of its motors and of the URDF.
@@ -247,6 +257,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
         own = getattr(robot.servo, key, None)
         base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
         stated = getattr(servo, key)
+        # Axes that a mapping leaves out keep the robot's own value.
         gains = base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
         return np.where(passive, 0.0, gains)
 
@@ -255,14 +266,15 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
         stated = getattr(servo, key)
         return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
 
+    # A limit of 0 is what makes an axis passive, see `ServoGains`.
     limit = np.where(passive, 0.0, limits("torque_limit", efforts))
     speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
     if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
-        raise InvalidParameter(
-            "servo.ki",
-            servo.ki,
-            message("stations.zero_with_computed_torque", "0 with law computed_torque, whose model takes its place"),
+        expected = message(
+            "stations.zero_with_computed_torque",
+            "0 with law computed_torque, whose model takes its place",
         )
+        raise InvalidParameter("servo.ki", servo.ki, expected)
     line = _motor_line(motors, limit, dampers=dampers) if any(motors) else None
     return ServoGains(
         kp=gains_of("kp"),
@@ -288,16 +300,17 @@ def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
     }
     for key, value in needs_motors.items():
         if value:
-            raise Unsuitable(
-                key,
-                message(
-                    "stations.needs_all_motors",
-                    "{value} needs a motor on every axis; passive: {axes}",
-                    value=value,
-                    axes=", ".join(names),
-                ),
-                message("stations.use_pid", "use law pid without admittance_gain, or give every axis a motor"),
+            problem = message(
+                "stations.needs_all_motors",
+                "{value} needs a motor on every axis; passive: {axes}",
+                value=value,
+                axes=", ".join(names),
             )
+            remedy = message(
+                "stations.use_pid",
+                "use law pid without admittance_gain, or give every axis a motor",
+            )
+            raise Unsuitable(key, problem, remedy)
     for key in _KEYS_WITH_MOTOR:
         stated = getattr(servo, key)
         if not isinstance(stated, dict):
@@ -319,7 +332,9 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
     stall, fastest = np.array(lines).T
     # The torque falls by the slope [N·m·s/rad or N·s/m]: 0 without a motor.
+    # D = tau_s / omega_0; 0 / 1 instead of inf / inf for an axis without a motor.
     slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
+    # A limit below the stall torque cuts the line, which a damper cannot represent.
     damping = np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope)
     return MotorLine(stall=stall, slope=slope, damping=damping)
 
@@ -340,12 +355,11 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         return
     blocks = message("stations.per_joint_without_cenic", "realization per_joint and a solver other than cenic")
     if servo.law == "computed_torque":
-        raise Unsuitable(
-            "servo.motor",
-            message("stations.computed_torque_without_motor", "the law computed_torque has no motor"),
-            message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks),
-        )
+        problem = message("stations.computed_torque_without_motor", "the law computed_torque has no motor")
+        remedy = message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks)
+        raise Unsuitable("servo.motor", problem, remedy)
     # A motor is realized by a damper of its joint. That is right only if the torque limit does not cut the line.
+    # Where the slope is not a damper (see `_motor_line`), a limit cuts the line.
     capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
     if capped.any():
         axis = int(np.argmax(capped))
@@ -357,13 +371,13 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
             "the torque limit (motor.peak_torque or servo.torque_limit) of {axis}",
             axis=robot.axes[axis],
         )
-        raise InvalidParameter(
-            name,
-            f"{gains.torque_limit[axis]:g}",
-            message(
-                "stations.stall_or_mujoco", "{stall}, or solver.kind mujoco, or {blocks}", stall=stall, blocks=blocks
-            ),
+        expected = message(
+            "stations.stall_or_mujoco",
+            "{stall}, or solver.kind mujoco, or {blocks}",
+            stall=stall,
+            blocks=blocks,
         )
+        raise InvalidParameter(name, f"{gains.torque_limit[axis]:g}", expected)
     # The damper is subtracted from the servo's kd, which must not become negative.
     is_too_small = gains.line.slope > gains.kd
     if is_too_small.any():
@@ -374,9 +388,8 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
             slope=gains.line.slope[axis],
             blocks=blocks,
         )
-        raise InvalidParameter(
-            message("stations.kd_of", "servo.kd of {axis}", axis=robot.axes[axis]), f"{gains.kd[axis]:g}", expected
-        )
+        name = message("stations.kd_of", "servo.kd of {axis}", axis=robot.axes[axis])
+        raise InvalidParameter(name, f"{gains.kd[axis]:g}", expected)
 
 
 def check_servo_without_model(servo: ServoConfig) -> None:
@@ -394,10 +407,8 @@ def check_servo_without_model(servo: ServoConfig) -> None:
         "stations.model_lacks_forces", "the model of a robot that stands free lacks the forces that carry it"
     )
     if servo.law == "computed_torque":
-        raise InvalidParameter(
-            "servo.law", servo.law, message("stations.pid_or_cascade", "pid or cascade: {reason}", reason=reason)
-        )
+        expected = message("stations.pid_or_cascade", "pid or cascade: {reason}", reason=reason)
+        raise InvalidParameter("servo.law", servo.law, expected)
     if servo.feedforward != "none":
-        raise InvalidParameter(
-            "servo.feedforward", servo.feedforward, message("stations.no_feedforward", "none: {reason}", reason=reason)
-        )
+        expected = message("stations.no_feedforward", "none: {reason}", reason=reason)
+        raise InvalidParameter("servo.feedforward", servo.feedforward, expected)

@@ -60,6 +60,7 @@ class SharedPlant:
         """Record a station that has been added to the plant."""
         self.stations[name] = station
         self.points.append(points)
+        # The floor stays that of the first station with one; `_check_floor` compares the others.
         if self.needs_floor(station):
             self.floor = station
 
@@ -92,7 +93,12 @@ def shared_plant(plant: MultibodyPlant) -> SharedPlant:
     return _SHARED_PLANTS.setdefault(plant, SharedPlant())
 
 
-def check_plant(plant: object, scene_graph: object, station: ResolvedStation, name: str) -> None:
+def check_plant(
+    plant: object,
+    scene_graph: object,
+    station: ResolvedStation,
+    name: str,
+) -> None:
     """Check that a station can be added to a plant of the user's own.
 
     Args:
@@ -112,6 +118,7 @@ def check_plant(plant: object, scene_graph: object, station: ResolvedStation, na
     assert isinstance(plant, MultibodyPlant)
     assert isinstance(scene_graph, SceneGraph)
     config = station.config
+    # Drake refuses bodies after that with an error that does not name the station.
     if plant.is_finalized():
         raise SimrobError(
             message(
@@ -150,6 +157,7 @@ def check_plant(plant: object, scene_graph: object, station: ResolvedStation, na
 def is_scene_graph_of(plant: MultibodyPlant, scene_graph: SceneGraph) -> bool:
     """Whether a plant is registered with a scene graph."""
     source = plant.get_source_id()
+    # A plant that was never registered has no source.
     return source is not None and bool(scene_graph.model_inspector().SourceIsRegistered(source))
 
 
@@ -178,6 +186,7 @@ def check_builder(builder: DiagramBuilder, systems: Sequence[System]) -> None:
     """
     known = builder.GetSystems()
     for system in systems:
+        # By identity: Drake's systems are not compared otherwise.
         if not any(system is each for each in known):
             raise SimrobError(
                 message(
@@ -199,6 +208,7 @@ def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
         SimrobError: a setting differs; the message has the call that sets it.
     """
     time_step = config.engine.time_step
+    # Exactly equal: a simulation with another step gives other results.
     if plant.time_step() != time_step:
         raise SimrobError(
             message(
@@ -224,6 +234,7 @@ def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
                 needed=-config.gravity,
             )
         )
+    # A station without contact has no shapes that could touch, so any contact model suits it.
     if config.contact is not None and plant.get_contact_model().name != _CONTACT_MODELS[config.contact.model]:
         raise SimrobError(
             message(
@@ -235,6 +246,7 @@ def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
                 needed=_CONTACT_MODELS[config.contact.model],
             )
         )
+    # A plant in continuous time has no approximation of contacts.
     if not config.engine.has_discrete_states:
         return
     needed = _APPROXIMATIONS[config.engine.name]
@@ -258,6 +270,7 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
     Raises:
         SimrobError: they differ; the message names the key.
     """
+    # The values of this station and of the other one, by the key that users see.
     shared: dict[str, tuple[object, object]] = {"solver": (config.engine, other.engine)}
     if config.contact is not None and other.contact is not None:
         shared["contact.model"] = (config.contact.model, other.contact.model)
@@ -275,7 +288,11 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
             )
 
 
-def _check_floor(contents: SharedPlant, station: ResolvedStation, scene_graph: SceneGraph) -> None:
+def _check_floor(
+    contents: SharedPlant,
+    station: ResolvedStation,
+    scene_graph: SceneGraph,
+) -> None:
     """Check that the floor of a station can be the floor of the plant.
 
     Raises:
@@ -288,6 +305,7 @@ def _check_floor(contents: SharedPlant, station: ResolvedStation, scene_graph: S
     if first is None:
         inspector = scene_graph.model_inspector()
         shapes = [*inspector.GetAllGeometryIds(Role.kProximity), *inspector.GetAllGeometryIds(Role.kIllustration)]
+        # Parts find the floor by this name, and would take the user's shape for it.
         if FLOOR in [inspector.GetName(shape) for shape in shapes]:
             raise SimrobError(
                 message(
@@ -320,8 +338,10 @@ def _floor_of(config: StationConfig) -> tuple[object, object]:
     floor = config.floor
     assert floor is not None
     if floor.terrain is None:
+        # Contact is with a half-space: an even floor of any size is the same.
         floor = floor.model_copy(update={"size": 1.0})
     material = None
     if config.contact is not None:
+        # These two keys do not describe surfaces.
         material = config.contact.model_dump(exclude={"corners", "self_collision"})
     return floor, material

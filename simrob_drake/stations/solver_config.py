@@ -100,7 +100,13 @@ def _discrete(name: str) -> Engine:
 
 
 DISCRETE_SCHEMES = {
-    "sap": replace(_discrete("sap"), softens_contacts=True, has_contact_dissipation=False, has_realistic_grip=False),
+    # The convex problem of `sap` regularises contact: stiff contacts become softer, and friction holds too much.
+    "sap": replace(
+        _discrete("sap"),
+        softens_contacts=True,
+        has_contact_dissipation=False,
+        has_realistic_grip=False,
+    ),
     "lagged": _discrete("lagged"),
     "similar": _discrete("similar"),
 }
@@ -150,6 +156,8 @@ class ContinuousSolver(SolverSection):
     def engine(self) -> Engine:
         """Answers of the scheme. Without error control its steps have the same length."""
         known = CONTINUOUS_SCHEMES[self.scheme]
+        # Without error control all steps are max_step long, so that checks treat the scheme as one
+        # of fixed steps.
         return known if self.error_control else replace(known, has_fixed_steps=True)
 
     @property
@@ -159,7 +167,9 @@ class ContinuousSolver(SolverSection):
 
     def tighter(self, factor: float = TIGHTER) -> Self:
         """Return the same scheme with accuracy and step divided by ``factor``."""
-        return self.model_copy(update={"accuracy": self.accuracy / factor, "max_step": self.max_step / factor})
+        # Both, since either may be what limits the steps.
+        changes = {"accuracy": self.accuracy / factor, "max_step": self.max_step / factor}
+        return self.model_copy(update=changes)
 
 
 class DiscreteSolver(SolverSection):
@@ -207,6 +217,7 @@ class Friction(Strict):
 
     @model_validator(mode="after")
     def _check_dynamic_is_not_more(self) -> "Friction":
+        # A body that begins to slide would otherwise be held back more than before.
         if self.dynamic > self.static:
             raise ValueError(
                 message(
@@ -265,6 +276,7 @@ Bound = NotNegative | Literal["none"]
 
 def bound_value(bound: float | str) -> float:
     """Bound of a verdict as a number: infinite for ``none``."""
+    # Infinity compares as a bound that nothing exceeds, so that callers need no special case.
     return float("inf") if isinstance(bound, str) else bound
 
 
@@ -336,7 +348,11 @@ class VerdictConfig(Strict):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _check_further_keys(cls, content: Any, check: ModelWrapValidatorHandler[Self]) -> Self:
+    def _check_further_keys(
+        cls,
+        content: Any,
+        check: ModelWrapValidatorHandler[Self],
+    ) -> Self:
         """Check the content, and refuse keys that are neither fields nor bounds of measures of extensions.
 
         Args:
@@ -346,6 +362,7 @@ class VerdictConfig(Strict):
         Raises:
             ValidationError: a key is unknown. It is the error of any section that has an unknown key.
         """
+        # Pydantic allows all further keys here, since extensions are known at run time only.
         checked = check(content)
         further = checked.__pydantic_extra__
         if not further:  # as in most stations: to look for extensions would take time
@@ -353,12 +370,20 @@ class VerdictConfig(Strict):
         known = _keys_of_extensions()
         unknown = [key for key in further if key not in known]
         if unknown:
-            errors = [InitErrorDetails(type="extra_forbidden", loc=(key,), input=further[key]) for key in unknown]
+            # Pydantic's own type of error, so that the message is that of any unknown key.
+            errors = []
+            for key in unknown:
+                error = InitErrorDetails(type="extra_forbidden", loc=(key,), input=further[key])
+                errors.append(error)
             raise ValidationError.from_exception_data(cls.__name__, errors)
         return checked
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        cls,
+        core: CoreSchema,
+        handler: GetJsonSchemaHandler,
+    ) -> JsonSchemaValue:
         """Return the JSON Schema of the section, with the bounds of measures of installed extensions among its keys.
 
         Args:

@@ -102,6 +102,7 @@ class Stances:
         self._robot = robot
         self._plant = clearance.plant
         self._home = robot.model.home
+        # A fixed seed: the same robot gets the same stance in every run.
         self._random = np.random.default_rng(0)
         # The support margin [m] and the reasons against it, for every stance that was examined.
         self._examined = list[tuple[float, list[str]]]()
@@ -112,7 +113,11 @@ class Stances:
 
         The best stance has the fewest reasons against it and, of these, the largest support margin.
         """
-        failed = [(len(reasons), -margin, join_texts(reasons, "; ")) for margin, reasons in self._examined if reasons]
+        # Tuples are compared by their first entries: fewest reasons, then the largest margin.
+        failed = []
+        for margin, reasons in self._examined:
+            if reasons:
+                failed.append((len(reasons), -margin, join_texts(reasons, "; ")))
         if not failed:
             return ""
         _, _, reasons_of_best = min(failed)
@@ -139,7 +144,11 @@ class Stances:
         """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
         return self._stance(self._home, message("stations.stands_at_home", "at home"))
 
-    def bent_stances(self, legs: list[Leg], lengths: Sequence[float] = _BENT_LENGTHS) -> Iterator[Stance]:
+    def bent_stances(
+        self,
+        legs: list[Leg],
+        lengths: Sequence[float] = _BENT_LENGTHS,
+    ) -> Iterator[Stance]:
         """Yield the good stances on some legs, with the legs bent and the feet about below the hips.
 
         Args:
@@ -150,16 +159,20 @@ class Stances:
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
         random = self._random.uniform(*posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home)))
         postures = (straight(self._robot), self._home, *random)
-        feet = np.array([self._feet(legs, posture) for posture in postures])  # (postures, legs, 3)
+        # Standing points of all legs in all postures, shape (postures, legs, 3) [m].
+        feet = np.array([self._feet(legs, posture) for posture in postures])
         # The full length of the legs is how far their feet reach below their hips in any of these postures.
         full_length = float((hips - feet.min(axis=0))[:, 2].min())
         if full_length <= 0:
             return
         below_feet = feet[0][:, :2]  # below the feet of straight legs
-        below_hips_ahead = np.column_stack([hips[:, 0], feet[0][:, 1]])  # ahead as the hips, aside as straight legs
-        halfway = (hips[:, :2] + below_feet) / 2  # for legs that are level when straight
+        # Ahead as the hips, aside as straight legs.
+        below_hips_ahead = np.column_stack([hips[:, 0], feet[0][:, 1]])
+        # Halfway between hips and feet, for legs that are level when straight.
+        halfway = (hips[:, :2] + below_feet) / 2
         for foot_points in (below_feet, below_hips_ahead, halfway):
             for length in lengths:
+                # All feet at one height: the lowest hip less the length to which the legs are bent.
                 heights = np.full(len(legs), hips[:, 2].min() - length * full_length)
                 targets = np.column_stack([foot_points, heights])
                 yield from self._with_feet_at(legs, targets, full_length, _describe_bent_legs(length))
@@ -183,6 +196,7 @@ class Stances:
         Returns None if the robot has no collision shapes.
         """
         self._place(posture)
+        # The root is lifted by as much as the lowest point was below it.
         height = -min(self._clearance.lowest(self._robot).values(), default=0.0)
         self._place(posture, height)
         found = standing(self._clearance.station, self._robot, self._clearance.context)
@@ -190,7 +204,13 @@ class Stances:
             return None
         return Stance(posture, height, found, how)
 
-    def _good(self, stance: Stance, legs: list[Leg], feet: set[str], length: float) -> Iterator[Stance]:
+    def _good(
+        self,
+        stance: Stance,
+        legs: list[Leg],
+        feet: set[str],
+        length: float,
+    ) -> Iterator[Stance]:
         """Yield the stance if nothing prevents the robot from standing in it, and record the reasons otherwise.
 
         Links that overlap are turned apart first; the axes of the legs stay as they are.
@@ -202,11 +222,16 @@ class Stances:
             length: full length of the legs [m].
         """
         leg_axes = {axis for leg in legs for axis in leg.axes}
+        # The legs have been balanced already.
         movable = set(range(len(self._home))) - leg_axes
         posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, movable)
         how = stance.how
         if not np.array_equal(posture, stance.posture):
-            how = message("stations.turned_apart", "{stance} but for links that are turned apart", stance=stance.how)
+            how = message(
+                "stations.turned_apart",
+                "{stance} but for links that are turned apart",
+                stance=stance.how,
+            )
         tidy = self._stance(posture, how)
         if tidy is None:
             return
@@ -215,7 +240,12 @@ class Stances:
         if not reasons:
             yield tidy
 
-    def _reasons_against(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
+    def _reasons_against(
+        self,
+        found: Standing,
+        feet: set[str],
+        length: float,
+    ) -> Iterator[str]:
         """Yield the reasons that prevent the robot from standing steadily on its feet alone, in words.
 
         Args:
@@ -230,15 +260,17 @@ class Stances:
             yield message("stations.it_kneels", "it kneels")
 
         heights = self._clearance.lowest(self._robot)
-        low = {
-            name: height
-            for name, height in heights.items()
-            if name not in feet | others and height <= _CLEAR_HEIGHT * length
-        }
+        low = dict[str, float]()
+        for name, height in heights.items():
+            # Links of `others` have a reason of their own.
+            may_touch = name in feet or name in others
+            if not may_touch and height <= _CLEAR_HEIGHT * length:
+                low[name] = height
         if low:
             lowest_link = min(low, key=low.__getitem__)
             yield message("stations.link_too_near", "{link} is too near to the ground", link=lowest_link)
 
+        # tan(angle) = margin / height: the angle by which the robot may lean.
         needed_margin = _STEADY_MARGIN * found.height
         if found.margin <= needed_margin:
             is_inside = found.margin >= 0
@@ -263,7 +295,13 @@ class Stances:
                 limit=self._robot.gains.limit_at_rest[worst],
             )
 
-    def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, how: str) -> Iterator[Stance]:
+    def _with_feet_at(
+        self,
+        legs: list[Leg],
+        targets: Vector,
+        length: float,
+        how: str,
+    ) -> Iterator[Stance]:
         """Yield the good stances with the feet about at given points, moved under the centre of mass.
 
         The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg.
@@ -282,6 +320,8 @@ class Stances:
         for first_angles in solutions[0][:_TRIED_SOLUTIONS]:
             posture = self._home.copy()
             posture[first_leg.axes] = first_angles
+            # Legs are compared by the points of their links, as axes of two legs may have opposite
+            # signs.
             shape = self._bend(first_leg, posture)
             for leg, target, own_solutions in zip(legs[1:], targets[1:], solutions[1:], strict=True):
                 candidates = list(own_solutions)
@@ -292,6 +332,8 @@ class Stances:
                 costs = []
                 for candidate in candidates:
                     posture[leg.axes] = candidate
+                    # Cost: difference in shape by the length, and 0.05 for each radian away from
+                    # home.
                     difference = np.linalg.norm(self._bend(leg, posture) - shape) / length
                     from_home = np.abs(candidate - self._home[leg.axes]).max()
                     costs.append(float(difference + _HOME_PREFERENCE * from_home))
@@ -322,6 +364,7 @@ class Stances:
         front_to_rear = [1, -1, -1]
         unchanged = [1, 1, 1]
         for mirror in (left_to_right, front_to_rear, unchanged):
+            # Dot products of the mirrored axes with those of the other leg, axis by axis.
             cosines = np.sum(axes * mirror * other_axes, axis=1)
             yield np.where(cosines < 0, -angles, angles)
 
@@ -342,7 +385,14 @@ class Stances:
         origins = np.array([self._origin(link) for link in leg.links])
         return np.asarray((origins - origins[0])[:, [0, 2]].ravel())
 
-    def _balance(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
+    def _balance(
+        self,
+        legs: list[Leg],
+        posture: Vector,
+        targets: Vector,
+        length: float,
+        how: str,
+    ) -> Stance | None:
         """Move the feet to one height and under the centre of mass.
 
         Args:
@@ -368,11 +418,18 @@ class Stances:
             middle = self._feet(legs, posture)[:, :2].mean(axis=0)
             lowest = self._clearance.lowest(self._robot)
             heights = np.array([lowest[leg.foot.name()] for leg in legs])
-            com = self._plant.CalcCenterOfMassPositionInWorld(self._clearance.context, [self._robot.instance])
+            context = self._clearance.context
+            com = self._plant.CalcCenterOfMassPositionInWorld(context, [self._robot.instance])
+            # From the middle of the feet to the centre of mass, seen from above; aside 0 for short
+            # legs.
             offset = (com[:2] - middle) * [1.0, moves_aside]
-            if np.ptp(heights) < _SAME_HEIGHT and np.abs(offset).max() < _FEET_OFF_COM * length:
+            are_level = np.ptp(heights) < _SAME_HEIGHT
+            are_below_com = np.abs(offset).max() < _FEET_OFF_COM * length
+            if are_level and are_below_com:
                 break
             targets[:, :2] += offset
+            # Feet of different shapes reach to different depths: all are moved to their mean
+            # height.
             targets[:, 2] -= heights - heights.mean()
         return self._stance(posture, how)
 
@@ -395,11 +452,19 @@ class Stances:
         found: list[Vector] = []
         for seed in (home, (lower + upper) / 2, *random):
             solution = self._solve(leg, target, length, seed)
-            if solution is not None and all(np.abs(solution - other).max() > _DISTINCT for other in found):
+            if solution is None:
+                continue
+            if all(np.abs(solution - other).max() > _DISTINCT for other in found):
                 found.append(solution)
         return sorted(found, key=lambda solution: float(np.abs(solution - home).sum()))
 
-    def _solve(self, leg: Leg, target: Vector, length: float, seed: Vector) -> Vector | None:
+    def _solve(
+        self,
+        leg: Leg,
+        target: Vector,
+        length: float,
+        seed: Vector,
+    ) -> Vector | None:
         """Solve the inverse kinematics of a leg, with its sole level if it has one.
 
         A first solution stays near home where the leg has spare axes. A second one, which begins there, meets the
@@ -419,7 +484,8 @@ class Stances:
         plant = self._plant
         context = self._clearance.context
         self._place(self._home)
-        indices = self._robot.axis_map.position_places[leg.axes]  # of the leg's axes among the plant's positions
+        # Indices of the leg's axes among the plant's positions.
+        indices = self._robot.axis_map.position_places[leg.axes]
         signs = self._robot.axis_map.signs[leg.axes]
         positions = plant.GetPositions(context)
         home = self._home[leg.axes]
@@ -434,6 +500,8 @@ class Stances:
             positions[indices] = signs * angles
             plant.SetPositions(context, positions)
             pose = plant.EvalBodyPoseInWorld(context, leg.foot)
+            # By the length, so that an error of the position compares with one of the direction
+            # [rad].
             position_error: Vector = (pose @ leg.point - target) / length
             if leg.normal is None:
                 return position_error
@@ -449,6 +517,7 @@ class Stances:
         first_guess = np.clip(seed, inner_lower, inner_upper)
         near_home = least_squares(foot_and_home_error, first_guess, bounds=bounds, max_nfev=40).x
         second_guess = np.clip(near_home, inner_lower, inner_upper)
+        # Without the pull to home, which would leave the foot a little off its target.
         exact = least_squares(foot_error, second_guess, bounds=bounds, max_nfev=20).x
         if np.abs(foot_error(exact)).max() >= _FOOT_TOLERANCE:
             return None

@@ -26,7 +26,9 @@ def axes_off_reference(robot: ResolvedRobot, start: Vector, reference: Vector) -
     """
     slides = np.array([unit.si == "m" for unit in robot.model.units], dtype=bool)
     allowed = np.where(slides, _LARGEST_SHIFT, _LARGEST_TURN)
+    # In multiples of what is allowed, so that turning and sliding axes can be compared.
     distance = np.abs(reference - start) / allowed
+    # Stable: of equal distances the first axis comes first, in every run.
     order = np.argsort(-distance, kind="stable")
     return np.asarray(order[distance[order] > 1.0])
 

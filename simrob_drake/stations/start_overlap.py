@@ -50,7 +50,12 @@ class StartOverlap(NamedTuple):
         )
 
 
-def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
+def deepest_overlap(
+    ports: StationPorts,
+    root: Context,
+    *,
+    of_pieces: bool = False,
+) -> StartOverlap | None:
     """Find the deepest overlap of two bodies that can touch.
 
     Args:
@@ -72,6 +77,7 @@ def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = Fal
         for shape in (pair.id_A, pair.id_B):
             name, _ = owner_and_robot(ports.plant, shape)
             names.append(name)
+        # In alphabetical order, as Drake's order of a pair may change with the shapes.
         first, second = sorted(names)
         if of_pieces and first not in pieces and second not in pieces:
             continue
@@ -100,6 +106,7 @@ def check_start_overlap(config: StationConfig, ports: StationPorts, root: Contex
     Raises:
         InvalidParameter: a piece overlaps too deeply; the message names both bodies and what to change.
     """
+    # Without contact forces nothing is thrown apart.
     if not config.engine.moves_by_forces or config.contact is None:
         return
     overlap = deepest_overlap(ports, root, of_pieces=True)
@@ -112,10 +119,10 @@ def check_start_overlap(config: StationConfig, ports: StationPorts, root: Contex
         "at most {allowed:g} mm at the start: move one of them, or raise verdict.penetration",
         allowed=allowed * 1e3,
     )
-    raise InvalidParameter(
-        message(
-            "stations.overlap_of", "the overlap of {first} and {second}", first=overlap.first, second=overlap.second
-        ),
-        depth,
-        expected,
+    subject = message(
+        "stations.overlap_of",
+        "the overlap of {first} and {second}",
+        first=overlap.first,
+        second=overlap.second,
     )
+    raise InvalidParameter(subject, depth, expected)

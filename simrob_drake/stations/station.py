@@ -120,6 +120,7 @@ def add_station(
         if scene_graph is not None:
             needed = message("stations.plant_with_scene_graph", "given together with the plant of your own")
             raise InvalidParameter("scene_graph", quoted(scene_graph), needed)
+        # Checked before anything is added: a builder cannot take systems out again.
         known = [system.get_name() for system in builder.GetSystems()]
         _check_clash(known, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
         return _add_named(builder, name, lambda: _compose_with_edges(builder, resolved, hooks=hooks))
@@ -127,10 +128,12 @@ def add_station(
     instance(plant, "plant", MultibodyPlant, expected)
     scene_graph = scene_graph_in(builder, plant) if scene_graph is None else scene_graph
     check_builder(builder, [plant, scene_graph])
+    # The user's bodies come before and after the station's, as in a station with its own plant.
     parser = Parser(plant)
     hooks.preload(parser)
     placed = place_station(plant, resolved.config, scene_graph=scene_graph, name=name)
     hooks.finish(parser)
+    # Ports for actuators and states have their sizes only after this call, so that wiring comes last.
     plant.Finalize()
     return placed.wire(builder)
 
@@ -164,13 +167,17 @@ def place_station(
     """
     _check_name(name)
     scope = f"{name}." if name else ""
+    # The scope is the prefix of the names of model instances, which must differ in one plant.
     resolved = replace(resolve(config_of(station, overrides)), scope=scope)
+    # Before the first change of the plant: a refused station must leave nothing in it.
     check_plant(plant, scene_graph, resolved, name)
     contents = shared_plant(plant)
     if resolved.config.contact is not None:
         plant.set_stiction_tolerance(resolved.config.contact.stiction_speed)
     if resolved.engine.has_discrete_states:
-        plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
+        # Otherwise signals could not be evaluated again from a recorded state.
+        plant.SetUseSampledOutputPorts(False)
+    # Only one floor, or bodies would rest on two surfaces at once.
     floor = contents.needs_floor(resolved)
     models = add_models(plant, scene_graph, resolved, floor=floor, is_shared=True)
     contents.add(name, resolved, models.points)
@@ -225,7 +232,9 @@ class PlacedStation:
         check_builder(builder, [station.plant, station.scene_graph])
         if self._is_wired:
             raise SimrobError(message("stations.wired_already", "this station is wired already; wire it once"))
+        # Before the work, since a failed attempt has added systems already, and cannot be repeated.
         self._is_wired = True
+        # Once for all stations of the plant; the first one that is wired sets the filters.
         pairs = shared_plant(station.plant).filter_contact_points(station.scene_graph)
         complete = replace(complete_plant(self._models), replaced_pairs=pairs)
         resolved = self._models.resolved
@@ -234,7 +243,10 @@ class PlacedStation:
 
 @drake_asserts()
 def add_world(
-    builder: DiagramBuilder, station: StationLike, *, overrides: Mapping[str, Any] | None = None
+    builder: DiagramBuilder,
+    station: StationLike,
+    *,
+    overrides: Mapping[str, Any] | None = None,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add an empty plant and its scene graph to a diagram, with the time step, gravity and contact model of a station.
 
@@ -255,7 +267,11 @@ def add_world(
     return add_empty_plant(builder, config)
 
 
-def _compose_with_edges(builder: DiagramBuilder, station: ResolvedStation, **how: Any) -> StationPorts:
+def _compose_with_edges(
+    builder: DiagramBuilder,
+    station: ResolvedStation,
+    **how: Any,
+) -> StationPorts:
     """Add a station's systems, and a block that ends steps where its references and pushes have corners.
 
     Args:
@@ -264,12 +280,17 @@ def _compose_with_edges(builder: DiagramBuilder, station: ResolvedStation, **how
         **how: arguments of `compose`.
     """
     ports = compose(builder, station, **how)
+    # Without corners a solver is free to choose its steps.
     if ports.edges:
         builder.AddNamedSystem("edges", EventTimes(ports.edges))
     return ports
 
 
-def _add_named(builder: DiagramBuilder, name: str, add: Callable[[], StationPorts]) -> StationPorts:
+def _add_named(
+    builder: DiagramBuilder,
+    name: str,
+    add: Callable[[], StationPorts],
+) -> StationPorts:
     """Add a station's systems to a builder, with the name of the station before their names.
 
     Args:
@@ -318,9 +339,8 @@ def _check_name(name: object) -> None:
     """Check the name of a station in a diagram; raises InvalidParameter: a text that cannot be a prefix of names."""
     is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
     if not is_name:
-        raise InvalidParameter(
-            "name", quoted(name), message("stations.name_of_letters", "a name of letters, digits, _ and -, such as arm")
-        )
+        expected = message("stations.name_of_letters", "a name of letters, digits, _ and -, such as arm")
+        raise InvalidParameter("name", quoted(name), expected)
 
 
 def _check_clash(known: Sequence[str], added: Sequence[str], name: str) -> None:
@@ -378,19 +398,29 @@ def compose(
     robots and pieces stand already; without it the station gets a plant of its own, to which ``hooks`` may add.
     """
     own = own_blocks(station.config.controllers) if blocks is None else blocks
+    # Blocks of the user may drive inputs that the station's file does not list.
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
     plant = add_plant(builder, station, hooks) if plant is None else plant
+    # Another engine computes servos made of blocks explicitly, with its fixed step.
     if plant.stand_in is not None:
         check_servo_steps(config, plant)
     if not station.engine.moves_by_forces:
         inputs, state = add_motion_inputs(builder, plant)
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
-        ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, inputs=inputs, config=config)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
+        ports = StationPorts(
+            station=station,
+            plant=plant,
+            state=state,
+            outputs=outputs,
+            inputs=inputs,
+            config=config,
+        )
         add_kinematic_robots(builder, ports)
     else:
+        # `plant_block` is what the simulation steps: Drake's plant, or the block of another engine.
         state = plant.plant_block.get_state_output_port()
         driven = sources or {}
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(
             station=station,
             plant=plant,
@@ -412,16 +442,22 @@ def compose(
     for name, force in config.forces.items() if forces else ():
         add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
-    if flows := flows_of(config.controllers):
-        from simrob_drake.parts.controllers.signal_flow import add_flows  # loaded where there is one: it is large
+    flows = flows_of(config.controllers)
+    if flows:
+        # Loaded only if there is a flow, as the module is large.
+        from simrob_drake.parts.controllers.signal_flow import add_flows
 
-        integrated = any(system.num_continuous_states() for system in (*builder.GetSystems(), *own.values()))
+        systems = [*builder.GetSystems(), *own.values()]
+        integrated = any(system.num_continuous_states() for system in systems)
         add_flows(builder, ports, flows, monitors=monitors, integrated=integrated or not closed)
+    # After all that adds forces, since an input of the plant takes one connection.
     gather_forces(builder, ports)
+    # Blocks first, then loops, then wires: blocks and loops may read each other's outputs.
     add_own_blocks(builder, ports, own)
     add_loops(builder, ports, loops_of(config.controllers))
     wire_own_blocks(builder, ports, own)
     for name, monitor in config.monitors.items():
+        # Monitors last: they may watch any signal.
         trigger = Trigger(monitor.condition(name, station), monitor.hold, monitor.after)
         add_monitor(builder if monitors else None, ports, name, trigger, monitor.robot)
     return ports
@@ -432,6 +468,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
     robots = list(ports.plant.robots.values())
     if len(robots) > 1:
         place = {robot.prefix: index for index, robot in enumerate(robots)}
+        # Columns of a robot begin with its prefix, such as `arm.q.joint_1`. Sorting keeps the order of equal places.
         ports.outputs.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
 
 
@@ -439,13 +476,14 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Connect what acts on a station's plant from outside."""
     found = ports.spatial_forces
     if found:
-        forces = add_and_connect(
-            builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found
-        )
+        joined = ExternallyAppliedSpatialForceMultiplexer(len(found))
+        forces = add_and_connect(builder, "external_forces", joined, *found)
         ports.picture.draw_nothing("external_forces")
         port = ports.plant.plant_block.get_applied_spatial_force_input_port()
         before = _disconnect(builder, port)
         if before is not None:
+            # The lists of forces are joined: another station in the plant, or the user, has
+            # connected its own.
             both = ExternallyAppliedSpatialForceMultiplexer(2)
             forces = add_and_connect(builder, "all_external_forces", both, before, forces)
             ports.picture.draw_nothing("all_external_forces")
@@ -476,6 +514,7 @@ def _disconnect(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
     """
     if not builder.IsConnectedOrExported(port):
         return None
+    # An exported input is in no connection of this builder.
     source = builder.connection_map().get((port.get_system(), port.get_index()))
     if source is None:
         raise SimrobError(
@@ -518,10 +557,12 @@ class Station(Diagram):
         if prebuild is not None:
             prebuild(builder)
         for name, port in self.ports.inputs.items():
+            # What a callback of the user has connected is no input of the box any more.
             if not builder.IsConnectedOrExported(port):
                 builder.ExportInput(port, name)
         for name, output in self.ports.outputs.items():
             builder.ExportOutput(output, name)
+        # Nothing can be exported after the diagram is built.
         builder.BuildInto(self)
         release(builder, self)
         self.set_name(self.config.name)

@@ -53,7 +53,9 @@ _SLACK = 1e-9
 
 
 def step_findings(
-    config: StationConfig, plant: StationPlant, references: Mapping[str, Reference] | None = None
+    config: StationConfig,
+    plant: StationPlant,
+    references: Mapping[str, Reference] | None = None,
 ) -> list[Finding]:
     """Compare the servos and stops of all robots with the steps of the solver.
 
@@ -98,18 +100,13 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     engine = config.engine
     if engine.has_discrete_states:
         if engine.time_step <= largest:
-            return [
-                Finding(
-                    "ok",
-                    _SUBJECT,
-                    message(
-                        "stations.allows_steps",
-                        "{damping} allows steps up to {largest:.2g} s",
-                        damping=damping,
-                        largest=largest,
-                    ),
-                )
-            ]
+            text = message(
+                "stations.allows_steps",
+                "{damping} allows steps up to {largest:.2g} s",
+                damping=damping,
+                largest=largest,
+            )
+            return [Finding("ok", _SUBJECT, text)]
         text = message(
             "stations.unstable_above",
             "{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is ",
@@ -119,19 +116,14 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
         remedy = message(
             "stations.implicit_or_lower", "set servo.realization to implicit, lower servo.kd or solver.time_step"
         )
-        return [
-            Finding(
-                "warning",
-                _SUBJECT,
-                message(
-                    "stations.time_step_and_remedy",
-                    "{text}{time_step:g} s; {remedy}",
-                    text=text,
-                    time_step=engine.time_step,
-                    remedy=remedy,
-                ),
-            )
-        ]
+        text = message(
+            "stations.time_step_and_remedy",
+            "{text}{time_step:g} s; {remedy}",
+            text=text,
+            time_step=engine.time_step,
+            remedy=remedy,
+        )
+        return [Finding("warning", _SUBJECT, text)]
     if engine.is_explicit:
         text = message(
             "stations.keeps_steps_below",
@@ -169,6 +161,7 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
         "the torques of the prescribed joints {joints} ",
         joints=", ".join(config.prescribed),
     )
+    # The torque of a prescribed joint is what all other reported forces leave over.
     if is_discrete_with_contact(config) and couplings:
         text += message(
             "stations.wrong_while_touching", "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
@@ -187,17 +180,17 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
         )
     else:
         return []
-    return [
-        Finding(
-            "warning",
-            _SUBJECT,
-            message("stations.set_radau", "{text}; set solver to {{kind: continuous, scheme: radau3}}", text=text),
-        )
-    ]
+    text = message(
+        "stations.set_radau",
+        "{text}; set solver to {{kind: continuous, scheme: radau3}}",
+        text=text,
+    )
+    return [Finding("warning", _SUBJECT, text)]
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     """Find the likely cause of a run that diverged. Returns it in words."""
+    # A warning before the run is the best guess at why the run failed.
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
         return message("stations.likely_cause", "likely cause: {cause}", cause=warnings[0].text)
@@ -208,11 +201,9 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
             "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or {key}",
             key="solver.time_step" if is_discrete else "solver.max_step",
         )
-    key = (
-        "solver.time_step"
-        if is_discrete
-        else message("stations.max_step_or_accuracy", "solver.max_step or solver.accuracy")
-    )
+    key = "solver.time_step"
+    if not is_discrete:
+        key = message("stations.max_step_or_accuracy", "solver.max_step or solver.accuracy")
     return message(
         "stations.likely_stiff_forces",
         "likely cause: forces too stiff for the solver's steps; try a smaller {key}",
@@ -229,7 +220,10 @@ class StiffPart(NamedTuple):
 
 
 def _stiff_parts(
-    config: StationConfig, robot: StationRobot, postures: Vector, context: Context | None = None
+    config: StationConfig,
+    robot: StationRobot,
+    postures: Vector,
+    context: Context | None = None,
 ) -> list[StiffPart]:
     """Compare the stops and the servos of a robot with the inertias that they move.
 
@@ -242,10 +236,13 @@ def _stiff_parts(
     Returns:
         one entry for the stops, and one for the servos.
     """
-    inertias = np.abs(robot.free_inertias(context))  # rounding may make a tiny inertia negative
+    # Rounding may make a tiny inertia negative.
+    inertias = np.abs(robot.free_inertias(context))
     lower, upper = np.array(robot.model.axis_limits)
-    distances = np.minimum(postures - lower, upper - postures).min(axis=0)  # from the limits [rad or m]
+    # How near each axis comes to one of its limits [rad or m].
+    distances = np.minimum(postures - lower, upper - postures).min(axis=0)
     is_near = distances < np.where(robot.model.prismatic, _NEAR_DISTANCE, _NEAR_ANGLE)
+    # A stop that no axis comes near to never pushes, however stiff it is.
     stop_stiffness = np.where(is_near, robot.stops[0], 0.0)
     stops = _stiff_part(
         robot,
@@ -267,7 +264,13 @@ def _stiff_parts(
 
 
 def _stiff_part(
-    robot: StationRobot, name: str, stiffness: Vector, inertias: Vector, *, moved: Vector, limit: float
+    robot: StationRobot,
+    name: str,
+    stiffness: Vector,
+    inertias: Vector,
+    *,
+    moved: Vector,
+    limit: float,
 ) -> StiffPart:
     """Find the axis at which springs are stiffest for the inertia that they move.
 
@@ -279,6 +282,7 @@ def _stiff_part(
         moved: inertia that each spring moves, shape (n,) [kg m² or kg].
         limit: largest ratio at which an implicit scheme does not creep [1/s²].
     """
+    # A spring on an inertia oscillates at omega = sqrt(k / I), so k / I decides over the steps.
     worst = int(np.argmax(stiffness / moved))
     unit = robot.model.units[worst]
     mass_unit = "kg" if robot.model.prismatic[worst] else "kg m²"
@@ -314,6 +318,7 @@ def stiffest(config: StationConfig, plant: StationPlant, context: Context) -> st
         parts += _stiff_parts(config, robot, posture[np.newaxis], context)
     if not parts:
         return ""
+    # Equal ratios are decided by their texts, so that the result is the same in every run.
     return max(parts, key=lambda part: (part.ratio, part.text)).text
 
 
@@ -363,13 +368,19 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
     solver = config.solver
     if not isinstance(solver, ContinuousSolver) or not config.engine.holds_inputs_over_steps:
         return None
+    # Without samples of controllers no step has to end at a given time.
     if not config.controllers:
         return solver
     return solver.model_copy(update={"max_step": solver.max_step * (1 + _SLACK)})
 
 
 @former_argument("config", "station")
-def apply_solver(simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
+def apply_solver(
+    simulator: Simulator,
+    station: StationLike,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+) -> None:
     """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:
@@ -385,6 +396,7 @@ def apply_solver(simulator: Simulator, station: StationLike, *, overrides: Mappi
     config = config_of(station, overrides)
     system = simulator.get_system()
     if isinstance(system, Diagram):
+        # An open input of the root diagram may be fixed in the simulator's context.
         check_inputs(system, {}, may_be_exported=True)
     set_solver(simulator, config)
 
@@ -394,6 +406,7 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
+    # Drake would abort with an error that does not name the station.
     if solver.engine.needs_plant_as_direct_child:
         _check_only_plant(simulator.get_system(), solver.scheme)
     settings = SimulatorConfig(
@@ -449,7 +462,10 @@ def _plants_in(system: System, path: str) -> Iterator[str]:
 
 
 def bound_steps(
-    simulator: Simulator, solver: ContinuousSolver, longest: float = np.inf, accuracy: float = np.inf
+    simulator: Simulator,
+    solver: ContinuousSolver,
+    longest: float = np.inf,
+    accuracy: float = np.inf,
 ) -> None:
     """Limit the length and the error of the steps of ``cenic`` from now on.
 

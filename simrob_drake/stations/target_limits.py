@@ -40,20 +40,23 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
         firmness = np.array(model.firmness(target))
         axes_with_target = np.flatnonzero(firmness == Firmness.NAMED).tolist()
         # Axes that a mapping leaves out become NaN. They are not among axes_with_target, so no NaN is compared.
-        positions = model.user_units * model.axis_vector(target, "reference", np.nan)  # [rad or m]
+        # The product is in rad or m.
+        positions = model.user_units * model.axis_vector(target, "reference", np.nan)
         limits = model.limits.of_axes(axes_with_target)
         violation = limits.find_violation(positions[np.newaxis, axes_with_target])
         if violation is not None:
             axis = axes_with_target[violation.axis]
             key = message(
-                "stations.reference_of_axis", "reference of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+                "stations.reference_of_axis",
+                "reference of {prefix}{axis}",
+                prefix=robot.prefix,
+                axis=robot.axes[axis],
             )
+            found = compound("{violation} {unit}", violation=violation.value, unit=violation.unit)
             expected = message(
                 "stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits
             )
-            raise InvalidParameter(
-                key, compound("{violation} {unit}", violation=violation.value, unit=violation.unit), expected
-            )
+            raise InvalidParameter(key, found, expected)
 
 
 def _check_passive_axes(config: StationConfig, robot: ResolvedRobot) -> None:

@@ -100,7 +100,9 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     still, bent = np.zeros(len(robot.axes)), np.zeros(len(robot.axes))
     for axis, angle in {"right_hip_pitch": 0.4, "right_knee": 0.8, "right_ankle_pitch": -0.4}.items():
         bent[robot.axes.index(axis)] = angle
+
     found = support.observe(bent, still, RotationMatrix(), np.zeros(3)).lifted
+
     _, points = by_hand(plant, robot, bent, RotationMatrix())
     sizes = np.cumsum([len(robot.feet.support_points(link)) for link in robot.feet.links])[:-1]
     lowest = np.array([foot[:, 2].min() for foot in np.split(points, sizes)])
@@ -108,10 +110,15 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     assert sorted(link[0] for link, height in zip(robot.feet.links, found, strict=True) if height > 2e-3) == ["r"]
 
 
-def answer(**changed):
-    moves = changed.pop("moves", np.array([0.5, -1.0]))
-    figures = {"measures": "forward", "moves_deg": {"axis": 1.0}, "beyond": 0.02, "full": 0.06}
-    return Answer(Strategy(**{**figures, "rise": 0.05, "release": 0.2, **changed}), moves)
+OMEGA = 5.0  # 1/s: the capture point is ahead of the centre of mass by its speed over OMEGA
+PERIOD = 0.01  # s between samples
+
+
+def answer(*, moves=(0.5, -1.0), **changed):
+    """A strategy of two axes that answers errors of 0.02 to 0.06 m ahead, but for keys that are changed."""
+    section = {"measures": "forward", "moves_deg": {"axis": 1.0}, "beyond": 0.02, "full": 0.06}
+    times = {"rise": 0.05, "release": 0.2}
+    return Answer(Strategy(**{**section, **times, **changed}), np.array(moves))
 
 
 @pytest.mark.parametrize(
@@ -129,88 +136,137 @@ def answer(**changed):
     ],
 )
 def test_a_strategy_answers_its_own_direction_between_threshold_and_full(changed, com, speed, expected):
-    assert answer(**changed).part(BalanceState(np.array(com), np.array(speed), 5.0, FLAT)) == pytest.approx(expected)
+    state = BalanceState(np.array(com), np.array(speed), OMEGA, FLAT)
+
+    assert answer(**changed).part(state) == pytest.approx(expected)
 
 
-class Tips:
-    """A robot that stands as it is told: two axes are its centre of mass, their speeds the heights of its feet."""
+class FakeSupport:
+    """Kinematics of a robot without a model.
 
-    def observe(self, position, velocity, turned, spin):
-        return BalanceState(position, spin[:2], 5.0, velocity)
+    Its two axes are the coordinates of its centre of mass, their velocities the heights of its feet, and its angular
+    velocity is the speed of its centre of mass.
+    """
+
+    def observe(self, position, velocity, rotation, spin):
+        return BalanceState(position, spin[:2], OMEGA, velocity)
+
+
+class FakeRobot:
+    """A loop that is sampled with the centre of mass of a `FakeSupport`."""
+
+    def __init__(self, **loop):
+        self.loop = StandingBalance(period=PERIOD, support=FakeSupport(), size=2, **loop)
+        self.context = self.loop.CreateDefaultContext()
+
+    def sample(self, com, spin=(0.0, 0.0, 0.0), wxyz=(1.0, 0.0, 0.0, 0.0)):
+        """Sample once, and return the offsets."""
+        read = {"position": com, "velocity": [0, 0], "orientation": wxyz, "angular_velocity": spin}
+        for name, value in read.items():
+            self.loop.GetInputPort(name).FixValue(self.context, np.array(value, dtype=float))
+        update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
+        self.context.get_mutable_discrete_state().SetFrom(update)
+        return self.output("offset")
+
+    def output(self, name):
+        return self.loop.GetOutputPort(name).Eval(self.context)
 
 
 def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
-    other = answer(measures="lateral", moves=np.array([0.0, 0.2]), rise=0.0, release=0.0)
-    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(), other], size=2, gyroscope=True)
-    context = loop.CreateDefaultContext()
+    """One strategy rises within 0.05 s and releases within 0.2 s; the other one, to the left, acts at once."""
+    to_the_left = answer(measures="lateral", moves=[0.0, 0.2], rise=0.0, release=0.0)
+    robot = FakeRobot(answers=[answer(), to_the_left])
 
-    def sample(com, spin=(0.0, 0.0, 0.0), wxyz=(2.0, 0.0, 0.0, 0.0)):
-        for name, value in (("position", com), ("velocity", [0, 0]), ("orientation", wxyz), ("angular_velocity", spin)):
-            loop.GetInputPort(name).FixValue(context, np.array(value, dtype=float))
-        context.get_mutable_discrete_state().SetFrom(loop.EvalUniquePeriodicDiscreteUpdate(context))
-        return loop.GetOutputPort("offset").Eval(context)
-
-    for part in (0.2, 0.4, 0.6, 0.8, 1.0, 1.0):  # of 0.05 s
-        np.testing.assert_allclose(sample([0.1, 0.04]), [0.5 * part, -part + 0.1])
-    for part in (0.95, 0.9):  # of 0.2 s
-        np.testing.assert_allclose(sample([0.0, 0.0]), [0.5 * part, -part], atol=1e-15)
-    half = math.sqrt(0.5)  # the gyroscope is turned by 90°: what it feels about x is a turn about the world's y
-    sample([0.0, 0.0], spin=[0.3, 0.0, 0.0], wxyz=[half, 0, 0, half])
-    np.testing.assert_allclose(loop.GetOutputPort("capture_point").Eval(context), [0.0, 0.06], atol=1e-12)
+    for part in (0.2, 0.4, 0.6, 0.8, 1.0, 1.0):
+        np.testing.assert_allclose(robot.sample([0.1, 0.04]), [0.5 * part, -part + 0.1])
+    for part in (0.95, 0.9):
+        np.testing.assert_allclose(robot.sample([0.0, 0.0]), [0.5 * part, -part], atol=1e-15)
 
 
-def stepping(**changed):
-    lift, reach = changed.pop("lift", np.array([0.3, 0.0])), changed.pop("reach", np.array([0.4, -0.6]))
-    figures = {"measures": "forward", "foot": "second", "beyond": 0.05, "full": 0.1, "least": 0.2}
+def test_a_gyroscope_turns_with_the_robot():
+    """Turned by 90° about the vertical, it feels about its x axis what is a turn about the world's y axis."""
+    robot = FakeRobot(answers=[answer()], gyroscope=True)
+    half = math.sqrt(0.5)
+
+    robot.sample([0.0, 0.0], spin=[0.3, 0.0, 0.0], wxyz=[half, 0, 0, half])
+
+    np.testing.assert_allclose(robot.output("capture_point"), [0.0, 0.3 / OMEGA], atol=1e-12)
+
+
+def stepping(*, lift=(0.3, 0.0), reach=(0.4, -0.6), **changed):
+    """A step of the second foot for errors ahead beyond 0.05 m, of two axes: one lifts the foot, one stands."""
+    section = {"measures": "forward", "foot": "second", "beyond": 0.05, "full": 0.1, "least": 0.2}
     times = {"duration": 0.1, "settle": 0.05, "stance": 0.5}
-    moves = {key: {"axis": 1.0} for key in ("lift_deg", "reach_deg")}
-    return Stepping(CaptureStep(**{**figures, **times, **moves, **changed}), 1, lift, reach)
+    moves = {"lift_deg": {"axis": 1.0}, "reach_deg": {"axis": 1.0}}
+    return Stepping(CaptureStep(**{**section, **times, **moves, **changed}), 1, np.array(lift), np.array(reach))
 
 
 def stands(error, lifted=0.02):
-    """Return a robot that errs ahead, and lifts its second foot."""
-    return BalanceState(np.array([error, 0.0]), np.zeros(2), 5.0, np.array([0.0, lifted]))
+    """A robot whose centre of mass is ahead by an error [m], and whose second foot is lifted [m]."""
+    return BalanceState(np.array([error, 0.0]), np.zeros(2), OMEGA, np.array([0.0, lifted]))
+
+
+class Walker:
+    """The state and the offsets of capture steps, from sample to sample."""
+
+    def __init__(self, *steps):
+        self.chooser = StepChooser(steps, PERIOD)
+        self.state = np.zeros(3)
+        self.offset = np.zeros(2)
+
+    def sample(self, balance):
+        self.state, self.offset = self.chooser.next(self.state, self.offset, balance)
 
 
 def test_a_step_begins_beyond_its_threshold_and_reaches_as_far_as_the_error_grew():
-    stepper, state, moved = StepChooser([stepping(measures="backward"), stepping()], 0.01), np.zeros(3), np.zeros(2)
+    """Errors of 0.06 and 0.08 m call for parts of 0.6 and 0.8 of the reach; a smaller one does not draw it back."""
+    robot = Walker(stepping(measures="backward"), stepping())
+
     for error in (0.04, -0.04, 0.05):
-        state, moved = stepper.next(state, moved, stands(error))
-        assert not state.any()
-        assert not moved.any()
-    for number, error in enumerate((0.06, 0.08, 0.03), 1):
-        state, moved = stepper.next(state, moved, stands(error))
-        np.testing.assert_allclose(state, [2, 0.1 * number, min(10 * error, 0.8) if number < 3 else 0.8])
-    ahead = 0.3 / 0.7  # the foot is as far as it goes after 0.7 of the time
-    part = 0.8 * ahead**2 * (3 - 2 * ahead)
-    np.testing.assert_allclose(moved, [0.3 * math.sin(0.3 * math.pi) + 0.4 * part, -0.5 * 0.6 * part])
-    for _ in range(7):
-        state, moved = stepper.next(state, moved, stands(0.03))
-    np.testing.assert_allclose(state, [2, 1, 0.8])
-    np.testing.assert_allclose(moved, [0.32, -0.24], atol=1e-12)
+        robot.sample(stands(error))
+        assert not robot.state.any()
+        assert not robot.offset.any()
+
+    for number, (error, part) in enumerate([(0.06, 0.6), (0.08, 0.8), (0.03, 0.8)], 1):
+        robot.sample(stands(error))
+        np.testing.assert_allclose(robot.state, [2, 0.1 * number, part])
+    reach_time = 0.3 / 0.7  # the foot is as far as it goes after 0.7 of the time
+    reach = 0.8 * reach_time**2 * (3 - 2 * reach_time)
+    of_foot = 0.3 * math.sin(0.3 * math.pi) + 0.4 * reach
+    of_standing_leg = -0.5 * 0.6 * reach
+    np.testing.assert_allclose(robot.offset, [of_foot, of_standing_leg])
+
+    for _ in range(7):  # until the end of the step
+        robot.sample(stands(0.03))
+    np.testing.assert_allclose(robot.state, [2, 1, 0.8])
+    np.testing.assert_allclose(robot.offset, [0.8 * 0.4, 0.5 * 0.8 * -0.6], atol=1e-12)
+
     for _ in range(40):  # it settles, and takes no other step
-        state, moved = stepper.next(state, moved, stands(-0.2))
-    np.testing.assert_allclose(moved, [0.32, -0.48], atol=1e-4)
+        robot.sample(stands(-0.2))
+    np.testing.assert_allclose(robot.offset, [0.8 * 0.4, 0.8 * -0.6], atol=1e-4)
 
 
 def test_a_foot_that_touches_after_half_of_the_step_is_down():
-    stepper, state, moved = StepChooser([stepping()], 0.01), np.zeros(3), np.zeros(2)
-    for number in range(1, 7):
-        state, moved = stepper.next(state, moved, stands(0.2, lifted=0.001))
-        assert state[1] == pytest.approx(0.1 * number if number < 6 else 1)
-    down = moved[0]
-    assert down == pytest.approx(0.3 * math.sin(0.6 * math.pi) + 0.4 * (6 / 7) ** 2 * (3 - 12 / 7))
-    _, moved = stepper.next(state, moved, stands(0.2))
-    assert moved[0] == pytest.approx(down + 0.2 * (0.4 - down))  # by a fifth in 0.01 of 0.05 s
+    """A touch in the first half of a step is none; then the foot settles by a fifth in 0.01 of 0.05 s."""
+    robot = Walker(stepping())
+    for time in (0.1, 0.2, 0.3, 0.4, 0.5, 1.0):
+        robot.sample(stands(0.2, lifted=0.001))
+        assert robot.state[1] == pytest.approx(time)
+    offset_at_touch = robot.offset[0]
+
+    robot.sample(stands(0.2))
+
+    reach_time = 0.6 / 0.7
+    reach = reach_time**2 * (3 - 2 * reach_time)
+    assert offset_at_touch == pytest.approx(0.3 * math.sin(0.6 * math.pi) + 0.4 * reach)
+    assert robot.offset[0] == pytest.approx(offset_at_touch + 0.2 * (0.4 - offset_at_touch))
 
 
 def test_strategies_rest_once_the_robot_steps():
-    still = stepping(lift=np.zeros(2), reach=np.zeros(2))
-    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(rise=0, release=0)], steps=[still], size=2)
-    context = loop.CreateDefaultContext()
-    for name, value in (("velocity", [0, 0]), ("orientation", [1, 0, 0, 0]), ("angular_velocity", [0, 0, 0])):
-        loop.GetInputPort(name).FixValue(context, np.array(value, dtype=float))
-    for ahead, moved in ((0.04, 0.25), (0.06, 0.5), (0.04, 0.0), (0.06, 0.0)):  # beyond 0.05 m it steps
-        loop.GetInputPort("position").FixValue(context, np.array([ahead, 0.0]))
-        context.get_mutable_discrete_state().SetFrom(loop.EvalUniquePeriodicDiscreteUpdate(context))
-        assert loop.GetOutputPort("offset").Eval(context)[0] == pytest.approx(moved)
+    """It steps beyond 0.05 m. Then the strategy, which acts at once, gives no offset any more."""
+    still_step = stepping(lift=[0.0, 0.0], reach=[0.0, 0.0])
+    robot = FakeRobot(answers=[answer(rise=0, release=0)], steps=[still_step])
+
+    offsets = [robot.sample([error, 0.0])[0] for error in (0.04, 0.06, 0.04, 0.06)]
+
+    assert offsets == pytest.approx([0.25, 0.5, 0.0, 0.0])

@@ -11,7 +11,7 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 
 
 class Forgetful(Block):
-    """It has continuous state, and says nothing of it."""
+    """A block with continuous state, but without a method for its derivatives."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -19,6 +19,7 @@ class Forgetful(Block):
 
 
 def test_a_block_has_no_part_in_what_is_integrated() -> None:
+    """Blocks without continuous state do not disturb the integration of dx/dt = -x between them."""
     builder = DiagramBuilder()
     builder.AddSystem(Block())
     builder.AddSystem(LinearSystem(A=[[-1.0]]))
@@ -27,18 +28,21 @@ def test_a_block_has_no_part_in_what_is_integrated() -> None:
     context = simulator.get_mutable_context()
     context.SetContinuousState([1.0])
     simulator.get_mutable_integrator().set_target_accuracy(1e-6)
+
     simulator.AdvanceTo(1.0)
+
     np.testing.assert_allclose(context.get_continuous_state_vector().CopyToVector(), [np.exp(-1)], rtol=1e-6)
 
 
 def test_a_block_with_continuous_state_must_say_its_derivatives() -> None:
+    """A forgotten method is an error, and not a derivative of zero."""
     block = Forgetful()
     with pytest.raises((AssertionError, SystemExit), match=r"Forgetful has|derivatives->size"):  # Drake 1.58, 1.51
         block.EvalTimeDerivatives(block.CreateDefaultContext())
 
 
 class Keeper(SampledBlock):
-    """It counts, and keeps all that it saw."""
+    """A block that counts samples, and keeps the vectors of its memory and its input at each of them."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -52,19 +56,29 @@ class Keeper(SampledBlock):
 
 
 def test_what_a_block_saw_stays_as_it_was() -> None:
-    """A view of a context would show what came after, and what is anywhere in memory once the run is gone."""
+    """Vectors of former samples are copies, which neither later samples nor the end of the run change.
+
+    A view of a context would show later values, and any memory once the context is gone.
+    """
     builder = DiagramBuilder()
-    block, level = builder.AddSystem(Keeper()), builder.AddSystem(Integrator(1))
+    block = builder.AddSystem(Keeper())
+    level = builder.AddSystem(Integrator(1))
     one = builder.AddSystem(ConstantVectorSource([1.0]))
     builder.Connect(one.get_output_port(), level.get_input_port())
     builder.Connect(level.get_output_port(), block.get_input_port())
     simulator = Simulator(builder.Build())
+
     simulator.AdvanceTo(0.35)
     del simulator
-    np.testing.assert_allclose(np.ravel(block.kept).reshape(-1, 3)[:4], [[n, 2 * n, 0.1 * n] for n in range(4)])
-    assert all(type(root(array)) is np.ndarray for row in block.kept for array in row)
+
+    # At sample n: shown n, hidden 2 n, and the level, which is the time of the sample.
+    expected = [[n, 2 * n, 0.1 * n] for n in range(4)]
+    np.testing.assert_allclose(np.ravel(block.kept).reshape(-1, 3)[:4], expected)
+    for vectors in block.kept:
+        assert all(type(owner_of(vector)) is np.ndarray for vector in vectors)
 
 
-def root(array: np.ndarray) -> object:
-    """Return what owns the figures of an array."""
-    return array if getattr(array, "base", None) is None else root(array.base)
+def owner_of(array: np.ndarray) -> object:
+    """Object that owns the memory of an array: the array itself, or the one of which it is a view."""
+    base = getattr(array, "base", None)
+    return array if base is None else owner_of(base)

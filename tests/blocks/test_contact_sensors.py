@@ -1,5 +1,7 @@
 """Force, distance and torque sensors alone, against what the contacts and shapes must give."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from pydrake.geometry import (
@@ -161,41 +163,57 @@ def test_a_surface_is_felt_as_its_pressure_adds_up(normal_only):
     np.testing.assert_allclose(moment, np.zeros(3), atol=1e-6)
 
 
+TILTED = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
+NO_CORNERS = np.zeros((0, 3))
 SHAPES = [Sphere(0.1), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.3), Capsule(0.1, 0.3), Ellipsoid(0.1, 0.2, 0.3)]
 
 
 def surface_points(shape):
-    """Return points all over a shape."""
-    angles = np.array(np.meshgrid(np.linspace(0, np.pi, 181), np.linspace(0, 2 * np.pi, 361))).reshape(2, -1)
-    unit = np.array([np.sin(angles[0]) * np.cos(angles[1]), np.sin(angles[0]) * np.sin(angles[1]), np.cos(angles[0])]).T
+    """Points all over a round shape, a degree apart, or the corners of a box, shape (m, 3) [m]."""
+    polar_angles = np.linspace(0, np.pi, 181)
+    azimuths = np.linspace(0, 2 * np.pi, 361)
+    polar, azimuth = np.array(np.meshgrid(polar_angles, azimuths)).reshape(2, -1)
+    around = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    on_unit_sphere = np.column_stack([np.sin(polar)[:, np.newaxis] * around, np.cos(polar)])
     match shape:
         case Sphere():
-            return unit * shape.radius()
+            return on_unit_sphere * shape.radius()
         case Ellipsoid():
-            return unit * [shape.a(), shape.b(), shape.c()]
+            return on_unit_sphere * [shape.a(), shape.b(), shape.c()]
         case Capsule():
-            return unit * shape.radius() + np.sign(unit[:, 2:]) * [0, 0, shape.length() / 2]
+            # Two halves of a sphere, moved apart along z.
+            sides = np.sign(on_unit_sphere[:, 2:])
+            return on_unit_sphere * shape.radius() + sides * [0, 0, shape.length() / 2]
         case Cylinder():
-            rim = np.column_stack([np.cos(angles[1]), np.sin(angles[1])]) * shape.radius()
-            return np.vstack([np.column_stack([rim, np.full(len(rim), z * shape.length() / 2)]) for z in (-1, 1)])
+            # The lowest point of a cylinder is on one of its rims.
+            half_length = np.full(len(around), shape.length() / 2)
+            rims = [np.column_stack([around * shape.radius(), side * half_length]) for side in (-1, 1)]
+            return np.vstack(rims)
         case _:
-            return np.array(np.meshgrid(*([(-0.5, 0.5)] * 3))).reshape(3, -1).T * shape.size()
+            return np.array([*product((-0.5, 0.5), repeat=3)]) * shape.size()
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 def test_the_distance_to_the_floor_is_that_of_the_lowest_point(shape):
-    pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
+    """The lowest point of a tilted shape is as low as the lowest of many points of its surface."""
     points = surface_points(shape)
-    corners = points if isinstance(shape, Box) else np.zeros((0, 3))
-    found = lowest_points(shape, pose, corners)[:, 2].min()
-    assert found == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
+    corners = points if isinstance(shape, Box) else NO_CORNERS
+
+    height = lowest_points(shape, TILTED, corners)[:, 2].min()
+
+    assert height == pytest.approx((TILTED @ points.T)[2].min(), abs=1e-4)
 
 
 def test_the_lowest_point_of_a_tilted_cylinder_is_exact():
-    pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
-    up = pose.rotation().matrix()[2]
-    exact = 0.5 - 0.1 * np.hypot(up[0], up[1]) - 0.15 * abs(up[2])
-    assert lowest_points(Cylinder(0.1, 0.3), pose, np.zeros((0, 3)))[:, 2].min() == pytest.approx(exact, abs=1e-15)
+    """With the vertical u in its frame, the lowest point is r |u_xy| + l / 2 |u_z| below the cylinder's centre."""
+    radius = 0.1
+    length = 0.3
+    up = TILTED.rotation().matrix()[2]
+
+    height = lowest_points(Cylinder(radius, length), TILTED, NO_CORNERS)[:, 2].min()
+
+    exact = TILTED.translation()[2] - radius * np.hypot(up[0], up[1]) - length / 2 * abs(up[2])
+    assert height == pytest.approx(exact, abs=1e-15)
 
 
 def test_a_distance_is_measured_between_bodies_and_to_the_floor():

@@ -9,29 +9,50 @@ from simrob_drake.blocks.references import smooth
 
 
 def ends(law: TimeLaw, order: int) -> np.ndarray:
-    """Return a derivative at the beginning and the end of each polynomial, shape (k, 2)."""
-    return np.array([law.at(law.breaks[k : k + 2], k, order) for k in range(len(law.coefficients))])
+    """A derivative at the beginning and the end of each polynomial, shape (k, 2)."""
+    values = []
+    for piece in range(len(law.coefficients)):
+        begin_and_end = law.breaks[piece : piece + 2]
+        values.append(law.at(begin_and_end, piece, order))
+    return np.array(values)
 
 
 def test_a_trapezoid_speeds_up_cruises_and_slows_down() -> None:
-    length, speed, push = 1.2, 0.8, 2.0
+    """A trapezoid has ramps of v / a around a constant speed, and takes L / v + v / a."""
+    length = 1.2
+    speed = 0.8
+    push = 2.0
+
     law = cruise(length, speed, push, np.inf)
-    assert law.duration == pytest.approx(length / speed + speed / push)
-    np.testing.assert_allclose(np.diff(law.breaks), [speed / push, length / speed - speed / push, speed / push])
+
+    ramp = speed / push
+    assert law.duration == pytest.approx(length / speed + ramp)
+    np.testing.assert_allclose(np.diff(law.breaks), [ramp, length / speed - ramp, ramp])
     np.testing.assert_allclose(ends(law, 1), [[0, speed], [speed, speed], [speed, 0]], atol=1e-12)
     np.testing.assert_allclose(ends(law, 2), [[push, push], [0, 0], [-push, -push]], atol=1e-12)
     np.testing.assert_allclose(ends(law, 0)[[0, -1], [0, 1]], [0, length], atol=1e-12)
 
 
 def test_a_way_too_short_for_the_speed_is_a_triangle() -> None:
-    law = cruise(0.1, 5.0, 2.0, np.inf)
-    assert law.duration == pytest.approx(2 * np.sqrt(0.1 / 2.0))
-    assert ends(law, 1).max() == pytest.approx(np.sqrt(0.1 * 2.0))
+    """On a path shorter than v² / a, the speed sqrt(L a) is reached for an instant."""
+    length = 0.1
+    push = 2.0
+
+    law = cruise(length, 5.0, push, np.inf)
+
+    assert law.duration == pytest.approx(2 * np.sqrt(length / push))
+    assert ends(law, 1).max() == pytest.approx(np.sqrt(length * push))
 
 
 def test_an_s_curve_takes_its_jerk_time_longer() -> None:
-    length, speed, push, jerk = 1.2, 0.8, 2.0, 10.0
+    """An S-curve takes L / v + v / a + a / j, and has the jerk j in four of its seven pieces."""
+    length = 1.2
+    speed = 0.8
+    push = 2.0
+    jerk = 10.0
+
     law = cruise(length, speed, push, jerk)
+
     assert law.duration == pytest.approx(length / speed + speed / push + push / jerk)
     assert ends(law, 1).max() == pytest.approx(speed)
     assert ends(law, 2).max() == pytest.approx(push)
@@ -46,8 +67,12 @@ def test_an_s_curve_takes_its_jerk_time_longer() -> None:
         (1.0, 0.1, 9.0, 10.0, 1.0 / 0.1 + 2 * np.sqrt(0.1 / 10.0)),  # the speed, but not the acceleration
     ],
 )
-def test_what_is_not_reached_on_a_short_way(length: float, speed: float, push: float, jerk: float, duration) -> None:
+def test_what_is_not_reached_on_a_short_way(
+    length: float, speed: float, push: float, jerk: float, duration: float | None
+) -> None:
+    """The duration follows from the limits that are reached; None stands for the equation of the first case."""
     law = cruise(length, speed, push, jerk)
+
     if duration is None:
         top = ends(law, 1).max()
         assert top**2 / push + top * push / jerk == pytest.approx(length)
@@ -55,37 +80,70 @@ def test_what_is_not_reached_on_a_short_way(length: float, speed: float, push: f
     assert law.duration == pytest.approx(duration)
 
 
-def test_laws_of_any_figures_keep_them_and_go_on_without_a_jump() -> None:
+def outer_ends(law: TimeLaw, order: int) -> np.ndarray:
+    """A derivative at the beginning and the end of the whole motion, shape (2,)."""
+    return ends(law, order)[[0, -1], [0, 1]]
+
+
+def largest(law: TimeLaw, order: int) -> float:
+    """Largest absolute value of a derivative at the ends of the polynomials."""
+    return float(np.abs(ends(law, order)).max())
+
+
+def test_laws_of_any_limits_keep_them_and_go_on_without_a_jump() -> None:
+    """Laws for random limits begin and end at rest, join their pieces, and reach at least one of the limits."""
     random = np.random.default_rng(5)
     for case in range(300):
         length, speed, push = 10 ** random.uniform(-2, 1, 3)
         jerk = [np.inf, None, 10 ** random.uniform(-1, 3)][case % 3]
         law = cruise(length, speed, push, jerk)
-        for order, scale in enumerate((length, speed, push)[: 2 if jerk == np.inf else 3]):
+
+        scales = [length, speed, push]
+        if jerk == np.inf:
+            scales = [length, speed]  # the acceleration of a trapezoid jumps
+        for order, scale in enumerate(scales):
             values = ends(law, order)
             np.testing.assert_allclose(values[1:, 0], values[:-1, 1], atol=1e-5 * scale)
-            outer = [0.0, length if order == 0 else 0.0]
-            np.testing.assert_allclose(values[[0, -1], [0, 1]], outer, atol=1e-5 * scale)
+            at_end = length if order == 0 else 0.0
+            np.testing.assert_allclose(outer_ends(law, order), [0.0, at_end], atol=1e-5 * scale)
         assert ends(law, 1).max() <= speed * (1 + 1e-6)
-        assert np.abs(ends(law, 2)).max() <= push * (1 + 1e-6)
-        reached = [np.isclose(np.abs(ends(law, order)).max(), top, rtol=1e-5) for order, top in ((1, speed), (2, push))]
-        assert any(reached) or (
-            jerk is not None and np.isclose(np.abs(ends(law, 3)).max(), jerk)
-        )  # else not the shortest
+        assert largest(law, 2) <= push * (1 + 1e-6)
+        # A law that reaches no limit is not the shortest one.
+        reaches_speed = np.isclose(largest(law, 1), speed, rtol=1e-5)
+        reaches_push = np.isclose(largest(law, 2), push, rtol=1e-5)
+        reaches_jerk = jerk is not None and np.isclose(largest(law, 3), jerk)
+        assert reaches_speed or reaches_push or reaches_jerk
 
 
-def test_a_law_of_a_given_time_speeds_up_for_a_quarter_of_it() -> None:
-    flat, rounded = cruise_in(2.0, rounded=False), cruise_in(2.0, rounded=True)
-    np.testing.assert_allclose(flat.breaks, [0, 0.5, 1.5, 2.0])
-    np.testing.assert_allclose(rounded.breaks, [0, 1 / 6, 1 / 3, 0.5, 1.5, 5 / 3, 11 / 6, 2.0])
-    for law in (flat, rounded):
-        assert ends(law, 0)[-1, 1] == pytest.approx(1.0)
-        assert law.slower(1.5).duration == pytest.approx(3.0)
-        np.testing.assert_allclose(ends(law.slower(1.5), 1), ends(law, 1) / 1.5, atol=1e-12)
-        even = len(law.coefficients) // 2  # its polynomial in the middle
-        at = law.times_of(np.array([0.25, 0.5, 1.0]))
-        assert at[1:] == pytest.approx([1.0, 2.0])
-        assert law.at(at[0], even) == pytest.approx(0.25)
+@pytest.mark.parametrize(
+    ("rounded", "breaks"),
+    [
+        (False, [0, 0.5, 1.5, 2.0]),
+        (True, [0, 1 / 6, 1 / 3, 0.5, 1.5, 5 / 3, 11 / 6, 2.0]),  # a ramp has three equal parts
+    ],
+)
+def test_a_law_of_a_given_time_speeds_up_for_a_quarter_of_it(rounded: bool, breaks: list[float]) -> None:
+    """A motion of 2 s has ramps of 0.5 s, and covers half of its path in half of the time."""
+    law = cruise_in(2.0, rounded=rounded)
+
+    np.testing.assert_allclose(law.breaks, breaks)
+    assert ends(law, 0)[-1, 1] == pytest.approx(1.0)
+    times = law.times_of(np.array([0.25, 0.5, 1.0]))
+    assert times[1:] == pytest.approx([1.0, 2.0])
+    middle_piece = len(law.coefficients) // 2
+    assert law.at(times[0], middle_piece) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("rounded", [False, True])
+def test_a_slower_law_takes_longer_at_a_lower_speed(rounded: bool) -> None:
+    """A law that is slower by a factor takes the factor longer, with the speeds divided by it."""
+    factor = 1.5
+    law = cruise_in(2.0, rounded=rounded)
+
+    slower = law.slower(factor)
+
+    assert slower.duration == pytest.approx(3.0)
+    np.testing.assert_allclose(ends(slower, 1), ends(law, 1) / factor, atol=1e-12)
 
 
 def test_the_smooth_law_is_that_of_moves() -> None:
@@ -93,25 +151,39 @@ def test_the_smooth_law_is_that_of_moves() -> None:
     np.testing.assert_allclose(smooth_law(1.7).at(times, 0), smooth(times / 1.7), atol=1e-12)
 
 
-START, TARGET = np.array([0.1, -0.2, 0.3]), np.array([1.1, -0.5, 0.3])
-SPEEDS, PUSHES = np.array([2.0, 0.5, 1.0]), np.array([4.0, 6.0, 1.0])
+# A motion of three axes, of which the third one rests.
+START = np.array([0.1, -0.2, 0.3])
+TARGET = np.array([1.1, -0.5, 0.3])
+WAY = TARGET - START
+SPEEDS = np.array([2.0, 0.5, 1.0])
+PUSHES = np.array([4.0, 6.0, 1.0])  # largest accelerations
 
 
 def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
-    reference = cruise_to(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=0.5)
-    shares = np.abs(TARGET - START)[:2]
-    speed, push = (SPEEDS[:2] / shares).min(), (PUSHES[:2] / shares).min()  # of the way from 0 to 1
-    assert reference.start_time() == 0.5
-    assert reference.end_time() - 0.5 == pytest.approx(1 / speed + speed / push)
-    times = np.linspace(0.5, reference.end_time(), 500)
-    q, v, a = (reference.MakeDerivative(order).vector_values(times).T for order in range(3))
-    parts = (q[:, 0] - START[0]) / (TARGET - START)[0]
-    np.testing.assert_allclose(q, START + np.outer(parts, TARGET - START), atol=1e-12)
-    np.testing.assert_allclose(q[-1], TARGET, atol=1e-12)
-    assert np.abs(v[:, 1]).max() == pytest.approx(0.5)  # the second axis is the slowest for its way
-    assert np.abs(a[:, 0]).max() == pytest.approx(4.0)  # and the first has the least acceleration
-    assert (np.abs(v).max(axis=0) <= SPEEDS + 1e-9).all()
-    assert (np.abs(a).max(axis=0) <= PUSHES + 1e-9).all()
+    """The second axis, the slowest for its way, limits the speed, and the first one the acceleration."""
+    begin = 0.5
+
+    reference = cruise_to(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=begin)
+
+    # Speed and acceleration of the part of the way, from 0 to 1, that all axes have covered.
+    lengths = np.abs(WAY)[:2]
+    speed = (SPEEDS[:2] / lengths).min()
+    push = (PUSHES[:2] / lengths).min()
+    assert reference.start_time() == begin
+    assert reference.end_time() - begin == pytest.approx(1 / speed + speed / push)
+    times = np.linspace(begin, reference.end_time(), 500)
+    positions, velocities, accelerations = (
+        reference.MakeDerivative(order).vector_values(times).T for order in range(3)
+    )
+    parts = (positions[:, 0] - START[0]) / WAY[0]
+    np.testing.assert_allclose(positions, START + np.outer(parts, WAY), atol=1e-12)
+    np.testing.assert_allclose(positions[-1], TARGET, atol=1e-12)
+    largest_speeds = np.abs(velocities).max(axis=0)
+    largest_pushes = np.abs(accelerations).max(axis=0)
+    assert largest_speeds[1] == pytest.approx(SPEEDS[1])
+    assert largest_pushes[0] == pytest.approx(PUSHES[0])
+    assert (largest_speeds <= SPEEDS + 1e-9).all()
+    assert (largest_pushes <= PUSHES + 1e-9).all()
 
 
 def test_an_s_curve_of_axes_keeps_their_jerks() -> None:

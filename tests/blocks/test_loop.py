@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
-from simrob_drake.parts.controllers.objective import PiLaw, WeightedObjective
+from simrob_drake.parts.controllers.objective import FinalPosture, PiLaw, WeightedObjective
 from simrob_drake.parts.controllers.postures import CellSequence, FallGuard, ProtectivePosture, Sequencer
 from simrob_drake.parts.controllers.support import Limb
 from simrob_drake.parts.controllers.touchdown import Touchdown, UnknownGround
@@ -217,69 +217,92 @@ class TestFallGuard:
         assert active == [1, 1, 1, 1, 1, 1, 0, 0]
 
 
-def objective(**changed):
-    posture = {name: changed.pop(name) for name in ("posture", "near", "duration") if name in changed}
-    return WeightedObjective(law=law(**changed), weights=np.array([0.5, -1.0, 0.0]), **posture)
+KP = 2.0  # rad per unit
+KI = 0.4  # rad/s per unit
+SAMPLE = 0.1  # s
+WEIGHTS = np.array([0.5, -1.0, 0.0])
 
 
 def law(**changed):
-    figures = {"period": 0.1, "targets": [1.0], "gains": (2.0, 0.4), "limit": 10.0, "fastest": 100.0}
-    return PiLaw(**{**figures, **changed})
+    """A law with limits that it does not reach, but for what is changed."""
+    return PiLaw(**{"period": SAMPLE, "targets": [1.0], "kp": KP, "ki": KI, "limit": 10.0, "fastest": 100.0, **changed})
+
+
+def objective(*, posture=None, **changed):
+    """A loop for three axes, of which the last one does not take part."""
+    return WeightedObjective(law=law(**changed), weights=WEIGHTS, posture=posture)
 
 
 @pytest.mark.parametrize(
     "changed",
     [
         {},
-        {"gains": (0.0, 5.0), "limit": 0.3, "fastest": 1.0},
+        {"kp": 0.0, "ki": 5.0, "limit": 0.3, "fastest": 1.0},
         {"targets": [1.0, 0.5, 0.8], "speed": 2.0, "hold": 0.3},
         {"targets": [1.0, 0.2], "hold": 0.3, "fastest": 2.0},
     ],
 )
 def test_an_objective_of_expressions_is_the_one_of_numbers(changed):
-    system, numbers = law(**changed).system(), Driven(objective(**changed))
+    """The system of Drake's gives the effort and the error that the block computes, for any measurements."""
+    system = law(**changed).make_system()
     context = system.CreateDefaultContext()
-    for value in np.random.default_rng(3).uniform(0, 1.5, 60):
-        system.get_input_port().FixValue(context, [value])
+    of_numbers = Driven(objective(**changed))
+
+    for measured in np.random.default_rng(3).uniform(0, 1.5, 60):
+        system.get_input_port().FixValue(context, [measured])
         context.get_mutable_discrete_state().SetFrom(system.EvalUniquePeriodicDiscreteUpdate(context))
         effort, error = system.get_output_port().Eval(context)
-        told = numbers.sample(measured=value)
-        assert (-effort, error) == pytest.approx((told["offset"][1], told["error"][0]), abs=1e-12)
+        outputs = of_numbers.sample(measured=measured)
+
+        assert WEIGHTS * effort == pytest.approx(outputs["offset"], abs=1e-12)
+        assert error == pytest.approx(outputs["error"][0], abs=1e-12)
 
 
 def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():
-    driven, measured, integral = Driven(objective()), [0.2, 0.5, 1.3, 1.1], 0.0
-    for value in measured:
-        given = driven.sample(measured=value)
-        integral += 0.4 * (1.0 - value) * 0.1
-        assert given["error"] == pytest.approx(1.0 - value)
-        assert given["offset"] == pytest.approx((2.0 * (1.0 - value) + integral) * np.array([0.5, -1.0, 0.0]))
+    driven = Driven(objective())
+    integral = 0.0
+    for measured in (0.2, 0.5, 1.3, 1.1):
+        error = 1.0 - measured
+        integral += KI * error * SAMPLE
+
+        outputs = driven.sample(measured=measured)
+
+        assert outputs["error"] == pytest.approx(error)
+        assert outputs["offset"] == pytest.approx((KP * error + integral) * WEIGHTS)
 
 
 def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
-    driven = Driven(objective(gains=(0.0, 5.0), limit=1.0, fastest=2.0))
-    seen = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
-    assert np.diff(seen).min() >= -0.2 - 1e-12  # 2 a second
-    assert min(seen) == -1.0
-    back = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
-    assert back[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
+    """The offset falls by at most 2 a second to its limit, and leaves it as soon as the error changes its sign."""
+    driven = Driven(objective(kp=0.0, ki=5.0, limit=1.0, fastest=2.0))
+
+    offsets = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
+    offsets_after = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
+
+    assert np.diff(offsets).min() >= -2.0 * SAMPLE - 1e-12
+    assert min(offsets) == -1.0
+    assert offsets_after[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
 
 
 def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
-    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, gains=(1.0, 0.0)))
-    asked = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
-    assert asked == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
+    """The setpoint starts at the first measurement, 0.6, moves by 0.2 a sample, and stays at a target for 0.2 s."""
+    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, kp=1.0, ki=0.0))
+
+    setpoints = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
+
+    assert setpoints == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
 
 
 def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
-    posture = {"posture": np.array([0.0, 0.0, 1.0]), "near": (0.1, 0.2), "duration": 0.2}
-    driven, asked = Driven(objective(**posture)), np.array([0.0, 0.0, 0.5])
-    seen = [
-        (given["active"][0], given["target"][2])
-        for value in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7)
-        for given in [driven.sample(measured=value, reference=asked)]
-    ]
-    assert seen == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]
+    """The axis moves from its reference, 0.5, to the posture, 1, once the quantity was near 1 for two samples."""
+    posture = FinalPosture(positions=np.array([0.0, 0.0, 1.0]), tolerance=0.1, settled=0.2, duration=0.2)
+    driven = Driven(objective(posture=posture))
+
+    outputs = []
+    for measured in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7):
+        output = driven.sample(measured=measured, reference=[0.0, 0.0, 0.5])
+        outputs.append((output["active"][0], output["target"][2]))
+
+    assert outputs == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]
 
 
 FORCE = np.array([0.0, 0.0, 30.0])

@@ -316,15 +316,22 @@ def test_a_monitor_that_does_not_fire_leaves_the_motion_as_it_is(
 
 
 def test_a_station_s_monitor_reads_its_outputs_under_their_names() -> None:
-    monitors = {"slow": {"kind": "settled", "robot": "left", "error_deg": 1, "hold": 0.3, "after": 0.1}}
+    """The inputs of a monitor's block have the names and sizes of the station's outputs that it watches."""
+    hold = 0.3
+    after = 0.1
+    section = {"kind": "settled", "robot": "left", "error_deg": 1, "hold": hold, "after": after}
     builder = DiagramBuilder()
-    ports = add_station(builder, load_station("two_irb120", {"monitors": monitors}))
-    block = next(system for system in builder.GetSystems() if isinstance(system, Monitor))
-    names = [block.get_input_port(index).get_name() for index in range(block.num_input_ports())]
+
+    ports = add_station(builder, load_station("two_irb120", {"monitors": {"slow": section}}))
+
+    (block,) = [system for system in builder.GetSystems() if isinstance(system, Monitor)]
+    inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
     assert block.get_name() == "monitor.slow"
-    assert names == ["left.velocity", "left.position", "left.reference"]
-    assert all(ports.outputs[name].size() == block.GetInputPort(name).size() for name in names)
-    assert (ports.outputs.monitors["slow"].hold, ports.outputs.monitors["slow"].after) == (0.3, 0.1)
+    assert [port.get_name() for port in inputs] == ["left.velocity", "left.position", "left.reference"]
+    assert all(ports.outputs[port.get_name()].size() == port.size() for port in inputs)
+    trigger = ports.outputs.monitors["slow"]
+    assert trigger.hold == hold
+    assert trigger.after == after
 
 
 @pytest.mark.parametrize("name", ["hold", "after"])

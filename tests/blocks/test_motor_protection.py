@@ -7,16 +7,25 @@ from simrob_drake.blocks.sampled import RunEnds
 from simrob_drake.parts.controllers.efforts import GuardedMotors, MotorProtection
 from tests.blocks.test_loop import Driven
 
-T = 0.01
+PERIOD = 0.01  # s between samples
+LIMIT = 40.0  # N·m, of the first axis
+NOMINAL = 20.0  # N·m, that its motor may give forever
+KP = 1000.0  # N·m/rad, of its servo
+THERMAL_TIME = 2.0  # s
+UNWATCHED = np.full(2, np.inf)
+
+# Stages, as the output `stage` gives them.
+WATCHES, WARNS, GIVES_WAY, STOPPED = range(4)
 
 
-def motors(limit=(40.0, np.inf), nominal=(20.0, np.inf), fastest=1.0, **changed):
-    figures = {"kind": "motor_protection", "thermal_time": 2.0, "hold": 0.02, "patience": 0.1, **changed}
+def motors(limit=(LIMIT, np.inf), nominal=(NOMINAL, np.inf), fastest=1.0, **changed):
+    """A loop for two axes, of which only the first one is watched; ``changed`` are keys of its section."""
+    section = {"kind": "motor_protection", "thermal_time": THERMAL_TIME, "hold": 0.02, "patience": 0.1, **changed}
     return GuardedMotors(
-        MotorProtection.model_validate(figures),
+        MotorProtection.model_validate(section),
         limit=np.array(limit),
         nominal=np.array(nominal),
-        stiffness=np.array([1000.0, 500.0]),
+        stiffness=np.array([KP, 500.0]),
         fastest=np.full(2, fastest),
         names=["hip", "knee"],
         units=["N·m", "N·m"],
@@ -24,92 +33,127 @@ def motors(limit=(40.0, np.inf), nominal=(20.0, np.inf), fastest=1.0, **changed)
 
 
 def sample(driven, torque, *, position=(0.1, 0.2), asked=(0.5, 0.6), **read):
+    """Sample with a torque of the first axis [N·m]."""
     return driven.sample(torque=np.array([torque, 7.0]), position=np.array(position), asked=np.array(asked), **read)
 
 
-def test_heat_follows_its_differential_equation_and_knows_no_sign():
-    driven, times = Driven(motors(limit=np.full(2, np.inf))), T * np.arange(1, 101)
-    seen = np.array([sample(driven, torque)["heat"] for torque in [16.0] * 50 + [-16.0] * 50])
-    assert seen[:, 0] == pytest.approx((16 / 20) ** 2 * (1 - np.exp(-times / 2.0)), rel=1e-12)
-    assert (seen[:, 1] == 0).all()
+def begun_memory(**changed):
+    """Memory of a loop that has just begun, but for what is changed."""
+    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
+    memory |= {name: np.zeros(1) for name in ("stage", "pressed", "lasts")}
+    return {**memory, **changed}
+
+
+def test_heat_follows_its_differential_equation_and_the_sign_of_a_torque_is_of_no_effect():
+    """At a constant torque the heat approaches (torque / nominal)² exponentially, and 0 afterwards."""
+    driven = Driven(motors(limit=UNWATCHED))
+    torques = [16.0] * 50 + [-16.0] * 50
+
+    heats = np.array([sample(driven, torque)["heat"] for torque in torques])
     cooling = np.array([sample(driven, 0.0)["heat"][0] for _ in range(100)])
-    assert cooling == pytest.approx(seen[-1, 0] * np.exp(-times / 2.0), rel=1e-12)
+
+    decay = np.exp(-PERIOD * np.arange(1, 101) / THERMAL_TIME)
+    assert heats[:, 0] == pytest.approx((16 / NOMINAL) ** 2 * (1 - decay), rel=1e-12)
+    assert (heats[:, 1] == 0).all()
+    assert cooling == pytest.approx(heats[-1, 0] * decay, rel=1e-12)
 
 
 def test_an_axis_gives_way_until_the_torque_of_its_servo_is_at_the_limit():
     """A joint that is stuck: its servo gives what is left between reference and position, up to 150 N·m."""
-    cold = {"nominal": np.full(2, np.inf), "patience": 1.0}
-    driven, offset, seen = Driven(motors(**cold)), 0.0, []
+    deviation = 0.3  # rad, of the joint from its reference
+    driven = Driven(motors(nominal=UNWATCHED, patience=1.0))
+    offset = 0.0
+    torques = []
+    stages = []
     for _ in range(20):
-        torque = min(1000 * (0.3 + offset), 150.0)
-        given = sample(driven, torque)
-        offset = given["offset"][0]
-        seen.append((torque, given["stage"][0]))
-    torques, stages = np.array(seen).T
-    assert stages[:3].tolist() == [0, 0, 2]  # it must last
-    assert (torques[:3] == 150).all()
+        torques.append(min(KP * (deviation + offset), 150.0))
+        outputs = sample(driven, torques[-1])
+        offset = outputs["offset"][0]
+        stages.append(outputs["stage"][0])
+
+    assert stages[:3] == [WATCHES, WATCHES, GIVES_WAY]  # an overload must last
+    assert torques[:3] == [150, 150, 150]
     assert torques[3:6] == pytest.approx([150, 80, 40])  # it was saturated: 0.3 rad would give 300
-    assert torques[6:] == pytest.approx(40)
-    assert offset == pytest.approx(0.04 - 0.3)
+    assert torques[6:] == pytest.approx([LIMIT] * 14)
+    assert offset == pytest.approx(LIMIT / KP - deviation)
 
 
 def test_it_comes_back_at_its_own_speed_once_it_can_and_guards_again():
+    """The offset of -0.05 rad returns by 0.02 rad a sample, or by what the limit permits."""
     driven = Driven(motors(hold=0.0, patience=1.0, fastest=2.0))
     sample(driven, 90.0)
-    seen = [sample(driven, torque) for torque in (10.0, 28.0, 10.0, 10.0)]
-    assert [given["offset"][0] for given in seen] == pytest.approx([-0.03, -0.018, 0, 0])
-    assert [given["stage"][0] for given in seen] == [2, 2, 0, 0]
+
+    outputs = [sample(driven, torque) for torque in (10.0, 28.0, 10.0, 10.0)]
+
+    assert [output["offset"][0] for output in outputs] == pytest.approx([-0.03, -0.018, 0, 0])
+    assert [output["stage"][0] for output in outputs] == [GIVES_WAY, GIVES_WAY, WATCHES, WATCHES]
 
 
 def test_a_motor_that_is_too_warm_warns_and_may_give_no_more_than_forever():
-    driven = Driven(motors(thermal_time=0.1, hold=0.02, patience=10.0))
-    torque, stages, heats = 30.0, [], []
+    """A torque of 1.5 times the nominal one heats up to 2.25; from 1 on the axis gives way to the nominal torque."""
+    thermal_time = 0.1
+    driven = Driven(motors(thermal_time=thermal_time, hold=0.02, patience=10.0))
+    torque = 30.0
+    stages = []
+    heats = []
     for _ in range(60):
-        given = sample(driven, torque)
-        torque = 30.0 + 1000 * given["offset"][0]
-        stages.append(given["stage"][0])
-        heats.append(given["heat"][0])
-    crossing = [np.log(2.25 / (2.25 - level)) * 0.1 / T for level in (0.8, 1.0)]  # 2.25 (1 - exp(-t / 0.1)) = level
-    assert [stages.index(1), stages.index(2)] == [int(samples) for samples in crossing]
-    assert torque == pytest.approx(20, abs=1.0)
+        outputs = sample(driven, torque)
+        torque = 30.0 + KP * outputs["offset"][0]
+        stages.append(outputs["stage"][0])
+        heats.append(outputs["heat"][0])
+
+    # 2.25 (1 - exp(-t / thermal_time)) = level
+    times = [np.log(2.25 / (2.25 - level)) * thermal_time for level in (0.8, 1.0)]
+    assert [stages.index(WARNS), stages.index(GIVES_WAY)] == [int(time / PERIOD) for time in times]
+    assert torque == pytest.approx(NOMINAL, abs=1.0)
     assert max(heats) < 1.1
     assert heats[-1] == pytest.approx(1, abs=0.02)
 
 
 def test_it_stops_when_it_has_given_way_for_too_long_and_holds_where_it_was():
+    """It gives way after 0.02 s and stops after 0.1 s more, with the position of that sample as target."""
     driven = Driven(motors())
-    seen = [sample(driven, 60.0, position=(0.1 + 0.001 * k, 0.2)) for k in range(30)]
-    stages = [given["stage"][0] for given in seen]
-    assert (stages.index(2), stages.index(3)) == (2, 12)
-    assert seen[-1]["target"] == pytest.approx([0.112, 0.2])
-    assert (seen[11]["active"], seen[12]["active"]) == (0, 1)
+
+    outputs = [sample(driven, 60.0, position=(0.1 + 0.001 * number, 0.2)) for number in range(30)]
+
+    stages = [output["stage"][0] for output in outputs]
+    assert stages.index(GIVES_WAY) == 2
+    assert stages.index(STOPPED) == 12
+    assert outputs[-1]["target"] == pytest.approx([0.112, 0.2])
+    assert (outputs[11]["active"], outputs[12]["active"]) == (0, 1)
 
 
-def test_it_lets_go_without_a_jump_once_all_was_well():
+def test_it_releases_the_robot_without_a_jump_once_all_was_well():
+    """After 0.05 s without overload, the offset is that of the target from the reference, and returns to 0."""
     driven = Driven(motors(hold=0.02, patience=0.1, reset_after=0.05))
-    while sample(driven, 60.0)["stage"] != 3:
+    while sample(driven, 60.0)["stage"] != STOPPED:
         pass
-    held = sample(driven, 60.0)["target"]
-    seen = [sample(driven, 5.0) for _ in range(7)]
-    assert [given["active"][0] for given in seen] == [1, 1, 1, 1, 0, 0, 0]
-    assert seen[4]["offset"] + [0.5, 0.6] == pytest.approx(held)  # offset from what is asked now
-    assert seen[6]["offset"] == pytest.approx(seen[4]["offset"] + 2 * T)
+    target = sample(driven, 60.0)["target"]
+
+    outputs = [sample(driven, 5.0) for _ in range(7)]
+
+    assert [output["active"][0] for output in outputs] == [1, 1, 1, 1, 0, 0, 0]
+    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(target)  # offset from what is asked now
+    assert outputs[6]["offset"] == pytest.approx(outputs[4]["offset"] + 2 * PERIOD)
 
 
 def test_a_force_stops_it_at_once_and_can_end_the_run():
+    """The size of the force counts, not its components: 80 N along each of three axes are 139 N."""
     driven = Driven(motors(force=140.0, hold=0.0, patience=0.1))
-    assert sample(driven, 5.0, force=[80.0, 80.0, -80.0])["stage"] == 0  # 139 N
-    assert sample(driven, 5.0, force=[0.0, 0.0, 141.0])["stage"] == 3
-    loop = motors(force=140.0, hold=0.0, patience=0.1, then="end")
-    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
-    memory |= {name: np.zeros(1) for name in ("stage", "pressed", "lasts")}
+    loop_that_ends = motors(force=140.0, hold=0.0, patience=0.1, then="end")
+    read = {"torque": np.zeros(2), "position": np.zeros(2), "force": np.array([0, 0, 141.0])}
+
+    assert sample(driven, 5.0, force=[80.0, 80.0, -80.0])["stage"] == WATCHES
+    assert sample(driven, 5.0, force=[0.0, 0.0, 141.0])["stage"] == STOPPED
     with pytest.raises(RunEnds, match="above 140 N"):
-        loop.sample(memory, {"torque": np.zeros(2), "position": np.zeros(2), "force": np.array([0, 0, 141.0])})
+        loop_that_ends.sample(begun_memory(), read)
 
 
 def test_the_reason_names_the_axis_and_its_limit():
+    """It has given way for 0.1 s, the patience of the loop, and one sample more."""
     loop = motors(then="end")
-    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
-    memory |= {"stage": np.array([2.0]), "pressed": np.zeros(1), "lasts": np.array([0.1])}
+    memory = begun_memory(stage=np.array([float(GIVES_WAY)]), lasts=np.array([0.1]))
+    read = {"torque": np.array([60.0, 0.0]), "position": np.zeros(2)}
+
     with pytest.raises(RunEnds, match=r"hip was held at 40 N·m for 0\.11 s"):
-        loop.sample(memory, {"torque": np.array([60.0, 0.0]), "position": np.zeros(2)})
+        loop.sample(memory, read)

@@ -64,14 +64,20 @@ def test_a_hold_stays_where_it_is_and_has_no_corner() -> None:
 
 
 def test_a_ramp_with_a_blend_gathers_speed_evenly_goes_on_and_slows_down() -> None:
-    trajectory, times = ramp(START, TARGET, duration=2.0, start_time=0.5, blend=0.4), np.linspace(0.5, 2.5, 101)
-    speed = (TARGET - START) / 1.6
-    share = np.clip(np.minimum(times - 0.5, 2.5 - times) / 0.4, 0, 1)  # of the full speed
-    for time, part in zip(times, share, strict=True):
-        np.testing.assert_allclose(value(trajectory, time, order=1), part * speed, atol=1e-12)
-    np.testing.assert_allclose(value(trajectory, 0.5), START, atol=1e-15)
-    np.testing.assert_allclose(value(trajectory, 1.5), (START + TARGET) / 2, atol=1e-12)
-    np.testing.assert_allclose(value(trajectory, 3.0), TARGET, atol=1e-12)
+    """The speed rises over the blend to distance / (duration - blend), stays, and falls in the same way."""
+    begin = 0.5
+    end = 2.5
+    blend = 0.4
+
+    trajectory = ramp(START, TARGET, duration=end - begin, start_time=begin, blend=blend)
+
+    full_speed = (TARGET - START) / (end - begin - blend)
+    for time in np.linspace(begin, end, 101):
+        share = np.clip(min(time - begin, end - time) / blend, 0, 1)
+        np.testing.assert_allclose(value(trajectory, time, order=1), share * full_speed, atol=1e-12)
+    np.testing.assert_allclose(value(trajectory, begin), START, atol=1e-15)
+    np.testing.assert_allclose(value(trajectory, (begin + end) / 2), (START + TARGET) / 2, atol=1e-12)
+    np.testing.assert_allclose(value(trajectory, end + 0.5), TARGET, atol=1e-12)
 
 
 @pytest.mark.parametrize("start_time", [0.0, 0.5])
@@ -148,15 +154,19 @@ def test_inside_of_a_cubic_table_there_is_no_corner() -> None:
 
 
 def test_a_hermite_table_is_the_piecewise_polynomial_of_drake() -> None:
+    """The spline through positions and velocities equals Drake's cubics, with derivatives of up to 1e3 and 1e5."""
     random = np.random.default_rng(6)
     times = np.cumsum(random.uniform(0.01, 0.1, 40))
-    samples, rates = random.normal(size=(2, 40, 3))
-    curve, same = hermite(times, samples, rates), PiecewisePolynomial.CubicHermite(times, samples.T, rates.T)
-    at = np.union1d(times, np.linspace(times[0], times[-1], 300))
-    np.testing.assert_allclose(curve.vector_values(at), same.vector_values(at), atol=1e-13)
-    for order, within in ((1, 1e-11), (2, 1e-8)):  # of up to 1e3, and 1e5
-        derivatives = [each.MakeDerivative(order).vector_values(at) for each in (curve, same)]
-        np.testing.assert_allclose(*derivatives, atol=within)
+    positions, velocities = random.normal(size=(2, 40, 3))
+
+    curve = hermite(times, positions, velocities)
+
+    cubics = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
+    checked_times = np.union1d(times, np.linspace(times[0], times[-1], 300))
+    for order, tolerance in ((0, 1e-13), (1, 1e-11), (2, 1e-8)):
+        found = curve.MakeDerivative(order).vector_values(checked_times)
+        expected = cubics.MakeDerivative(order).vector_values(checked_times)
+        np.testing.assert_allclose(found, expected, atol=tolerance)
     assert corner_times(curve) == [times[0], times[-1]]
 
 
@@ -245,19 +255,27 @@ def test_a_trajectory_is_a_column() -> None:
         add_reference(DiagramBuilder(), wide)
 
 
-def test_a_sine_and_its_derivatives_are_the_closed_form() -> None:
-    centre, amplitude, phase = np.array([0.1, -1.0]), np.array([0.5, 0.2]), np.array([0.0, 1.2])
-    frequency = 1.5
+@pytest.mark.parametrize("time", [0.0, 0.123, 4.5])
+def test_a_sine_and_its_derivatives_are_the_closed_form(time: float) -> None:
+    """The source of a sine plays c + a sin(w t + phi), a w cos(w t + phi) and -a w² sin(w t + phi)."""
+    sine = SineReference(
+        centre=np.array([0.1, -1.0]),
+        amplitude=np.array([0.5, 0.2]),
+        frequency=1.5,
+        phase=np.array([0.0, 1.2]),
+    )
     builder = DiagramBuilder()
-    diagram = played(builder, add_reference(builder, SineReference(centre, amplitude, frequency, phase)))
-    omega = 2 * np.pi * frequency
-    for time in (0.0, 0.123, 4.5):
-        angle = omega * time + phase
-        np.testing.assert_allclose(signal(diagram, "position", time), centre + amplitude * np.sin(angle), atol=1e-12)
-        np.testing.assert_allclose(signal(diagram, "velocity", time), amplitude * omega * np.cos(angle), atol=1e-11)
-        np.testing.assert_allclose(
-            signal(diagram, "acceleration", time), -amplitude * omega**2 * np.sin(angle), atol=1e-10
-        )
+
+    diagram = played(builder, add_reference(builder, sine))
+
+    omega = 2 * np.pi * sine.frequency
+    angle = omega * time + sine.phase
+    position = sine.centre + sine.amplitude * np.sin(angle)
+    velocity = sine.amplitude * omega * np.cos(angle)
+    acceleration = -sine.amplitude * omega**2 * np.sin(angle)
+    np.testing.assert_allclose(signal(diagram, "position", time), position, atol=1e-12)
+    np.testing.assert_allclose(signal(diagram, "velocity", time), velocity, atol=1e-11)
+    np.testing.assert_allclose(signal(diagram, "acceleration", time), acceleration, atol=1e-10)
 
 
 CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array([[0.0, 1.0, -1.0, 0.5]]))

@@ -114,35 +114,47 @@ CASCADE = replace(
 )
 
 
+def cascade_speed_error(values: dict[str, np.ndarray], optional: tuple[str, ...]) -> np.ndarray:
+    """Error of the speeds of a cascade, clip(kp / kd (q_r - q) + v_r) - v, shape (n,) [rad/s]."""
+    position, velocity = np.hsplit(values["state"], 2)
+    reference_velocity = values["reference_velocity"] if "reference_velocity" in optional else 0.0
+    wanted = CASCADE.kp / CASCADE.kd * (values["reference"] - position) + reference_velocity
+    return np.clip(wanted, -CASCADE.speed_limit, CASCADE.speed_limit) - velocity
+
+
 def cascade_law(values: dict[str, np.ndarray], integral: np.ndarray, optional: tuple[str, ...]) -> np.ndarray:
-    q, v = np.hsplit(values["state"], 2)
-    ahead = values["reference_velocity"] if "reference_velocity" in optional else 0.0
-    wanted = CASCADE.kp / CASCADE.kd * (values["reference"] - q) + ahead
-    speed = np.clip(wanted, -CASCADE.speed_limit, CASCADE.speed_limit)
-    torque = CASCADE.kd * (speed - v) + np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit)
+    """Torques of a cascade, kd (v_c - v) + clip(x) + feedforward, shape (n,) [N·m]."""
+    clipped = np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit)
+    torque = CASCADE.kd * cascade_speed_error(values, optional) + clipped
     return torque + (values["feedforward"] if "feedforward" in optional else 0.0)
 
 
 @pytest.mark.parametrize("per_joint", [True, False])
 @pytest.mark.parametrize("optional", [(), ("feedforward",), ("reference_velocity", "feedforward")])
 def test_a_cascade_asks_for_a_speed_and_limits_it(per_joint: bool, optional: tuple[str, ...]) -> None:
+    """Torques and rates of the integral parts, x' = ki kd / kp (v_c - v) + (clip(x) - x) / T, are those of the law."""
     random = np.random.default_rng(6)
     diagram = servo_diagram(CASCADE, per_joint=per_joint, optional=optional)
-    places = CASCADE.ki > 0 if per_joint else np.full(COUNT, True)
-    limited = 0
+    has_state = CASCADE.ki > 0 if per_joint else np.full(COUNT, True)
+    limited_count = 0
     for _ in range(20):
         values = {name: random.normal(size=size) for name, size in INPUTS.items()}
         context = fixed(diagram, values)
         integral = np.where(CASCADE.ki > 0, random.normal(scale=5.0, size=COUNT), 0.0)
-        context.SetContinuousState(integral[places])
-        expected = cascade_law(values, integral, optional)
-        np.testing.assert_allclose(diagram.GetOutputPort("torque").Eval(context), expected, atol=1e-12)
+        context.SetContinuousState(integral[has_state])
+
+        torque = diagram.GetOutputPort("torque").Eval(context)
         rate = diagram.EvalTimeDerivatives(context).CopyToVector()
-        driven = cascade_law(values, 0 * integral, [name for name in optional if name != "feedforward"]) / CASCADE.kp
-        leak = (np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit) - integral) / CLAMP_TIME
-        np.testing.assert_allclose(rate, (CASCADE.ki * driven + leak)[places], atol=1e-10)
-        limited += abs(100.0 / 5.0 * (values["reference"] - values["state"][:COUNT])[0]) > 0.5
-    assert limited > 5
+
+        np.testing.assert_allclose(torque, cascade_law(values, integral, optional), atol=1e-12)
+        driven = CASCADE.kd / CASCADE.kp * cascade_speed_error(values, optional)
+        clipped = np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit)
+        leak = (clipped - integral) / CLAMP_TIME
+        np.testing.assert_allclose(rate, (CASCADE.ki * driven + leak)[has_state], atol=1e-10)
+        error = values["reference"] - values["state"][:COUNT]
+        commanded_speeds = CASCADE.kp / CASCADE.kd * error
+        limited_count += abs(commanded_speeds[0]) > CASCADE.speed_limit[0]
+    assert limited_count > 5
 
 
 def test_a_cascade_without_limit_and_integral_is_the_single_loop() -> None:
@@ -196,17 +208,25 @@ def test_the_integral_is_that_of_scipy() -> None:
 
 
 def test_the_integral_part_stays_at_its_limit_and_unwinds_at_once() -> None:
-    # Held against an error e the state settles at limit + ki e T. Once the error is -e it comes back to the limit as
-    # x - limit = ki e T (2 exp(-t / T) - 1), which is at t = T ln 2; from there it falls at ki e.
-    ki, limit, error, turn = 100.0, 5.0, 1.0, 1.0
+    """Held against an error e, the state settles at limit + ki e T, and comes back T ln 2 after e has changed sign."""
+    ki = 100.0
+    limit = 5.0
+    error = 1.0
+    turn = 1.0  # time at which the error changes its sign [s]
     steps = PiecewisePolynomial.ZeroOrderHold([0.0, turn, 3.0], [[error, -error, -error]])
     simulator = integral_simulator(integral_gains(ki, limit), TrajectorySource(steps), events=[turn])
+
     assert torque_at(simulator, turn / 2) == limit
     assert torque_at(simulator, turn) == limit
-    assert simulator.get_context().get_continuous_state_vector()[0] == pytest.approx(limit + ki * error * CLAMP_TIME)
-    leaves = turn + CLAMP_TIME * np.log(2)
-    assert torque_at(simulator, leaves - 1e-4) == limit
-    assert torque_at(simulator, leaves + 0.03) == pytest.approx(limit - ki * error * 0.03, abs=1e-4)
+    state = simulator.get_context().get_continuous_state_vector()[0]
+    assert state == pytest.approx(limit + ki * error * CLAMP_TIME)
+
+    # x - limit = ki e T (2 exp(-t / T) - 1) is zero at t = T ln 2; from there x falls at ki e.
+    leaving = turn + CLAMP_TIME * np.log(2)
+    falling_time = 0.03  # [s]
+    assert torque_at(simulator, leaving - 1e-4) == limit
+    fallen = limit - ki * error * falling_time
+    assert torque_at(simulator, leaving + falling_time) == pytest.approx(fallen, abs=1e-4)
     assert torque_at(simulator, turn + 1) == -limit
 
 

@@ -2,6 +2,7 @@
 
 import math
 from graphlib import CycleError
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,47 +18,91 @@ from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
 ONE, TIME, U = 0, 1, 2
 FIRST = 3
-"""The place of the first block's output among the values."""
+"""Index of the first block's output among the values."""
+PHASE = 0.3
+"""Phase of the measured sine [rad]."""
 
 
-def block(kind, **figures):
-    return TypeAdapter(FlowBlockConfig).validate_python({"kind": kind, "of": "u", **figures})
+def block(kind, **keys):
+    """The section of a block of a kind, which reads u."""
+    return TypeAdapter(FlowBlockConfig).validate_python({"kind": kind, "of": "u", **keys})
+
+
+class Run(NamedTuple):
+    """Record of a net that measures a sine.
+
+    Attributes:
+        times: shape (m,) [s].
+        u: the measured sine, shape (m,).
+        outputs: outputs of all blocks, element by element, shape (elements, m).
+    """
+
+    times: np.ndarray
+    u: np.ndarray
+    outputs: np.ndarray
 
 
 def run(blocks, *, duration=2.0, frequency=3.0, amplitude=1.0, rows=201):
-    """Return times, the sine that is measured, and the outputs of blocks (name: (block, inputs)) by element."""
-    wired = {name: WiredBlock(own.law, *inputs) for name, (own, *inputs) in blocks.items()}
+    """Simulate a net that measures a sine. Returns a `Run`.
+
+    A net of expressions is compared with the same net of written source, too.
+
+    Args:
+        blocks: section of each block and its inputs, by name.
+        duration: duration of the run [s].
+        frequency: angular frequency of the sine [rad/s].
+        amplitude: amplitude of the sine.
+        rows: count of recorded times.
+    """
+    wired = {name: WiredBlock(section.law, *inputs) for name, (section, *inputs) in blocks.items()}
     builder = DiagramBuilder()
-    source = builder.AddSystem(Sine(amplitude=amplitude, frequency=frequency, phase=0.3, size=1))
+    source = builder.AddSystem(Sine(amplitude=amplitude, frequency=frequency, phase=PHASE, size=1))
     net = builder.AddSystem(signal_net(wired, 1))
     builder.Connect(source.get_output_port(0), net.get_input_port())
-    times = np.linspace(0, duration, rows)
     log = LogVectorOutput(net.get_output_port(), builder, duration / (rows - 1))
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_target_accuracy(1e-8)
     simulator.AdvanceTo(duration)
+
     if not isinstance(net, SignalNet):
-        same_as_written(net, SignalNet(wired, 1), [x for one in wired.values() for x in one.block.start])
-    found = log.FindLog(simulator.get_context())
-    return times, amplitude * np.sin(frequency * times + 0.3), found.data()[:, :rows]
+        start = [state for wired_block in wired.values() for state in wired_block.block.start]
+        assert_same_as_written(net, SignalNet(wired, 1), start)
+    times = np.linspace(0, duration, rows)
+    record = log.FindLog(simulator.get_context())
+    return Run(times, amplitude * np.sin(frequency * times + PHASE), record.data()[:, :rows])
 
 
-def same_as_written(net, written, start):
-    """A net of expressions gives what the blocks' own equations give, in other states than the start as well."""
-    rng = np.random.default_rng(1)
+def evaluate(net, *, time, measured, state):
+    """Outputs of a net, and the derivatives of its states (None without states), at a time with a measured value."""
+    context = net.CreateDefaultContext()
+    context.SetTime(time)
+    net.get_input_port().FixValue(context, [measured])
+    if not len(state):
+        return net.get_output_port().Eval(context), None
+    context.SetContinuousState(state)
+    rates = net.EvalTimeDerivatives(context).get_vector().CopyToVector()
+    return net.get_output_port().Eval(context), rates
+
+
+def assert_same_as_written(net, written, start):
+    """Check that a net of expressions computes what the blocks' own equations do, in other states than the start, too.
+
+    Args:
+        net: the net of expressions, whose states are differences from the start.
+        written: the same net as written source.
+        start: states at the start.
+    """
+    random = np.random.default_rng(1)
     for _ in range(20):
-        contexts = net.CreateDefaultContext(), written.CreateDefaultContext()
-        state, (given, when) = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, 2)
-        for system, context, origin in zip((net, written), contexts, (np.array(start), 0.0), strict=True):
-            context.SetTime(when)
-            system.get_input_port().FixValue(context, [given])
-            if start:
-                context.SetContinuousState(state - origin)
-        outputs = [one.get_output_port().Eval(context) for one, context in zip((net, written), contexts, strict=True)]
-        np.testing.assert_allclose(*outputs, atol=1e-12)
+        state = random.uniform(-1, 1, len(start))
+        measured, time = random.uniform(-1, 1, 2)
+
+        outputs, rates = evaluate(net, time=time, measured=measured, state=state - np.array(start))
+        expected_outputs, expected_rates = evaluate(written, time=time, measured=measured, state=state)
+
+        np.testing.assert_allclose(outputs, expected_outputs, atol=1e-12)
         if start:
-            rates = [one.EvalTimeDerivatives(context) for one, context in zip((net, written), contexts, strict=True)]
-            np.testing.assert_allclose(*(rate.get_vector().CopyToVector() for rate in rates), atol=1e-9)
+            np.testing.assert_allclose(rates, expected_rates, atol=1e-9)
 
 
 def test_a_transfer_function_is_that_of_scipy():
@@ -80,19 +125,29 @@ def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
 
 def test_a_sampled_transfer_function_behind_another_is_that_of_scipy():
     """Both sample together: the second takes what the first gives at that very time, and all is held in between."""
-    first, second = ([0.3, 0.1], [1.0, -0.5]), ([1.0, 0.2], [1.0, 0.1, 0.2])
+    first_numerator, first_denominator = [0.3, 0.1], [1.0, -0.5]
+    second_numerator, second_denominator = [1.0, 0.2], [1.0, 0.1, 0.2]
+    first = block("transfer_function", numerator=first_numerator, denominator=first_denominator, period=0.02)
+    second = block("transfer_function", numerator=second_numerator, denominator=second_denominator, period=0.02)
+    slow = block("delay", period=0.06, initial=7.0)
+    first_output = FIRST + 1  # index of its value: it is the second block of the net
     blocks = {  # not in the order of computation
-        "G": (block("transfer_function", numerator=second[0], denominator=second[1], period=0.02), [[(4, 1.0)]]),
-        "F": (block("transfer_function", numerator=first[0], denominator=first[1], period=0.02), [[(U, 1.0)]]),
-        "slow": (block("delay", period=0.06, initial=7.0), [[(4, 2.0)]]),
+        "second": (second, [[(first_output, 1.0)]]),
+        "first": (first, [[(U, 1.0)]]),
+        "slow": (slow, [[(first_output, 2.0)]]),
     }
-    times, u, (g, f, slow) = run(blocks, rows=101)
-    after = lambda y: y[1:]  # noqa: E731 - what a log sees at t is from before the sample at t
-    wanted = signal.lfilter(*first, u)
-    np.testing.assert_allclose(after(f), wanted[:-1], atol=1e-12)
-    np.testing.assert_allclose(after(g), signal.lfilter([0.0, *second[0]], second[1], wanted)[:-1], atol=1e-12)
-    held = np.repeat([7.0, *2 * wanted[::3]], 3)[: len(times) - 1]
-    np.testing.assert_allclose(after(slow), held, atol=1e-12)
+
+    record = run(blocks, rows=101)
+
+    # A value that is logged at t is from before the sample at t, so records are one sample late.
+    of_second, of_first, of_slow = record.outputs[:, 1:]
+    filtered = signal.lfilter(first_numerator, first_denominator, record.u)
+    np.testing.assert_allclose(of_first, filtered[:-1], atol=1e-12)
+    filtered_twice = signal.lfilter([0.0, *second_numerator], second_denominator, filtered)
+    np.testing.assert_allclose(of_second, filtered_twice[:-1], atol=1e-12)
+    # Every third sample, doubled, one slow period late.
+    held = np.repeat([7.0, *2 * filtered[::3]], 3)[: len(of_slow)]
+    np.testing.assert_allclose(of_slow, held, atol=1e-12)
 
 
 def test_an_integrator_waits_at_its_bounds():
@@ -114,15 +169,26 @@ def test_a_sampled_integrator_adds_up():
 
 
 def test_a_rate_limiter_follows_within_its_slopes():
-    limiter = block("rate_limiter", rising=1.0, falling=2.0, lag=1e-3, initial=0.2)
-    sampled = block("rate_limiter", rising=1.0, falling=2.0, period=0.001, initial=0.2)
-    _, _, (y, held) = run({"R": (limiter, [[(U, 1.0)]]), "S": (sampled, [[(U, 1.0)]])}, rows=2001)
-    value, wanted = 0.2, []
-    for given in np.sin(3 * np.linspace(0, 2, 2001) + 0.3):
-        value = min(max(given, value - 2e-3), value + 1e-3)
-        wanted.append(value)
-    np.testing.assert_allclose(held[1:], wanted[:-1], atol=1e-12)
-    np.testing.assert_allclose(y, wanted, atol=2.0 * 1e-3 + 2e-3)  # the largest slope times the lag, and a sample
+    """A sampled limiter goes on by at most slope times period; a continuous one is late by its lag."""
+    rising = 1.0  # [1/s]
+    falling = 2.0  # [1/s]
+    start = 0.2
+    lag = 1e-3  # [s]
+    period = 1e-3  # [s]
+    continuous = block("rate_limiter", rising=rising, falling=falling, lag=lag, initial=start)
+    sampled = block("rate_limiter", rising=rising, falling=falling, period=period, initial=start)
+
+    record = run({"continuous": (continuous, [[(U, 1.0)]]), "sampled": (sampled, [[(U, 1.0)]])}, rows=2001)
+
+    limited = []
+    value = start
+    for u in record.u:
+        value = min(max(u, value - falling * period), value + rising * period)
+        limited.append(value)
+    of_continuous, of_sampled = record.outputs
+    np.testing.assert_allclose(of_sampled[1:], limited[:-1], atol=1e-12)
+    largest_difference = falling * lag + falling * period  # in the lag, and in a sample
+    np.testing.assert_allclose(of_continuous, limited, atol=largest_difference)
 
 
 @pytest.mark.parametrize(
@@ -230,18 +296,38 @@ def test_a_pid_of_three_errors_acts_on_each():
 
 @pytest.mark.parametrize("mode", ["none", "clamping", "back_calculation"])
 def test_a_pid_stops_integrating_at_its_bounds(mode):
-    """Against the controller's own equation in steps of 10 µs."""
-    given = block("pid", p=1, i=8, lower=-1.0, upper=0.6, anti_windup=mode, back_calculation=5.0)
-    _, _, (y,) = run({"C": (given, [[(U, 1.0)]])})
-    integral, wanted = 0.0, []
-    for error in np.sin(3 * np.arange(0, 2.00001, 1e-5) + 0.3):
+    """The output is that of the controller's own equation in steps of 10 µs."""
+    integral_gain = 8
+    lower = -1.0
+    upper = 0.6
+    back_calculation = 5.0
+    step = 1e-5  # [s]
+    given = block(
+        "pid",
+        p=1,
+        i=integral_gain,
+        lower=lower,
+        upper=upper,
+        anti_windup=mode,
+        back_calculation=back_calculation,
+    )
+
+    record = run({"C": (given, [[(U, 1.0)]])})
+
+    limited = []
+    integral = 0.0
+    for error in np.sin(3 * np.arange(0, 2.00001, step) + PHASE):
         free = error + integral
-        wanted.append(min(max(free, -1.0), 0.6))
-        rate = 8 * error
-        if mode == "clamping" and (free - wanted[-1]) * rate > 0:
+        output = min(max(free, lower), upper)
+        limited.append(output)
+        excess = free - output
+        rate = integral_gain * error
+        if mode == "clamping" and excess * rate > 0:
             rate = 0.0
-        integral += 1e-5 * (rate - (5.0 * (free - wanted[-1]) if mode == "back_calculation" else 0.0))
-    np.testing.assert_allclose(y, wanted[::1000], atol=2e-3)
+        if mode == "back_calculation":
+            rate -= back_calculation * excess
+        integral += step * rate
+    np.testing.assert_allclose(record.outputs[0], limited[::1000], atol=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -249,14 +335,29 @@ def test_a_pid_stops_integrating_at_its_bounds(mode):
 )
 def test_a_sampled_pid_integrates_by_its_method(weight, upper, lower):
     """1/s is T/(z-1), T z/(z-1) or T/2 (z+1)/(z-1), in the integral and in the filter of the derivative alike."""
+    p, i, d = 0.5, 2, 0.1
+    filter_rate = 20.0  # [1/s]
+    period = 0.01  # [s]
     given = block(
-        "pid", p=0.5, i=2, d=0.1, filter=20.0, period=0.01, integration_weight=weight, filtering_weight=weight
+        "pid",
+        p=p,
+        i=i,
+        d=d,
+        filter=filter_rate,
+        period=period,
+        integration_weight=weight,
+        filtering_weight=weight,
     )
-    _, u, (y,) = run({"C": (given, [[(U, 1.0)]])})
-    upper, lower = 0.01 * np.array(upper, dtype=float), np.array(lower, dtype=float)
-    integral = signal.lfilter(upper, lower, u)
-    derivative = signal.lfilter(20 * lower, lower + 20 * upper, u)
-    np.testing.assert_allclose(y[1:], (0.5 * u + 2 * integral + 0.1 * derivative)[:-1], atol=1e-9)
+
+    record = run({"C": (given, [[(U, 1.0)]])})
+
+    # 1/s = numerator / denominator in z, and the filtered derivative N / (1 + N / s).
+    numerator = period * np.array(upper, dtype=float)
+    denominator = np.array(lower, dtype=float)
+    integral = signal.lfilter(numerator, denominator, record.u)
+    derivative = signal.lfilter(filter_rate * denominator, denominator + filter_rate * numerator, record.u)
+    expected = p * record.u + i * integral + d * derivative
+    np.testing.assert_allclose(record.outputs[0, 1:], expected[:-1], atol=1e-9)
 
 
 def test_sums_take_the_time_and_constants():

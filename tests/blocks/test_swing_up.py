@@ -140,19 +140,27 @@ def test_the_torque_gives_the_driven_axis_the_acceleration_of_the_law(make: Call
 
 
 def test_the_energy_of_a_pole_is_the_closed_form() -> None:
+    """The error is that of the pole as seen from the cart, or that of the whole robot with the cart's motion."""
     robot = cart_pole()
     dynamics = AxisDynamics(robot.plant, robot.axes)
     of_pole = robot.block(gains=SwingUpGains(1.0, 1.0, 1.0, of_passive_axis=True))
     of_robot = robot.block()
     for position, velocity in states(10):
+        angle = position[1]
+        cart_speed, turn_speed = velocity
         terms = dynamics.terms(position, velocity)
-        height = -LENGTH * (np.cos(position[1]) + 1.0)
-        pole = 0.5 * POLE_INERTIA * velocity[1] ** 2 + POLE_MASS * STANDARD_GRAVITY * height
-        assert of_pole.energy_error(terms, position, velocity) == pytest.approx(pole, abs=1e-9)
+
+        error_of_pole = of_pole.energy_error(terms, position, velocity)
+        error_of_robot = of_robot.energy_error(terms, position, velocity)
+
+        height_below_upright = -LENGTH * (np.cos(angle) + 1.0)
+        potential = POLE_MASS * STANDARD_GRAVITY * height_below_upright
+        energy_of_pole = 0.5 * POLE_INERTIA * turn_speed**2 + potential
+        assert error_of_pole == pytest.approx(energy_of_pole, abs=1e-9)
         # The sense of the pivot makes the end of the pole move towards -x.
-        coupling = -POLE_MASS * LENGTH * np.cos(position[1])
-        cart = 0.5 * (CART_MASS + POLE_MASS) * velocity[0] ** 2 + coupling * velocity[0] * velocity[1]
-        assert of_robot.energy_error(terms, position, velocity) == pytest.approx(pole + cart, abs=1e-9)
+        coupling = -POLE_MASS * LENGTH * np.cos(angle)
+        energy_of_cart = 0.5 * (CART_MASS + POLE_MASS) * cart_speed**2 + coupling * cart_speed * turn_speed
+        assert error_of_robot == pytest.approx(energy_of_pole + energy_of_cart, abs=1e-9)
 
 
 def test_the_energy_error_of_a_pole_fades_as_the_law_says() -> None:
@@ -161,21 +169,30 @@ def test_the_energy_error_of_a_pole_fades_as_the_law_says() -> None:
     gain = 0.7
     block = robot.block(gains=SwingUpGains(gain, 0.0, 0.0, of_passive_axis=True))
     dynamics = AxisDynamics(robot.plant, robot.axes)
+    no_error = np.zeros(2)
     for position, velocity in states(10):
+        angle = position[1]
+        turn_speed = velocity[1]
         terms = dynamics.terms(position, velocity)
         energy = block.energy_error(terms, position, velocity)
-        force = block.swing_torque(terms, np.zeros(2), velocity, energy).item()
-        angular = robot.accelerations(position, velocity, np.array([force, 0.0]))[1]
-        weight = POLE_MASS * STANDARD_GRAVITY * LENGTH * np.sin(position[1])
-        power = velocity[1] * (POLE_INERTIA * angular + weight)
-        coupling = POLE_MASS * LENGTH * np.cos(position[1])
-        assert power == pytest.approx(-gain * energy * (coupling * velocity[1]) ** 2, rel=1e-8, abs=1e-9)
+
+        force = block.swing_torque(terms, no_error, velocity, energy).item()
+
+        turn_acceleration = robot.accelerations(position, velocity, np.array([force, 0.0]))[1]
+        weight = POLE_MASS * STANDARD_GRAVITY * LENGTH * np.sin(angle)
+        power = turn_speed * (POLE_INERTIA * turn_acceleration + weight)
+        coupling = POLE_MASS * LENGTH * np.cos(angle)
+        expected = -gain * energy * (coupling * turn_speed) ** 2
+        assert power == pytest.approx(expected, rel=1e-8, abs=1e-9)
 
 
 def test_a_robot_that_hangs_still_is_set_in_motion() -> None:
+    """At rest below, the motor pushes, although the law times the speed zero would not."""
     robot = cart_pole()
     read = {"position": np.zeros(2), "velocity": np.zeros(2)}
+
     changes = robot.block().sample({"balancing": np.zeros(1)}, read)
+
     assert changes["feedforward"][0] != 0.0
     assert changes["feedforward"][1] == 0.0
     assert changes["balancing"] == 0.0
@@ -183,37 +200,55 @@ def test_a_robot_that_hangs_still_is_set_in_motion() -> None:
 
 
 def test_the_linear_model_of_the_cart_and_pole_is_the_closed_form() -> None:
+    """Upright, x' = A x + B u with A = [[0, 1], [M^-1 G, 0]]; the weight G turns the pole further over."""
     robot = cart_pole()
     weights = LqrWeights(*np.ones((3, 2)))
-    found = balance_regulator(AxisDynamics(robot.plant, robot.axes), robot.driven, robot.upright, weights)
+    dynamics = AxisDynamics(robot.plant, robot.axes)
+
+    regulator = balance_regulator(dynamics, robot.driven, robot.upright, weights)
+
     coupling = POLE_MASS * LENGTH  # upright, the pole's end moves towards +x with a positive angle
     mass = np.array([[CART_MASS + POLE_MASS, coupling], [coupling, POLE_INERTIA]])
-    topples = np.diag([0.0, POLE_MASS * STANDARD_GRAVITY * LENGTH])
+    weight = np.diag([0.0, POLE_MASS * STANDARD_GRAVITY * LENGTH])
     inverse = np.linalg.inv(mass)
-    expected = np.block([[np.zeros((2, 2)), np.eye(2)], [inverse @ topples, np.zeros((2, 2))]])
-    np.testing.assert_allclose(found.dynamics_matrix, expected, atol=1e-8)
-    np.testing.assert_allclose(found.input_matrix.ravel(), [0, 0, *inverse[:, 0]], atol=1e-12)
+    none = np.zeros((2, 2))
+    expected = np.block([[none, np.eye(2)], [inverse @ weight, none]])
+    np.testing.assert_allclose(regulator.dynamics_matrix, expected, atol=1e-8)
+    np.testing.assert_allclose(regulator.input_matrix.ravel(), [0, 0, *inverse[:, 0]], atol=1e-12)
 
 
 @ROBOTS
 def test_the_regulator_solves_the_riccati_equation(make: Callable[[], Robot]) -> None:
+    """Cost and gain are those of SciPy's solution S, K = R^-1 B' S, and the regulated robot is stable."""
     robot = make()
-    weights = LqrWeights(position=np.array([3.0, 7.0]), velocity=np.array([0.5, 2.0]), torque=np.array([0.3, 0.4]))
-    found = balance_regulator(AxisDynamics(robot.plant, robot.axes), robot.driven, robot.upright, weights)
+    weights = LqrWeights(
+        position=np.array([3.0, 7.0]),
+        velocity=np.array([0.5, 2.0]),
+        torque=np.array([0.3, 0.4]),
+    )
+    dynamics = AxisDynamics(robot.plant, robot.axes)
+
+    regulator = balance_regulator(dynamics, robot.driven, robot.upright, weights)
+
+    a = regulator.dynamics_matrix
+    b = regulator.input_matrix
+    state_weights = np.diag([*weights.position, *weights.velocity])
     torque_weight = weights.torque[robot.driven].reshape(1, 1)
-    cost = solve_continuous_are(found.dynamics_matrix, found.input_matrix, np.diag([3.0, 7.0, 0.5, 2.0]), torque_weight)
-    np.testing.assert_allclose(found.cost, cost, rtol=1e-6, atol=1e-8 * np.abs(cost).max())
-    np.testing.assert_allclose(found.gain, found.input_matrix.T @ cost / torque_weight, rtol=1e-6)
-    poles = np.linalg.eigvals(found.dynamics_matrix - found.input_matrix @ found.gain)
-    assert (poles.real < 0).all()
-    assert (np.linalg.eigvals(found.dynamics_matrix).real > 1.0).any()  # without the regulator it falls
+    cost = solve_continuous_are(a, b, state_weights, torque_weight)
+    np.testing.assert_allclose(regulator.cost, cost, rtol=1e-6, atol=1e-8 * np.abs(cost).max())
+    np.testing.assert_allclose(regulator.gain, b.T @ cost / torque_weight, rtol=1e-6)
+    assert (np.linalg.eigvals(a - b @ regulator.gain).real < 0).all()
+    assert (np.linalg.eigvals(a).real > 1.0).any()  # without the regulator it falls
 
 
 def test_no_motor_saturates_within_the_largest_cost() -> None:
+    """On the border of the set x' S x = r, the largest torque is just the motor's limit."""
     robot = acrobot()
     regulator = robot.block().regulator
     limit = robot.torque_limit[robot.driven]
+
     cost = regulator.largest_cost(limit)
+
     # Points of the set's border: x = L⁻ᵀ u sqrt(cost) with S = L Lᵀ and unit vectors u.
     random = np.random.default_rng(5)
     directions = random.normal(size=(4, 20000))
@@ -224,32 +259,59 @@ def test_no_motor_saturates_within_the_largest_cost() -> None:
     assert torques.max() > 0.98 * limit[0]
 
 
-def test_it_takes_over_and_gives_up_by_the_cost() -> None:
+@pytest.mark.parametrize(
+    ("was_balancing", "distance", "is_balancing"),
+    [
+        (0.0, 0.99, 1.0),
+        (0.0, 1.01, 0.0),
+        (1.0, 1.40, 1.0),  # it gives up at twice the cost, which grows with the square: 1.41² = 2
+        (1.0, 1.42, 0.0),
+    ],
+)
+def test_it_takes_over_and_gives_up_by_the_cost(was_balancing: float, distance: float, is_balancing: float) -> None:
+    """Distances are multiples of the one at which the cost is the largest that no motor's limit disturbs."""
     robot = acrobot()
     block = robot.block()
     largest = block.regulator.largest_cost(robot.torque_limit[robot.driven])
     direction = np.array([1.0, 0.0, 0.0, 0.0])
-    unit = np.sqrt(largest / (direction @ block.regulator.cost @ direction))
-    decisions = {}
-    for name, before, size in (("near", 0.0, 0.99), ("far", 0.0, 1.01), ("held", 1.0, 1.40), ("lost", 1.0, 1.42)):
-        state = size * unit * direction  # the cost grows with the square: 1.41² = 2
-        read = {"position": robot.upright + state[:2], "velocity": state[2:]}
-        decisions[name] = block.sample({"balancing": np.array([before])}, read)["balancing"]
-    assert decisions == {"near": 1.0, "far": 0.0, "held": 1.0, "lost": 0.0}
+    distance_of_largest = np.sqrt(largest / (direction @ block.regulator.cost @ direction))
+    state = distance * distance_of_largest * direction
+    read = {"position": robot.upright + state[:2], "velocity": state[2:]}
+
+    changes = block.sample({"balancing": np.array([was_balancing])}, read)
+
+    assert changes["balancing"] == is_balancing
 
 
-def test_upright_is_any_number_of_turns_and_either_sense() -> None:
+BALANCING = {"balancing": np.ones(1)}
+NEAR_UPRIGHT = np.array([0.01, -0.02])
+TURNING = np.array([0.1, 0.2])
+
+
+def test_upright_is_any_number_of_turns() -> None:
+    """Whole turns of the axes do not change the torque of the regulator."""
+    robot = acrobot()
+    position = robot.upright + NEAR_UPRIGHT
+    turned = position + 2 * np.pi * np.array([-2, 3])
+
+    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})["feedforward"]
+    same = robot.block().sample(BALANCING, {"position": turned, "velocity": TURNING})["feedforward"]
+
+    assert torque[1] != 0.0
+    np.testing.assert_allclose(same, torque, rtol=1e-9)
+
+
+def test_axes_may_count_in_the_opposite_sense() -> None:
+    """A robot whose axes count the other way round gets the opposite torque in the same state."""
     robot = acrobot()
     mirrored = acrobot(sign=-1.0)
-    state = np.array([0.01, -0.02])
-    read = {"position": robot.upright + state, "velocity": np.array([0.1, 0.2])}
-    turned = {**read, "position": read["position"] + 2 * np.pi * np.array([-2, 3])}
-    opposite = {"position": -read["position"], "velocity": -read["velocity"]}
-    memory = {"balancing": np.ones(1)}
-    torque = robot.block().sample(memory, read)["feedforward"]
+    position = robot.upright + NEAR_UPRIGHT
+
+    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})["feedforward"]
+    opposite = mirrored.block().sample(BALANCING, {"position": -position, "velocity": -TURNING})["feedforward"]
+
     assert torque[1] != 0.0
-    np.testing.assert_allclose(robot.block().sample(memory, turned)["feedforward"], torque, rtol=1e-9)
-    np.testing.assert_allclose(mirrored.block().sample(memory, opposite)["feedforward"], -torque, rtol=1e-9)
+    np.testing.assert_allclose(opposite, -torque, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

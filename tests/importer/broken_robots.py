@@ -620,7 +620,7 @@ INERTIAS = [
     Defect("moments missing", upper_inertia("", "", ""), "dropped: has a mass but no moments of inertia; left out"),
     Defect("moments negative", upper_inertia(-0.1, 0.1, 0.1), "dropped: no body has the principal moments"),
     Defect("not positive definite", upper_inertia(0.03, 0.03, 0.003, xy=0.05), "dropped: no body has the principal"),
-    Defect("triangle slightly wrong", upper_inertia(0.03, 0.03, 0.060003), "repaired: by rounding, so"),
+    Defect("triangle slightly wrong", upper_inertia(0.03, 0.03, 0.060003), "repaired: this is a rounding error"),
     Defect("triangle grossly wrong", upper_inertia(0.01, 0.01, 0.5), "dropped: none exceeds the others' sum; left out"),
     Defect("triangle, estimated", upper_inertia(0.01, 0.01, 0.5), "defaulted: scaled to its mass", options=ESTIMATE),
     Defect("moments in g mm²", upper_inertia(3e7, 3e7, 3e6), "read: times those of a solid body"),

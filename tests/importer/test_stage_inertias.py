@@ -1,11 +1,11 @@
-"""Inertias that no body has are mended, estimated or left out; what is left has the mass that is told."""
+"""Inertias that no body has are correct_rounding, estimated or left out; what is left has the mass that is told."""
 
 import numpy as np
 import pytest
 from pydrake.multibody.tree import SpatialInertia
 from repair_stages import ARM, END, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
-from simrob_drake.importer.repairs.inertias import mended
+from simrob_drake.importer.repairs.inertias import correct_rounding
 from simrob_drake.robots.bodies import links_without_inertia
 from simrob_drake.robots.imports import ImportOptions
 
@@ -98,16 +98,16 @@ def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
 )
 def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
     done = Repaired(with_defect(INERTIA, moments(*given)), tmp_path)
-    assert any("by rounding, so" in line for line in done.told("repaired"))
+    assert any("this is a rounding error" in line for line in done.told("repaired"))
     np.testing.assert_allclose(body(done)[2], np.diag(given), atol=1e-3 * max(given))
 
 
 def test_mending_moves_each_moment_alike_and_turns_with_the_axes():
     turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
-    found = mended(turn @ np.diag([0.01, 0.01, 0.0200003]) @ turn.T)
+    found = correct_rounding(turn @ np.diag([0.01, 0.01, 0.0200003]) @ turn.T)
     np.testing.assert_allclose(found, turn @ np.diag([0.0100001, 0.0100001, 0.0200002]) @ turn.T, atol=1e-10)
-    assert mended(np.diag([0.01, 0.01, 0.021])) is None
-    assert mended(np.diag([-0.001, 0.01, 0.01])) is None
+    assert correct_rounding(np.diag([0.01, 0.01, 0.021])) is None
+    assert correct_rounding(np.diag([-0.001, 0.01, 0.01])) is None
 
 
 def test_shapes_add_up_and_visuals_stand_in_where_there_is_no_collision(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.urdf import DRAKE, joint_figure
+from simrob_drake.robots.urdf import DRAKE, joint_value
 
 
 def run(reference, **overrides):
@@ -44,9 +44,9 @@ def test_a_user_s_limits_hold_too():
 def test_limits_come_from_the_urdf_where_the_robot_s_file_tells_none():
     namespace = 'xmlns:drake="http://drake.mit.edu"'
     joint = ET.fromstring(f'<joint {namespace}><limit velocity="2" drake:acceleration="7"/></joint>')
-    assert (joint_figure(joint, "velocity"), joint_figure(joint, f"{DRAKE}acceleration")) == (2.0, 7.0)
-    assert joint_figure(ET.fromstring('<joint><limit velocity="0"/></joint>'), f"{DRAKE}acceleration") == 0.0
-    assert joint_figure(ET.fromstring("<joint/>"), "velocity") == 0.0
+    assert (joint_value(joint, "velocity"), joint_value(joint, f"{DRAKE}acceleration")) == (2.0, 7.0)
+    assert joint_value(ET.fromstring('<joint><limit velocity="0"/></joint>'), f"{DRAKE}acceleration") == 0.0
+    assert joint_value(ET.fromstring("<joint/>"), "velocity") == 0.0
     np.testing.assert_allclose(np.rad2deg(load_robot("irb120").accelerations), [2000] * 3 + [3000] * 3)
 
 

@@ -14,13 +14,20 @@ FREE = {"gravity": 0, "pieces.ball.pose": [0, 0, 1, 0, 0, 0], "floor": None, "co
 
 
 def ball(forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, step: float = 0.1) -> SimulationResult:
-    """Push a free ball without weight, with steps as long as the pushes."""
+    """Simulate a free ball without weight, with forces by name.
+
+    Args:
+        forces: sections of the forces; they act on the ball.
+        scheme: integration scheme.
+        until: duration of the run [s].
+        step: longest step of the solver [s].
+    """
     overrides = {
         **FREE,
         "solver.max_step": step,
         "solver.accuracy": 3e-4,
         "solver.scheme": scheme,
-        "forces": {name: {"at": "ball", **f} for name, f in forces.items()},
+        "forces": {name: {"at": "ball", **force} for name, force in forces.items()},
     }
     return simulate(load_station("bouncing_ball", overrides), duration=until, progress=False)
 
@@ -31,10 +38,13 @@ def velocity(result: SimulationResult) -> np.ndarray:
 
 @pytest.mark.parametrize("scheme", ["cenic", "radau3", "runge_kutta3", "runge_kutta2", "radau1", "implicit_euler"])
 def test_the_impulse_of_a_push_arrives(scheme: str) -> None:
-    """Also with schemes that look at a step's end, where the force is gone: 5 % of it, with steps of a tenth of it."""
-    force = np.array([3.0, -10.0, 1.0])
-    result = ball({"push": {"start": 0.213, "duration": 0.1, "force": force.tolist()}}, scheme, step=0.01)
-    np.testing.assert_allclose(velocity(result), force * 0.1 / MASS, rtol=1e-6)
+    """Schemes that evaluate the force at a step's end, where it is gone, would lose 5 % with steps of a tenth of it."""
+    force = np.array([3.0, -10.0, 1.0])  # N
+    duration = 0.1  # s
+
+    result = ball({"push": {"start": 0.213, "duration": duration, "force": force.tolist()}}, scheme, step=0.01)
+
+    np.testing.assert_allclose(velocity(result), force * duration / MASS, rtol=1e-6)
 
 
 def test_pushes_add_up_where_they_overlap() -> None:
@@ -42,7 +52,11 @@ def test_pushes_add_up_where_they_overlap() -> None:
         "one": {"kind": "push", "start": 0, "duration": 0.2, "force": [1, 0, 0]},
         "two": {"kind": "push", "start": 0.1, "duration": 0.5, "force": [0, 4, 0]},
     }
-    np.testing.assert_allclose(velocity(ball(pushes)), np.array([0.2, 2.0, 0.0]) / MASS, atol=2e-4)
+
+    result = ball(pushes)
+
+    impulses = np.array([0.2 * 1, 0.5 * 4, 0.0])  # N·s
+    np.testing.assert_allclose(velocity(result), impulses / MASS, atol=2e-4)
 
 
 def test_before_a_push_nothing_moves() -> None:
@@ -52,23 +66,34 @@ def test_before_a_push_nothing_moves() -> None:
 
 def test_a_sine_swings_as_its_integral_says() -> None:
     r"""From rest, :math:`m v = a (1 - \cos\omega t) / \omega`."""
-    result = ball({"sine": {"amplitude": [0, 2, 0], "frequency": 1.5}}, "radau3", step=0.01)
-    omega = 2 * np.pi * 1.5
-    expected = 2 * (1 - np.cos(omega * result.times)) / omega / MASS
-    np.testing.assert_allclose(result["piece.ball.vy"], expected, atol=1e-5)
-    np.testing.assert_allclose(result["applied_force.sine.y"], 2 * np.sin(omega * result.times), atol=1e-12)
+    amplitude = 2.0  # N
+    frequency = 1.5  # Hz
+
+    result = ball({"sine": {"amplitude": [0, amplitude, 0], "frequency": frequency}}, "radau3", step=0.01)
+
+    omega = 2 * np.pi * frequency
+    expected_velocity = amplitude * (1 - np.cos(omega * result.times)) / omega / MASS
+    expected_force = amplitude * np.sin(omega * result.times)
+    np.testing.assert_allclose(result["piece.ball.vy"], expected_velocity, atol=1e-5)
+    np.testing.assert_allclose(result["applied_force.sine.y"], expected_force, atol=1e-12)
     assert result.units["applied_force.sine.y"] == "N"
 
 
-def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_unless_told() -> None:
+def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default() -> None:
+    """A push without ``at`` is the same as one at the robot, and another one than at its head."""
     push = {"start": 0, "duration": 0.05, "force": [0, -30, 0]}
-    at_rest, untold, told, elsewhere = (
-        simulate(load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False)
-        for forces in ({}, {"push": push}, {"push": {**push, "at": "robot"}}, {"push": {**push, "at": "head"}})
-    )
-    assert untold["base.y"][-1] < at_rest["base.y"][-1] - 1e-3
-    np.testing.assert_array_equal(untold.values, told.values)
-    assert np.abs(elsewhere["base.y"][-1] - untold["base.y"][-1]) > 1e-4
+
+    def pushed(forces: dict[str, Any]) -> SimulationResult:
+        return simulate(load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False)
+
+    at_rest = pushed({})
+    by_default = pushed({"push": push})
+    at_robot = pushed({"push": {**push, "at": "robot"}})
+    at_head = pushed({"push": {**push, "at": "head"}})
+
+    assert by_default["base.y"][-1] < at_rest["base.y"][-1] - 1e-3
+    np.testing.assert_array_equal(by_default.values, at_robot.values)
+    assert np.abs(at_head["base.y"][-1] - by_default["base.y"][-1]) > 1e-4
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Signal flows in stations: the same motion as servos that say the same, exact continuation, and what is refused."""
+"""Signal flows in stations: a law that moves as a servo, exact continuation, what ends a run and what is refused."""
 
 import numpy as np
 import pytest
@@ -9,51 +9,77 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
+AXIS_GAINS = {"kp": 1000.0, "kd": 20.0}  # N·m/rad and N·m·s/rad
+TORQUE_LIMIT = 150  # N·m
 LAW = {
     "kind": "signal_flow",
     "blocks": {
         "Error": {"kind": "sum", "of": {"q_ref.joint_1": 1, "q.joint_1": -1}},
-        "Limit": {"kind": "saturation", "lower": -150, "upper": 150, "of": {"Error": 1000, "v.joint_1": -20}},
+        "Limit": {
+            "kind": "saturation",
+            "lower": -TORQUE_LIMIT,
+            "upper": TORQUE_LIMIT,
+            "of": {"Error": AXIS_GAINS["kp"], "v.joint_1": -AXIS_GAINS["kd"]},
+        },
     },
     "torque": {"joint_1": "Limit"},
 }
+"""A PD servo of the first joint as a signal flow."""
 OFF = {"servo.kp": {"joint_1": 0}, "servo.kd": {"joint_1": 0}}
+"""No servo for the first joint."""
 MOVE = {"reference": {"kind": "hold", "target_deg": {"joint_1": 30}}, "pieces": {}, "floor": None}
-REST = {f"joint_{number}": float(number > 1) for number in range(1, 7)}
-GAINS = {"kp": 1000.0, "kd": 20.0}
-ALONE = {"servo.torque_limit": {"joint_1": 150}, **{f"servo.{key}": gain for key, gain in GAINS.items()}}
-LAWFUL = ALONE | {f"servo.{key}": {axis: gain * on for axis, on in REST.items()} for key, gain in GAINS.items()}
+SERVO = {"servo.torque_limit": {"joint_1": TORQUE_LIMIT}, **{f"servo.{key}": gain for key, gain in AXIS_GAINS.items()}}
+"""The same PD servo for all joints."""
+
+
+def servo_of_others():
+    """Servos as `SERVO` for all joints but the first one."""
+    changes = dict(SERVO)
+    for key, gain in AXIS_GAINS.items():
+        changes[f"servo.{key}"] = {f"joint_{number}": gain if number > 1 else 0.0 for number in range(1, 7)}
+    return changes
 
 
 def arm(law=None, **changed):
-    return load_station("irb120_dynamic", {**MOVE, **changed, **({"controllers": {"law": law}} if law else {})})
+    """An arm that moves its first joint by 30 degrees, with a signal flow unless it is None."""
+    controllers = {} if law is None else {"controllers": {"law": law}}
+    return load_station("irb120_dynamic", {**MOVE, **changed, **controllers})
+
+
+def law_with(blocks=None, **changed):
+    """`LAW` with more blocks, and with other keys changed."""
+    return {**LAW, "blocks": {**LAW["blocks"], **(blocks or {})}, **changed}
 
 
 def test_a_law_that_is_a_servo_moves_as_one():
-    servo = simulate(arm(**ALONE, **{"solver.accuracy": 1e-5}), duration=0.6, progress=False)
-    flow = simulate(arm(LAW, **LAWFUL, **{"solver.accuracy": 1e-5}), duration=0.6, progress=False)
-    assert np.ptp(servo["q.joint_1"]) > 0.4
+    """A PD law of blocks moves the joint as a servo with the same gains and the same limit does."""
+    accuracy = {"solver.accuracy": 1e-5}
+
+    servo = simulate(arm(**SERVO, **accuracy), duration=0.6, progress=False)
+    flow = simulate(arm(LAW, **servo_of_others(), **accuracy), duration=0.6, progress=False)
+
     times = np.linspace(0, 0.6, 61)
-    both = [np.interp(times, result.times, result["q.joint_1"]) for result in (servo, flow)]
-    np.testing.assert_allclose(both[1], both[0], atol=1e-6)
-    assert abs(flow["law.Limit"]).max() == 150
+    of_servo, of_flow = (np.interp(times, result.times, result["q.joint_1"]) for result in (servo, flow))
+    assert np.ptp(servo["q.joint_1"]) > 0.4
+    np.testing.assert_allclose(of_flow, of_servo, atol=1e-6)
+    assert abs(flow["law.Limit"]).max() == TORQUE_LIMIT
 
 
 def test_a_run_goes_on_where_it_ended():
+    """Two runs, the second from the end of the first, end as one of the same duration: states of blocks are kept."""
     blocks = {
         "Filter": {"kind": "transfer_function", "numerator": [1], "denominator": [0.05, 1], "of": "Error"},
         "Held": {"kind": "delay", "period": 0.01, "of": "v.joint_1"},
         "Slow": {"kind": "integrator", "period": 0.03, "of": "Error"},
     }
-    law = LAW | {
-        "blocks": {**LAW["blocks"], **blocks},
-        "torque": {"joint_1": {"Limit": 0.1, "Filter": 50, "Held": -1, "Slow": 20}},
-    }
+    law = law_with(blocks, torque={"joint_1": {"Limit": 0.1, "Filter": 50, "Held": -1, "Slow": 20}})
     config = arm(law, **OFF, solver={"kind": "discrete", "time_step": 1e-3})
+
     whole = simulate(config, duration=0.4, progress=False)
     first = simulate(config, duration=0.17, progress=False)
-    # what is integrated with error control begins anew with a short step
     second = simulate(config, duration=0.23, start=first.final_state, progress=False)
+
+    # What is integrated with error control begins anew with a short step.
     assert second["q.joint_1"][-1] == pytest.approx(whole["q.joint_1"][-1], abs=1e-6)
     assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-6)
 
@@ -70,26 +96,35 @@ class Grows(LeafSystem):
 
 
 def test_a_law_without_states_costs_a_discrete_station_no_integration_unless_something_is_integrated():
-    """Drake fails where expressions without states are asked for their rates."""
+    """Drake fails if expressions without states are asked for their rates, so they get a state if it may ask."""
     config = arm(LAW, **OFF, solver={"kind": "discrete", "time_step": 1e-3})
-    alone, beside = (simulate(config, duration=0.1, blocks=own, progress=False) for own in ({}, {"grows": Grows()}))
-    np.testing.assert_array_equal(alone["q.joint_1"], beside["q.joint_1"])
-    builder = DiagramBuilder()
-    add_station(builder, config)  # to which its user may add whatever is integrated
-    assert closed_station(resolve(config)).diagram.CreateDefaultContext().num_continuous_states() == 0
-    assert builder.Build().CreateDefaultContext().num_continuous_states() > 0
+    open_builder = DiagramBuilder()
+    add_station(open_builder, config)  # to which its user may add whatever is integrated
+
+    alone = simulate(config, duration=0.1, progress=False)
+    with_integration = simulate(config, duration=0.1, blocks={"grows": Grows()}, progress=False)
+    closed_context = closed_station(resolve(config)).diagram.CreateDefaultContext()
+    open_context = open_builder.Build().CreateDefaultContext()
+
+    np.testing.assert_array_equal(alone["q.joint_1"], with_integration["q.joint_1"])
+    assert closed_context.num_continuous_states() == 0
+    assert open_context.num_continuous_states() > 0
 
 
 def test_a_stop_ends_the_run():
-    compare = {"kind": "compare", "operator": ">", "threshold": 0.1, "of": "q.joint_1"}
-    law = LAW | {"blocks": {**LAW["blocks"], "Far": compare}, "stops": {"Enough": "Far"}}
+    """The run ends at the step in which the joint passes the threshold of 0.1 rad."""
+    far = {"kind": "compare", "operator": ">", "threshold": 0.1, "of": "q.joint_1"}
+    law = law_with({"Far": far}, stops={"Enough": "Far"})
+
     result = simulate(arm(law, **OFF), duration=2, progress=False)
-    assert (result.ending, result.message.startswith("Enough is on")) == ("monitor", True)
+
+    assert result.ending == "monitor"
+    assert result.message.startswith("Enough is on")
     assert 0.1 < result["q.joint_1"][-1] < 0.2
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "reason"),
     [
         ({"torque": {"joint_9": "Limit"}}, "axis of .* for controllers.law.torque"),
         ({"torque": {"joint_1": "Limits"}}, "controllers.law.blocks.torque.of .*Limit"),
@@ -111,37 +146,46 @@ def test_a_stop_ends_the_run():
         ({"signals": ["Limits"]}, "block for controllers.law.signals"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told(changed, told):
-    with pytest.raises(SimrobError, match=told):
+def test_a_wrong_law_is_refused_with_the_reason(changed, reason):
+    with pytest.raises(SimrobError, match=reason):
         simulate(arm(LAW | changed), duration=0.01, progress=False)
 
 
 def test_a_block_that_cannot_compute_fails_the_run():
-    law = LAW | {"blocks": {"Root": {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}}}
-    result = simulate(arm(law | {"torque": {"joint_1": "Root"}}), duration=0.2, progress=False)
+    """From 0.05 s on, the root is that of a negative number."""
+    root = {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}
+    law = {"kind": "signal_flow", "blocks": {"Root": root}, "torque": {"joint_1": "Root"}}
+
+    result = simulate(arm(law), duration=0.2, progress=False)
+
     assert result.ending == "diverged"
     assert "sqrt" in result.message
 
 
+class Brain(LeafSystem):
+    """A block of the user's own that samples the block ``Limit`` of a law, and drives its input ``Brain``."""
+
+    def __init__(self):
+        super().__init__()
+        self.read = self.DeclareVectorInputPort("law.Limit", 1)
+        held = self.DeclareDiscreteState(1)
+        self.DeclareStateOutputPort("law.Brain", held)
+        self.DeclarePeriodicDiscreteUpdateEvent(1e-3, 0.0, self.sample)
+
+    def sample(self, context, state):
+        state.set_value(self.read.Eval(context))
+
+
 def test_an_open_input_is_driven_by_a_block_of_the_users_own():
-    """A PD of the user's own in the middle of a law moves the joint as the law's own block does."""
-    law = LAW | {"blocks": {**LAW["blocks"], "Brain": {"kind": "input"}}, "torque": {"joint_1": "Brain"}}
-    at_rest = simulate(arm(law, **LAWFUL), duration=0.1, progress=False)
+    """A block of the user's own in the middle of a law moves the joint as the law itself does."""
+    law = law_with({"Brain": {"kind": "input"}}, torque={"joint_1": "Brain"})
+    servos = servo_of_others()
+
+    at_rest = simulate(arm(law, **servos), duration=0.1, progress=False)
+    driven = simulate(arm(law, **servos), duration=0.6, blocks=[Brain()], progress=False)
+    direct = simulate(arm(LAW, **servos), duration=0.6, progress=False)
+
     assert abs(at_rest["q.joint_1"]).max() < 1e-3  # nothing drives it, and nothing pulls at it
-
-    class Brain(LeafSystem):
-        def __init__(self):
-            super().__init__()
-            self.read = self.DeclareVectorInputPort("law.Limit", 1)
-            held = self.DeclareDiscreteState(1)
-            self.DeclareStateOutputPort("law.Brain", held)
-            self.DeclarePeriodicDiscreteUpdateEvent(1e-3, 0.0, self.sample)
-
-        def sample(self, context, state):
-            state.set_value(self.read.Eval(context))
-
-    driven = simulate(arm(law, **LAWFUL), duration=0.6, blocks=[Brain()], progress=False)
-    direct = simulate(arm(LAW, **LAWFUL), duration=0.6, progress=False)
     np.testing.assert_allclose(driven["q.joint_1"], direct["q.joint_1"], atol=0.02)  # late by a millisecond
     assert np.ptp(direct["q.joint_1"]) > 0.4
 
@@ -160,8 +204,12 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
     ],
 )
 def test_what_cannot_be_computed_at_the_start_ends_the_run_in_one_line(blocks, message):
+    """The first sample and the first step fail alike, and the message does not blame the solver."""
     law = {"kind": "signal_flow", "blocks": blocks, "torque": {"joint_1": {"S": 0.1}}}
-    run = simulate(load_station("irb120_dynamic", {"controllers": {"law": law}, "duration": 0.1}), progress=False)
+    config = load_station("irb120_dynamic", {"controllers": {"law": law}, "duration": 0.1})
+
+    run = simulate(config, progress=False)
+
     assert run.ending == "diverged"
     assert message in run.message
     assert "stiff" not in run.message
@@ -169,6 +217,38 @@ def test_what_cannot_be_computed_at_the_start_ends_the_run_in_one_line(blocks, m
 
 
 def test_a_force_of_no_signals_is_none():
+    """A force without signals acts on nothing, and its flow adds no system."""
     law = {"kind": "signal_flow", "forces": {"nothing": {"at": "lower_link"}}}
+
     result = simulate(load_station("double_pendulum", {"controllers": {"law": law}}), duration=0.05, progress=False)
+
     assert result.ending == "completed"
+
+
+def test_a_block_may_have_the_name_of_an_output_of_the_station():
+    """A block ``position`` reads the column ``q.joint_1`` of the station's output ``position``, and not itself."""
+    law = {"kind": "signal_flow", "blocks": {"position": {"kind": "sum", "of": {"q.joint_1": 2}}}}
+
+    result = simulate(arm(law), duration=0.3, progress=False)
+
+    assert np.ptp(result["q.joint_1"]) > 0.01
+    np.testing.assert_allclose(result["law.position"], 2 * result["q.joint_1"], atol=1e-12)
+
+
+def test_terms_that_name_the_same_number_add_up():
+    """``Half`` and ``Half.0`` are two names of one number."""
+    blocks = {"Half": {"kind": "sum", "of": {"one": 0.5}}, "Total": {"kind": "sum", "of": {"Half": 1, "Half.0": 1}}}
+
+    result = simulate(arm({"kind": "signal_flow", "blocks": blocks}), duration=0.01, progress=False)
+
+    np.testing.assert_array_equal(result["law.Total"], 1.0)
+
+
+@pytest.mark.parametrize("denominator", [[2.0], [1.0, 1.0], [1.0, 3.0, 2.0]])
+def test_a_transfer_function_of_zero_gives_zero(denominator):
+    """A numerator of zeros alone has no highest power, and is allowed."""
+    zero = {"kind": "transfer_function", "numerator": [0.0], "denominator": denominator, "of": "one"}
+
+    result = simulate(arm({"kind": "signal_flow", "blocks": {"Zero": zero}}), duration=0.01, progress=False)
+
+    np.testing.assert_array_equal(result["law.Zero"], 0.0)

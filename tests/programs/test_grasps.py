@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import Arm, LeggedRobot, load_station
 from simrob_drake.base.errors import InvalidParameter, UnknownName
-from simrob_drake.programs.grasps import _gap
+from simrob_drake.programs.grasps import _Box, _distance
 from tests.programs.conftest import BARE
 
 CONTACT = {"contact": {"model": "point"}, "floor": {"size": 2}, "solver.max_step": 0.01}
@@ -19,13 +19,22 @@ def held(**changes):
     return Arm(load_station("irb120_dynamic", {**station, **CONTACT, **changes}))
 
 
-def test_the_gap_between_boxes_is_that_of_their_nearest_points():
-    cube = RigidTransform(), np.full(3, 0.5)
-    turned = RigidTransform(RotationMatrix.MakeZRotation(np.pi / 4), np.array([2.0, 0.0, 0.0])), np.full(3, 0.5)
-    assert _gap(cube, turned) == pytest.approx(1.5 - np.sqrt(0.5), abs=1e-6)
-    corner = RigidTransform(np.array([1.5, 1.5, 1.5])), np.full(3, 0.5)
-    assert _gap(cube, corner) == pytest.approx(np.sqrt(3) * 0.5, abs=1e-6)
-    assert _gap(cube, (RigidTransform(np.array([0.9, 0, 0])), np.full(3, 0.5))) == pytest.approx(0, abs=1e-6)
+def cube_at(x, y=0.0, z=0.0, *, turn=0.0):
+    """A cube with sides of 1 m around a point, turned about its vertical axis [rad]."""
+    return _Box(RigidTransform(RotationMatrix.MakeZRotation(turn), np.array([x, y, z])), np.full(3, 0.5))
+
+
+def test_the_distance_of_boxes_is_that_of_their_nearest_points():
+    """Two cubes with parallel or turned sides, corner to corner, and one in the other."""
+    cube = cube_at(0.0)
+
+    edge_to_face = _distance(cube, cube_at(2.0, turn=np.pi / 4))
+    corner_to_corner = _distance(cube, cube_at(1.5, 1.5, 1.5))
+    overlapping = _distance(cube, cube_at(0.9))
+
+    assert edge_to_face == pytest.approx(1.5 - np.sqrt(0.5), abs=1e-6)
+    assert corner_to_corner == pytest.approx(np.sqrt(3) * 0.5, abs=1e-6)
+    assert overlapping == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.long

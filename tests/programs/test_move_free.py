@@ -247,7 +247,7 @@ class TestShort:
     def test_the_station_that_is_optimised_in_is_as_it_is_now(self, holding):
         """The bar hangs on a finger, the other pieces where they are; nothing is free any more, and the floor a box."""
         model = holding.cell.free_space(["robot"]).model
-        frozen = model.frozen()
+        frozen = model.frozen_station()
         assert not frozen.free_pieces
         assert frozen.pieces["bar"].parent == "robot"
         assert frozen.floor is None

@@ -160,7 +160,7 @@ def test_no_line_runs_through_a_word_or_a_block(variant: Variant) -> None:
 
 
 def test_lines_of_two_signals_cross_and_never_go_along_each_other(variant: Variant) -> None:
-    ways = [[sorted(way) for way in net.ways] for net in Routing(Layout(variant[2])).lines]
+    ways = [[sorted(way) for way in net.polylines] for net in Routing(Layout(variant[2])).lines]
     for one, other in combinations(ways, 2):
         for ((a, b), (c, d)), ((e, f), (g, h)) in product(one, other):
             level = b == d and f == h and abs(b - f) < 3 and min(c, g) - max(a, e) > 3

@@ -61,6 +61,16 @@ def test_a_label_is_in_spanish(name, label):
     assert any(label in own for own in labels_of(name))
 
 
+def test_the_title_of_a_folded_subsystem_is_in_spanish():
+    set_output_language("es")
+    station = load_station("zjudancer_walking")
+
+    picture = station_svg(station, folded=["controller.walk"])
+
+    assert "lazos externos (2)" in picture
+    assert "outer loops" not in picture
+
+
 def test_the_next_picture_is_english_again():
     set_output_language("es")
     assert "referencia" in station_svg(load_station("double_pendulum"))

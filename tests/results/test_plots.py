@@ -270,12 +270,12 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
         np.testing.assert_array_equal(curve(panels["knee"], side).get_ydata(), standing[f"tau.{side}_knee"])
     np.testing.assert_array_equal(curve(panels["neck_yaw"], "middle").get_ydata(), standing["tau.neck_yaw"])
     groups = side_groups(standing.plant.robots["robot"])
-    assert sorted(place for group in groups for place in group.places.values()) == list(range(18))
+    assert sorted(place for group in groups for place in group.axes.values()) == list(range(18))
 
 
 def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
     robot = next(iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values()))
-    found = {group.name: [robot.axes[place] for place in group.places.values()] for group in side_groups(robot)}
+    found = {group.name: [robot.axes[place] for place in group.axes.values()] for group in side_groups(robot)}
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
     assert len(found) == 6

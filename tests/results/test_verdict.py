@@ -94,7 +94,8 @@ def test_speeds_and_torques_beyond_their_limits_are_warned_of(hasty):
     assert hasty.times[share[:, share.max(axis=0).argmax()].argmax()] == figure.worst.time
     assert hasty.verdict["speed_time"].worst.value == pytest.approx((share > 1).mean(axis=0).max())
     fastest = np.abs(hasty.axes("v")).max(axis=0)[int(share.max(axis=0).argmax())]
-    assert f"{fastest:.3g} of " in figure.warning
+    assert f"{np.rad2deg(fastest):.3g} of " in figure.warning
+    assert " deg/s," in figure.warning, "positions are in degrees, too"
     assert hasty.verdict["torque_share"].warning  # what the motion needs, whether there is a motor for it or not
     assert "final_error" not in hasty.verdict.summary()["figures"]  # it is where it is asked to be
 

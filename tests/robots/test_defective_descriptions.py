@@ -73,7 +73,7 @@ def test_the_row_of_a_table_that_is_wrong_is_told(tmp_path: Path) -> None:
     row = "    - {a: 0.3, effort: 50, limit_deg: "
     (tmp_path / "arm.yaml").write_text(f"dh:\n  convention: classical\n  rows:\n{row}[-1, 1]}}\n{row}[140, -140]}}\n")
     (tmp_path / "station.yaml").write_text("robot: {model: arm.yaml}\n")
-    with pytest.raises(SimrobError, match=r"arm\.yaml: dh\.rows\[1\]: limit_deg is not a lower and a higher figure"):
+    with pytest.raises(SimrobError, match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower and a higher number"):
         load_station(tmp_path / "station.yaml")
 
 

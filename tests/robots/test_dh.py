@@ -295,7 +295,7 @@ WRONG = [
     ("rows: [{type: prismatic, effort: 1, limit_deg: [0, 1]}]", r"dh\.rows\[0\]: a prismatic joint needs limit"),
     ("rows: [{limit_deg: [0, 1], limit: [0, 1], effort: 1}]", r"a revolute joint has limit_deg and velocity_deg"),
     ("rows: [{limit_deg: [0, 1], velocity: 1, effort: 1}]", r"a revolute joint has limit_deg and velocity_deg"),
-    ("rows: [{limit_deg: [1, 1], effort: 1}]", r"limit_deg is not a lower and a higher figure: 1, 1"),
+    ("rows: [{limit_deg: [1, 1], effort: 1}]", r"limit_deg must be a lower and a higher number; it is 1, 1"),
     ("rows: [{limit_deg: [0, 1], effort: 1, type: helical}]", r"dh\.rows\[\d\]\.type: there is no 'helical'"),
     ("rows: [{limit_deg: [0, 1], effort: 1, alpha: 90}]", r"dh\.rows\[\d\]\.alpha: unknown key; did you mean .alpha"),
     ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),

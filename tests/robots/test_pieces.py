@@ -20,8 +20,8 @@ from simrob_drake.robots.pieces import (
     piece_file,
     piece_names,
     piece_robot,
-    weighed,
     with_changes,
+    with_mass_properties,
 )
 from tests.robots.known_pieces import load_piece
 
@@ -160,7 +160,7 @@ def inertia_in_plant(model: PieceModel) -> tuple[float, np.ndarray, np.ndarray]:
 
 def test_a_density_gives_mass_centre_and_inertia_of_the_shapes() -> None:
     pose = (0.1, 0.0, 0.2, 0.3, -0.4, 0.5)
-    model = weighed(piece(density=500.0, shapes=[{"box": [0.1, 0.2, 0.3], "pose": pose}]))
+    model = with_mass_properties(piece(density=500.0, shapes=[{"box": [0.1, 0.2, 0.3], "pose": pose}]))
     mass, com, moments = inertia_in_plant(model)
     assert mass == model.mass == pytest.approx(3.0)
     np.testing.assert_allclose(com, pose[:3], atol=1e-15)
@@ -170,9 +170,9 @@ def test_a_density_gives_mass_centre_and_inertia_of_the_shapes() -> None:
 
 
 def test_shapes_add_up_by_the_parallel_axis_theorem() -> None:
-    whole = weighed(piece(density=1000.0, shapes=[{"box": [0.2, 0.1, 0.1]}]))
+    whole = with_mass_properties(piece(density=1000.0, shapes=[{"box": [0.2, 0.1, 0.1]}]))
     halves = [{"box": [0.1, 0.1, 0.1], "pose": [x, 0, 0, 0, 0, 0]} for x in (-0.05, 0.05)]
-    two = weighed(piece(density=1000.0, shapes=halves))
+    two = with_mass_properties(piece(density=1000.0, shapes=halves))
     for found, expected in zip(inertia_in_plant(two), inertia_in_plant(whole), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-15)
 
@@ -180,7 +180,7 @@ def test_shapes_add_up_by_the_parallel_axis_theorem() -> None:
 def test_a_mesh_weighs_what_its_scale_says() -> None:
     rook = load_piece("rook")
     shapes = [{"mesh": "figure.obj", "scale": 2.0}]
-    large = weighed(piece(folder=rook.folder, density=800.0, shapes=shapes))
+    large = with_mass_properties(piece(folder=rook.folder, density=800.0, shapes=shapes))
     assert large.mass == pytest.approx(8 * rook.mass)
     np.testing.assert_allclose(large.inertia, 32 * np.array(rook.inertia), atol=1e-12)
     plant, scene_graph = plant_with(large)
@@ -189,17 +189,17 @@ def test_a_mesh_weighs_what_its_scale_says() -> None:
 
 
 def test_a_mass_without_an_inertia_fills_the_shapes() -> None:
-    model = weighed(piece(mass=2.0, shapes=[{"sphere": 0.1, "pose": [0.3, 0, 0, 0, 0, 0]}]))
+    model = with_mass_properties(piece(mass=2.0, shapes=[{"sphere": 0.1, "pose": [0.3, 0, 0, 0, 0, 0]}]))
     np.testing.assert_allclose(model.com, [0.3, 0, 0], atol=1e-15)
     np.testing.assert_allclose(model.inertia, [0.4 * 2.0 * 0.01] * 3 + [0.0] * 3, atol=1e-15)
 
 
 def test_figures_that_are_given_stay() -> None:
     shapes = [{"sphere": 0.1}]
-    point = weighed(piece(mass=2.0, inertia=(0.0, 0.0, 0.0), shapes=shapes))
+    point = with_mass_properties(piece(mass=2.0, inertia=(0.0, 0.0, 0.0), shapes=shapes))
     assert (point.mass, point.com, point.inertia) == (2.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert weighed(piece(mass=2.0, com=(0.0, 0.0, 1.0), shapes=shapes)).com == (0.0, 0.0, 1.0)
-    assert weighed(piece(shapes=shapes)).mass == 0.0
+    assert with_mass_properties(piece(mass=2.0, com=(0.0, 0.0, 1.0), shapes=shapes)).com == (0.0, 0.0, 1.0)
+    assert with_mass_properties(piece(shapes=shapes)).mass == 0.0
 
 
 def test_products_of_inertia_reach_the_plant() -> None:
@@ -225,15 +225,17 @@ def test_a_density_needs_shapes_and_no_mass() -> None:
     with pytest.raises(InvalidConfig, match="either a mass or a density"):
         piece(mass=1.0, density=1000.0, shapes=[{"sphere": 1}])
     with pytest.raises(InvalidModel, match="no shapes to fill"):
-        weighed(piece(density=1000.0))
+        with_mass_properties(piece(density=1000.0))
 
 
 def test_an_open_mesh_has_a_hull_but_no_volume(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n")
     shapes = [{"mesh": "a.obj"}]
     with pytest.raises(InvalidModel, match=r"a\.obj: .*encloses a volume.*give the mass instead"):
-        weighed(piece(folder=tmp_path, density=1.0, shapes=shapes))
-    np.testing.assert_allclose(weighed(piece(folder=tmp_path, mass=1.0, shapes=shapes)).com, [0.25] * 3, atol=1e-12)
+        with_mass_properties(piece(folder=tmp_path, density=1.0, shapes=shapes))
+    np.testing.assert_allclose(
+        with_mass_properties(piece(folder=tmp_path, mass=1.0, shapes=shapes)).com, [0.25] * 3, atol=1e-12
+    )
 
 
 def test_each_frame_is_one_of_the_plant() -> None:
@@ -307,6 +309,6 @@ def test_a_mesh_that_is_deleted_after_its_piece_was_read_is_missing(tmp_path: Pa
 def test_a_mesh_that_drake_cannot_read_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.obj").write_text(text)
     with pytest.raises(InvalidModel, match=r"a\.obj"):
-        weighed(piece(folder=tmp_path, density=1.0, shapes=[{"mesh": "a.obj"}]))
+        with_mass_properties(piece(folder=tmp_path, density=1.0, shapes=[{"mesh": "a.obj"}]))
     with pytest.raises(InvalidModel, match=r"a\.obj"):
-        weighed(piece(folder=tmp_path, mass=1.0, shapes=[{"mesh": "a.obj"}]))
+        with_mass_properties(piece(folder=tmp_path, mass=1.0, shapes=[{"mesh": "a.obj"}]))

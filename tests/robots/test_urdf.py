@@ -15,8 +15,8 @@ from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import (
-    joint_figure,
     joint_limits,
+    joint_value,
     movable_joints,
     read_urdf,
     root_link,
@@ -90,8 +90,8 @@ def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urd
     shoulder, flange = (root.find(f"joint[@name='{name}']") for name in ("shoulder", "flange"))
     assert joint_limits(shoulder) == (-1.0, 2.0)
     assert joint_limits(flange) == (-np.inf, np.inf)
-    assert joint_figure(shoulder, "effort") == 10.0
-    assert joint_figure(flange, "effort") == 0.0
+    assert joint_value(shoulder, "effort") == 10.0
+    assert joint_value(flange, "effort") == 0.0
     assert root_link(root) == "base"
     assert tool_links(root) == ["tip"]
 

@@ -62,12 +62,19 @@ def way(result, piece):
 @every_solver
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_pushed_crate_slides_as_coulombs_law_says(write_station, solver, side):
-    crate = {"box": [0.3, 0.2, 0.15], "mass": 2, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
-    push = {"kind": "push", "at": "crate", "start": 0.1, "duration": 0.8, "force": [side * 15, 0, 0]}
-    result = run(write_station, {"crate": crate}, solver, friction=0.4, forces={"shove": push}, duration=1.8)
-    speed = (15 / 2 - 0.4 * G) * 0.8
-    exact = speed * 0.8 / 2 + speed**2 / (2 * 0.4 * G)
-    assert result["piece.crate.x"][-1] == pytest.approx(side * exact, rel=0.01)
+    """The push accelerates the crate by F / m - mu g, then friction stops it: v t / 2 + v² / (2 mu g)."""
+    mass = 2
+    friction = 0.4
+    push_force = 15
+    push_time = 0.8
+    crate = {"box": [0.3, 0.2, 0.15], "mass": mass, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
+    push = {"kind": "push", "at": "crate", "start": 0.1, "duration": push_time, "force": [side * push_force, 0, 0]}
+
+    result = run(write_station, {"crate": crate}, solver, friction=friction, forces={"shove": push}, duration=1.8)
+
+    speed = (push_force / mass - friction * G) * push_time
+    distance = speed * push_time / 2 + speed**2 / (2 * friction * G)
+    assert result["piece.crate.x"][-1] == pytest.approx(side * distance, rel=0.01)
     assert result.warnings == []
 
 
@@ -81,17 +88,34 @@ def test_a_box_at_rest_presses_with_its_weight(write_station, solver):
     assert result.verdict.summary()["figures"]["resting_force"]["value"] < 0.001
 
 
+CUBE = [0.2, 0.2, 0.2]  # sides [m]
+
+
 @every_solver
-def test_a_box_slides_down_a_slope_or_holds(write_station, solver):
-    size, friction = [0.2, 0.2, 0.2], 0.5
-    box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, 35)}
-    slides = run(write_station, {"box": box}, solver, floor={"size": 40, "incline_deg": 35}, duration=1.2)
-    slope = np.deg2rad(35)
-    exact = G * (np.sin(slope) - friction * np.cos(slope)) * 1.2**2 / 2
-    assert way(slides, "box") == pytest.approx(exact, rel=0.025)  # sap and similar let what slides lift off a little
-    box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, 20)}
-    holds = run(write_station, {"box": box}, solver, floor={"size": 40, "incline_deg": 20})
-    assert way(holds, "box") < 1.2e-3  # stiction gives way by at most contact.stiction_speed, 1 mm/s
+def test_a_box_slides_down_a_steep_slope(write_station, solver):
+    """The box has the acceleration g (sin a - mu cos a); sap and similar let what slides lift off a little."""
+    slope_deg = 35
+    friction = 0.5
+    duration = 1.2
+    box = {"box": CUBE, "mass": 3, "free": True, "pose": on_slope(CUBE, slope_deg)}
+    floor = {"size": 40, "incline_deg": slope_deg}
+
+    result = run(write_station, {"box": box}, solver, floor=floor, duration=duration)
+
+    slope = np.deg2rad(slope_deg)
+    acceleration = G * (np.sin(slope) - friction * np.cos(slope))
+    assert way(result, "box") == pytest.approx(acceleration * duration**2 / 2, rel=0.025)
+
+
+@every_solver
+def test_a_box_holds_on_a_gentle_slope(write_station, solver):
+    """Stiction gives way by at most contact.stiction_speed, 1 mm/s, for a second."""
+    slope_deg = 20
+    box = {"box": CUBE, "mass": 3, "free": True, "pose": on_slope(CUBE, slope_deg)}
+
+    result = run(write_station, {"box": box}, solver, floor={"size": 40, "incline_deg": slope_deg})
+
+    assert way(result, "box") < 1.2e-3
 
 
 @pytest.mark.parametrize("solver", ["lagged", "cenic"])
@@ -125,18 +149,34 @@ def test_turned_boxes_stack_and_crossed_beams_carry_each_other(write_station, so
 
 
 @pytest.mark.parametrize("solver", ["sap", "cenic"])
-def test_a_box_slides_on_a_table_and_a_cylinder_rolls(write_station, solver):
+def test_a_pushed_box_slides_on_a_table(write_station, solver):
+    """A push of 25 N for 0.3 s gives the box a speed, which friction then takes away: v t / 2 + v² / (2 mu g)."""
+    mass = 3
+    friction = 0.5
+    push_force = 25
+    push_time = 0.3
     table = {"box": [1.6, 0.6, 0.1], "parent": "world", "pose": [0, 0, 0.4, 0, 0, 0]}
-    box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.55, 0, 0, 0]}
-    push = {"kind": "push", "at": "box", "start": 0.1, "duration": 0.3, "force": [0, 0, 0]}
-    push["force"] = [-25, 0, 0]
-    slid = run(write_station, {"table": table, "box": box}, solver, forces={"shove": push})
-    speed = (25 / 3 - 0.5 * G) * 0.3
-    assert slid["piece.box.x"][-1] == pytest.approx(-(speed * 0.15 + speed**2 / G), rel=0.01)
-    lying = on_slope([0.2, 0.2, 0.2], 10)
-    roller = {"cylinder": [0.1, 0.4], "mass": 3, "free": True, "pose": [*lying[:3], 0, 0, np.pi / 2]}
-    rolled = run(write_station, {"roller": roller}, solver, floor={"size": 20, "incline_deg": 10})
-    assert way(rolled, "roller") == pytest.approx(G * np.sin(np.deg2rad(10)) / 3, rel=0.01)  # 2/3 g sin, over 1 s
+    box = {"box": CUBE, "mass": mass, "free": True, "pose": [0, 0, 0.55, 0, 0, 0]}
+    push = {"kind": "push", "at": "box", "start": 0.1, "duration": push_time, "force": [-push_force, 0, 0]}
+
+    result = run(write_station, {"table": table, "box": box}, solver, forces={"shove": push})
+
+    speed = (push_force / mass - friction * G) * push_time
+    distance = speed * push_time / 2 + speed**2 / (2 * friction * G)
+    assert result["piece.box.x"][-1] == pytest.approx(-distance, rel=0.01)
+
+
+@pytest.mark.parametrize("solver", ["sap", "cenic"])
+def test_a_cylinder_rolls_down_a_slope(write_station, solver):
+    """A full cylinder rolls with the acceleration 2/3 g sin a, so it goes half of that in 1 s."""
+    slope_deg = 10
+    position = on_slope(CUBE, slope_deg)[:3]  # the cylinder is as wide as the cube
+    roller = {"cylinder": [0.1, 0.4], "mass": 3, "free": True, "pose": [*position, 0, 0, np.pi / 2]}
+
+    result = run(write_station, {"roller": roller}, solver, floor={"size": 20, "incline_deg": slope_deg})
+
+    acceleration = 2 / 3 * G * np.sin(np.deg2rad(slope_deg))
+    assert way(result, "roller") == pytest.approx(acceleration / 2, rel=0.01)
 
 
 def test_a_single_point_is_still_to_be_had_and_its_verdict_says_what_is_wrong(write_station):
@@ -150,6 +190,7 @@ def test_a_single_point_is_still_to_be_had_and_its_verdict_says_what_is_wrong(wr
 
 
 def shapes_of(overrides, name):
+    """Inspector of a station's scene graph, its shapes with a text in their names, and the pairs that can touch."""
     station = add_plant(DiagramBuilder(), resolve(load_station("box_on_floor", overrides)))
     inspector = station.scene_graph.model_inspector()
     pairs = inspector.GetCollisionCandidates()
@@ -161,13 +202,19 @@ BARE = {"pieces.box.model": "box"}
 
 
 def test_only_corners_touch_the_floor():
+    """A box has balls at its corners and edges, of which only the eight at the corners can touch a plane."""
     inspector, shapes, pairs = shapes_of(BARE, "box.")
+
     kinds = [type(inspector.GetShape(shape)) for shape in shapes]
     assert kinds.count(Box) == 1
     assert kinds.count(Sphere) > 8
-    floor = next(shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if inspector.GetName(shape) == "floor")
+    all_shapes = inspector.GetAllGeometryIds(Role.kProximity)
+    (floor,) = [shape for shape in all_shapes if inspector.GetName(shape) == "floor"]
     assert isinstance(inspector.GetShape(floor), HalfSpace)
-    touching = {inspector.GetName(shape) for pair in pairs if floor in pair for shape in pair if shape != floor}
+    touching = set()
+    for pair in pairs:
+        if floor in pair:
+            touching |= {inspector.GetName(shape) for shape in pair if shape != floor}
     assert len(touching) == 8
     assert all(".corner_" in name for name in touching)
 
@@ -189,20 +236,46 @@ def test_no_balls_where_they_are_not_needed(overrides):
     assert len(shapes) == 1
 
 
-def test_balls_touch_the_faces_from_inside_and_follow_the_edges():
-    corners = np.array([*product((-0.1, 0.1), (-0.2, 0.2), (0.0, 0.6))])
-    balls = balls_at_corners(corners)
+# A tall box with the corners 0 and 1 at the ends of an upright edge.
+LOWEST = np.array([-0.1, -0.2, 0.0])
+HIGHEST = np.array([0.1, 0.2, 0.6])
+CORNERS = np.array([*product(*np.column_stack([LOWEST, HIGHEST]))])
+
+
+def centres_of(balls):
+    """Centres of balls, shape (k, 3) [m]."""
+    return np.array([ball.centre for ball in balls])
+
+
+def test_balls_touch_the_faces_from_inside():
+    """Balls at the corners of a large box have the largest radius, and reach exactly to its faces."""
+    balls = balls_at_corners(CORNERS)
+
     assert all(ball.radius == LARGEST_RADIUS for ball in balls)
-    reach = np.array([ball.centre for ball in balls])
-    np.testing.assert_allclose(reach.max(axis=0) + LARGEST_RADIUS, [0.1, 0.2, 0.6], atol=1e-12)
-    np.testing.assert_allclose(reach.min(axis=0) - LARGEST_RADIUS, [-0.1, -0.2, 0.0], atol=1e-12)
-    out = np.array([ball.centre for ball in balls_at_corners(corners, protrusion=1e-4)])
-    np.testing.assert_allclose(out.max(axis=0) - reach.max(axis=0), 1e-4, atol=1e-12)
-    # The shortest side between the centres is 0.198 m, so parts of 0.6 m are at most 0.099 m long: seven.
-    along = [*balls_on_edges(balls, [Edge(0, 1)])]
-    assert len(along) == 6
-    heights = [ball.centre[2] for ball in along]
-    np.testing.assert_allclose(np.diff([balls[0].centre[2], *heights, balls[1].centre[2]]), 0.598 / 7, atol=1e-12)
+    centres = centres_of(balls)
+    np.testing.assert_allclose(centres.max(axis=0) + LARGEST_RADIUS, HIGHEST, atol=1e-12)
+    np.testing.assert_allclose(centres.min(axis=0) - LARGEST_RADIUS, LOWEST, atol=1e-12)
+
+
+def test_balls_may_protrude_from_the_faces():
+    """A protrusion moves the balls outward along x, y and z."""
+    protrusion = 1e-4
+
+    centres = centres_of(balls_at_corners(CORNERS, protrusion=protrusion))
+
+    flush = centres_of(balls_at_corners(CORNERS))
+    np.testing.assert_allclose(centres.max(axis=0) - flush.max(axis=0), protrusion, atol=1e-12)
+
+
+def test_balls_are_evenly_spaced_along_an_edge():
+    """The shortest side between the centres is 0.198 m, so parts of 0.6 m are at most 0.099 m long: seven."""
+    balls = balls_at_corners(CORNERS)
+
+    on_edge = [*balls_on_edges(balls, [Edge(0, 1)])]
+
+    assert len(on_edge) == 6
+    heights = centres_of([balls[0], *on_edge, balls[1]])[:, 2]
+    np.testing.assert_allclose(np.diff(heights), 0.598 / 7, atol=1e-12)
 
 
 def test_a_small_shape_has_small_balls():
@@ -211,16 +284,26 @@ def test_a_small_shape_has_small_balls():
 
 
 def test_balls_of_a_long_cylinder_let_it_roll():
-    balls = balls_of_cylinder(0.05, 0.2, SMALLEST_PROTRUSION)
+    """A long cylinder rolls on two wide balls; the small ones at its rims protrude from its ends only."""
+    radius = 0.05
+    half_length = 0.2
+
+    balls = balls_of_cylinder(radius, half_length, SMALLEST_PROTRUSION)
+
     wide = [ball for ball in balls if ball.radius > 0.04]
     assert [ball.centre[2] for ball in wide] == pytest.approx([-0.15, 0.15])
     rim = [ball for ball in balls if ball.radius <= 0.04]
     assert len(rim) == 24
     for ball in rim:
-        assert np.hypot(*ball.centre[:2]) + ball.radius < 0.05
-        assert abs(ball.centre[2]) + ball.radius == pytest.approx(0.2 + SMALLEST_PROTRUSION)
-    disc = balls_of_cylinder(0.1, 0.01, SMALLEST_PROTRUSION)
-    assert all(isinstance(ball, ContactBall) and ball.radius <= LARGEST_RADIUS for ball in disc)
+        assert np.hypot(*ball.centre[:2]) + ball.radius < radius
+        assert abs(ball.centre[2]) + ball.radius == pytest.approx(half_length + SMALLEST_PROTRUSION)
+
+
+def test_a_disc_has_small_balls_only():
+    """A cylinder that is wider than long does not roll, and gets no wide balls."""
+    balls = balls_of_cylinder(0.1, 0.01, SMALLEST_PROTRUSION)
+
+    assert all(isinstance(ball, ContactBall) and ball.radius <= LARGEST_RADIUS for ball in balls)
 
 
 def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):

@@ -172,44 +172,94 @@ def test_programs_move_partners(gripper):
     np.testing.assert_allclose(arm.position[:2], 0.02, atol=2e-3)
 
 
-def test_polynomials_are_combined_exactly():
-    one, other = move([0, 1], [1, 3], duration=1.0), ramp([2], [5], duration=0.7, start_time=0.2)
-    matrix, offset = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]]), np.array([0.1, -0.2])
-    both = combine_references([one, other], matrix, offset)
-    assert isinstance(both, PiecewisePolynomial)
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_polynomials_are_combined_exactly(order):
+    """A combination of piecewise polynomials is one, with the derivatives M q and the offset in the positions alone."""
+    smooth_move = move([0, 1], [1, 3], duration=1.0)
+    straight_ramp = ramp([2], [5], duration=0.7, start_time=0.2)
+    matrix = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]])
+    offset = np.array([0.1, -0.2])
+
+    combination = combine_references([smooth_move, straight_ramp], matrix, offset)
+
+    assert isinstance(combination, PiecewisePolynomial)
     times = np.linspace(-0.2, 1.3, 301)
-    for order in (0, 1, 2):
-        parts = np.hstack([reference_values(one, times, order), reference_values(other, times, order)])
-        expected = parts @ matrix.T + (offset if order == 0 else 0)
-        inside = (times > 0) & (times < 1) & (np.abs(times - 0.2) > 0.01) & (np.abs(times - 0.9) > 0.01)
-        np.testing.assert_allclose(reference_values(both, times, order)[inside], expected[inside], atol=1e-10)
+    stacked = [reference_values(reference, times, order) for reference in (smooth_move, straight_ramp)]
+    expected = np.hstack(stacked) @ matrix.T
+    if order == 0:
+        expected += offset
+    # At the ends of a motion, derivatives jump: the side that counts is a matter of rounding.
+    is_smooth = (times > 0) & (times < 1)
+    for corner in (0.2, 0.9):
+        is_smooth &= np.abs(times - corner) > 0.01
+    found = reference_values(combination, times, order)
+    np.testing.assert_allclose(found[is_smooth], expected[is_smooth], atol=1e-10)
+
+
+SINE = SineReference(
+    centre=np.array([0.1, 0.2]),
+    amplitude=np.array([1.0, -2.0]),
+    frequency=0.5,
+    phase=np.array([0.3, 1.0]),
+)
 
 
 def test_sines_are_combined_exactly():
-    sine = SineReference(np.array([0.1, 0.2]), np.array([1.0, -2.0]), 0.5, np.array([0.3, 1.0]))
+    """A combination of a sine and a reference at rest is the sum M q + d at all times."""
+    resting_at = 0.7
     matrix = np.array([[1.0, 0.5, 2.0], [0.0, -1.0, 0.0]])
-    both = combine_references([sine, hold([0.7])], matrix, np.array([0.0, 1.0]))
+    offset = np.array([0.0, 1.0])
+
+    combination = combine_references([SINE, hold([resting_at])], matrix, offset)
+
     times = np.linspace(0, 3, 100)
-    parts = np.hstack([sine.values(times), np.full((100, 1), 0.7)])
-    np.testing.assert_allclose(both.values(times), parts @ matrix.T + [0.0, 1.0], atol=1e-12)
-    other = SineReference(np.zeros(1), np.ones(1), 0.7, np.zeros(1))
+    positions = np.hstack([SINE.values(times), np.full((100, 1), resting_at)])
+    np.testing.assert_allclose(combination.values(times), positions @ matrix.T + offset, atol=1e-12)
+
+
+def test_sines_of_two_frequencies_are_not_combined():
+    """The sum of two sines of different frequencies is no sine."""
+    other = SineReference(centre=np.zeros(1), amplitude=np.ones(1), frequency=0.7, phase=np.zeros(1))
+
     with pytest.raises(SimrobError, match="one frequency"):
-        combine_references([sine, other], np.eye(3), np.zeros(3))
+        combine_references([SINE, other], np.eye(3), np.zeros(3))
 
 
-def test_the_axes_that_are_asked_least_give_way():
-    coupled = CoupledAxes("abcd", [Equation("ab", {"b": 1, "a": -2}, 0.0), Equation("bc", {"c": 1, "b": 1}, 0.5)])
+@pytest.fixture
+def chain_of_axes():
+    """Axes with the couplings b = 2 a and c + b = 0.5; d is free."""
+    equations = [Equation("ab", {"b": 1, "a": -2}, 0.0), Equation("bc", {"c": 1, "b": 1}, 0.5)]
+    return CoupledAxes("abcd", equations)
+
+
+def test_the_axes_that_are_asked_least_give_way(chain_of_axes):
+    """If only c is named, a and b follow it: c = 0.3 asks for b = 0.5 - 0.3 and a = b / 2."""
     firmness = [Firmness.UNNAMED, Firmness.UNNAMED, Firmness.NAMED, Firmness.UNNAMED]
-    found = coupled.solve(firmness, coupled.totals(np.zeros(4)))
-    # c = 0.3 asks b = 0.5 - 0.3 and a = b / 2; d is free.
-    np.testing.assert_allclose(found.matrix @ [9, 9, 0.3, 7] + found.offset, [0.1, 0.2, 0.3, 7], atol=1e-12)
-    assert found.conditions == ()
-    firm = coupled.solve([Firmness.NAMED] * 4, coupled.totals(np.zeros(4)))
-    assert [condition.labels for condition in firm.conditions] == [("ab",), ("bc",)]
+
+    solution = chain_of_axes.solve(firmness, chain_of_axes.totals(np.zeros(4)))
+
+    positions = solution.matrix @ [9, 9, 0.3, 7] + solution.offset
+    np.testing.assert_allclose(positions, [0.1, 0.2, 0.3, 7], atol=1e-12)
+    assert solution.conditions == ()
+
+
+def test_couplings_between_named_axes_are_conditions(chain_of_axes):
+    """If all axes are named, none gives way, and each coupling has to hold by itself."""
+    solution = chain_of_axes.solve([Firmness.NAMED] * 4, chain_of_axes.totals(np.zeros(4)))
+
+    assert [condition.labels for condition in solution.conditions] == [("ab",), ("bc",)]
+
+
+def test_a_condition_joins_the_couplings_of_an_axis_that_gives_way(chain_of_axes):
+    """If b alone gives way, both couplings together are one condition on a and c: c = 0.5 - 2 a."""
     firmness = [Firmness.NAMED, Firmness.UNNAMED, Firmness.NAMED, Firmness.NAMED]
-    ends = coupled.solve(firmness, coupled.totals(np.zeros(4)))
-    (condition,) = ends.conditions
+    tolerance = np.full(4, 1e-9)
+
+    (condition,) = chain_of_axes.solve(firmness, chain_of_axes.totals(np.zeros(4))).conditions
+
     assert set(condition.labels) == {"ab", "bc"}
-    assert coupled.find_violation(condition, np.array([[0.1, 0, 0.3, 0]]), np.full(4, 1e-9)) is None
-    violation = coupled.find_violation(condition, np.array([[0.1, 0, 0.4, 0]]), np.full(4, 1e-9))
+    obeyed = np.array([[0.1, 0, 0.3, 0]])
+    assert chain_of_axes.find_violation(condition, obeyed, tolerance) is None
+    violated = np.array([[0.1, 0, 0.4, 0]])
+    violation = chain_of_axes.find_violation(condition, violated, tolerance)
     assert violation.position == pytest.approx(0.3)

@@ -53,32 +53,47 @@ def sled(tmp_path: Path) -> Path:
 def test_a_sled_on_a_spring_loses_the_same_at_every_turn(
     sled: Path, solver: dict[str, Any], realization: str, tolerance: float
 ) -> None:
-    """It turns at x0 - 2 i c/k on either side, every pi sqrt((m + G² J) / k), and stops where c holds it.
+    """The sled turns at x0 - 2 i c/k on either side, every pi sqrt((m + G² J) / k), and stops where c holds it.
 
     What the law loses less for its v_s is a hundredth of that; in the end the sled creeps back, slower than v_s.
     """
     config = load_station(sled, {"solver": solver, "servo.realization": realization})
+
     result = simulate(config, progress=False)
-    way = result["q.joint_1"] - 0.5
-    turns = np.sort(np.concatenate([find_peaks(way)[0], find_peaks(-way)[0]]))[:4]
-    amplitudes = 0.5 - 2 * FRICTION / STIFFNESS * np.arange(1, 5)  # 0.4, 0.3, 0.2, 0.1
-    np.testing.assert_allclose(np.abs(way[turns]), amplitudes, rtol=0, atol=tolerance)
-    half = np.pi * np.sqrt((MASS + GEAR**2 * ROTOR) / STIFFNESS)
-    np.testing.assert_allclose(result.times[turns], half * np.arange(1, 5), rtol=0, atol=3e-3)
+
+    distance = result["q.joint_1"] - 0.5
+    turns = np.sort(np.concatenate([find_peaks(distance)[0], find_peaks(-distance)[0]]))[:4]
+    numbers = np.arange(1, 5)
+    amplitudes = 0.5 - 2 * FRICTION / STIFFNESS * numbers  # 0.4, 0.3, 0.2, 0.1
+    np.testing.assert_allclose(np.abs(distance[turns]), amplitudes, rtol=0, atol=tolerance)
+    half_period = np.pi * np.sqrt((MASS + GEAR**2 * ROTOR) / STIFFNESS)
+    np.testing.assert_allclose(result.times[turns], half_period * numbers, rtol=0, atol=3e-3)
     assert abs(result["v.joint_1"][-1]) <= 0.002
-    early = (result.times > 0.01) & (result.times < half)  # the motor's torque is that of its servo alone
+    # The motor's torque is that of its servo alone, without friction.
+    is_first_swing = (result.times > 0.01) & (result.times < half_period)
     spring = STIFFNESS * (result["q_ref.joint_1"] - result["q.joint_1"])
-    np.testing.assert_allclose(result["tau.joint_1"][early], spring[early], rtol=0, atol=0.5)
+    np.testing.assert_allclose(result["tau.joint_1"][is_first_swing], spring[is_first_swing], rtol=0, atol=0.5)
     assert station_dot(config)  # every block has its place in the picture
     assert not [finding for finding in check_station(config) if finding.level == "warning"]
 
 
 def test_a_kinematic_station_tells_what_motors_give_against_it(sled: Path) -> None:
-    asked = {"mode": "kinematic", "reference": {"kind": "sine", "amplitude_deg": 0.3, "frequency": 0.5}}
-    result = simulate(load_station(sled, {**asked, "robot.drives": {"friction_speed": 0.5}}), progress=False)
-    time, turn = result.times, np.pi
-    speed, gain = 0.3 * turn * np.cos(turn * time), -0.3 * turn**2 * np.sin(turn * time)
-    expected = (MASS + GEAR**2 * ROTOR) * gain + FRICTION * np.clip(speed / 0.5, -1, 1)
+    """The force is (m + G² J) a + c sat(v / v_s) along a sine."""
+    amplitude = 0.3  # [m]
+    friction_speed = 0.5  # [m/s]
+    changes = {
+        "mode": "kinematic",
+        "reference": {"kind": "sine", "amplitude_deg": amplitude, "frequency": 0.5},
+        "robot.drives": {"friction_speed": friction_speed},
+    }
+
+    result = simulate(load_station(sled, changes), progress=False)
+
+    rate = np.pi  # 2 pi times the frequency [rad/s]
+    speed = amplitude * rate * np.cos(rate * result.times)
+    acceleration = -amplitude * rate**2 * np.sin(rate * result.times)
+    friction = FRICTION * np.clip(speed / friction_speed, -1, 1)
+    expected = (MASS + GEAR**2 * ROTOR) * acceleration + friction
     np.testing.assert_allclose(result["tau.joint_1"], expected, rtol=0, atol=1e-9)
 
 

@@ -16,7 +16,16 @@ from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 
-INERTIA, STALL, FASTEST, KP, KD = 0.14, 10.0, 5.76, 150.0, 4.0  # kg m², N·m, rad/s
+INERTIA = 0.14  # [kg m²]
+STALL = 10.0  # [N·m]
+FASTEST = 5.76  # speed without load [rad/s]
+RATED = 2.0  # [N·m]
+KP = 150.0  # [N·m/rad]
+KD = 4.0  # [N·m·s/rad]
+TARGET = np.deg2rad(230)
+RAMP_TIME = 1e-3  # [s]
+DURATION = 1.2  # [s]
+SAMPLE = 2e-3  # [s]
 JOINT = """
 dh:
   convention: classical
@@ -32,9 +41,10 @@ duration: 1.2
 sample_rate: 500
 """
 RADAU = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}
-FIGURES = {"stall_torque": STALL, "no_load_speed": FASTEST, "rated_torque": 2.0}
+FIGURES = {"stall_torque": STALL, "no_load_speed": FASTEST, "rated_torque": RATED}
 MOTOR = {"servo.motor": FIGURES}
-PEAK = {"servo.motor": {**FIGURES, "peak_torque": 6.0}}
+PEAK_TORQUE = 6.0  # [N·m]
+PEAK = {"servo.motor": {**FIGURES, "peak_torque": PEAK_TORQUE}}
 
 
 @pytest.fixture
@@ -52,18 +62,36 @@ def discrete(step: float, kind: str = "discrete") -> dict[str, Any]:
     return {"kind": kind, "time_step": step}
 
 
-def by_hand(limit: float, step: float = 2e-5) -> np.ndarray:
-    """Return angles and speeds of the joint at each sample, shape (m, 2), by small steps of the law itself."""
-    angle = speed = 0.0
-    slope, found = STALL / FASTEST, [(0.0, 0.0)]
-    for count in range(1, round(1.2 / step) + 1):
-        asked = KP * (np.deg2rad(230) * min(1.0, (count - 1) * step / 1e-3) - angle) - KD * speed
-        lower, upper = max(-STALL - slope * speed, -limit), min(STALL - slope * speed, limit)
-        speed += step * min(max(asked, lower), upper) / INERTIA
+def angles_by_hand(limit: float, step: float = 2e-5) -> np.ndarray:
+    """Integrate the law of the motor by small steps. Returns the angle of the joint at each sample, shape (m,) [rad].
+
+    The servo asks for kp (q_r - q) - kd v; the motor gives at most its line, tau_s - D v, and its limit.
+
+    Args:
+        limit: torque that the current allows [N·m].
+        step: length of a step [s].
+    """
+    angle = 0.0
+    speed = 0.0
+    slope = STALL / FASTEST
+    angles = [angle]
+    for number in range(round(DURATION / step)):
+        reference = TARGET * min(1.0, number * step / RAMP_TIME)
+        torque = KP * (reference - angle) - KD * speed
+        lower = max(-STALL - slope * speed, -limit)
+        upper = min(STALL - slope * speed, limit)
+        speed += step * min(max(torque, lower), upper) / INERTIA
         angle += step * speed
-        if count % round(2e-3 / step) == 0:
-            found.append((angle, speed))
-    return np.array(found)
+        is_sample = (number + 1) % round(SAMPLE / step) == 0
+        if is_sample:
+            angles.append(angle)
+    return np.array(angles)
+
+
+def needs_mujoco(solver: dict[str, Any]) -> None:
+    """Skip a test of MuJoCo where it is not installed."""
+    if solver["kind"] == "mujoco":
+        pytest.importorskip("mujoco")
 
 
 @pytest.mark.parametrize(
@@ -83,14 +111,23 @@ def by_hand(limit: float, step: float = 2e-5) -> np.ndarray:
     ],
 )
 def test_a_joint_goes_as_its_motor_can(joint: Path, solver: dict[str, Any], realization: str, tolerance: float) -> None:
-    """It reaches the no-load speed and no more; tolerances are the errors of first order of the steps [rad]."""
-    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
-    result = simulate(load_station(joint, {**MOTOR, "solver": solver, "servo.realization": realization}))
-    robot, truth = next(iter(result.plant.robots.values())), by_hand(np.inf)
-    angle, speed, torque = (result.axes(name, robot.name) for name in ("q", "v", "tau"))
-    assert np.abs(angle[:, 0] - truth[: len(angle), 0]).max() < tolerance
-    assert 0.98 * FASTEST < speed.max() <= FASTEST + 1e-3
-    shares = robot.gains.line.share(torque, speed, robot.gains.torque_limit)
+    """The joint reaches the no-load speed and no more, with the motor at its line for many samples.
+
+    Tolerances are the errors of first order of the steps [rad].
+    """
+    needs_mujoco(solver)
+    config = load_station(joint, {**MOTOR, "solver": solver, "servo.realization": realization})
+
+    result = simulate(config)
+
+    (robot,) = result.plant.robots.values()
+    angles = result.axes("q", robot.name)
+    speeds = result.axes("v", robot.name)
+    torques = result.axes("tau", robot.name)
+    expected = angles_by_hand(np.inf)[: len(angles)]
+    assert np.abs(angles[:, 0] - expected).max() < tolerance
+    assert 0.98 * FASTEST < speeds.max() <= FASTEST + 1e-3
+    shares = robot.gains.line.share(torques, speeds, robot.gains.torque_limit)
     assert shares.max() < 1 + 1e-6
     assert (shares > 1 - 1e-6).sum() > 20
 
@@ -102,11 +139,18 @@ def test_a_joint_goes_as_its_motor_can(joint: Path, solver: dict[str, Any], real
 def test_a_current_bounds_it_at_low_speed(
     joint: Path, solver: dict[str, Any], realization: str, tolerance: float
 ) -> None:
-    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
-    result = simulate(load_station(joint, {"solver": solver, "servo.realization": realization, **PEAK}))
-    angle, torque = (result.axes(name, next(iter(result.plant.robots))) for name in ("q", "tau"))
-    assert np.abs(angle[:, 0] - by_hand(6.0)[: len(angle), 0]).max() < tolerance
-    assert np.abs(torque).max() == pytest.approx(6.0)
+    """The peak torque of the motor limits its torque where the line allows more."""
+    needs_mujoco(solver)
+    config = load_station(joint, {"solver": solver, "servo.realization": realization, **PEAK})
+
+    result = simulate(config)
+
+    (robot,) = result.plant.robots
+    angles = result.axes("q", robot)
+    torques = result.axes("tau", robot)
+    expected = angles_by_hand(PEAK_TORQUE)[: len(angles)]
+    assert np.abs(angles[:, 0] - expected).max() < tolerance
+    assert np.abs(torques).max() == pytest.approx(PEAK_TORQUE)
 
 
 @pytest.mark.parametrize(
@@ -167,17 +211,24 @@ def test_encoders_are_as_fine_as_those_of_motors(joint: Path) -> None:
 
 
 def test_peaks_and_heat_are_told(joint: Path) -> None:
-    """While the torque is τ_s - D v, with the time constant J v_0 / τ_s, τ² has the integral τ_s² J v_0 / (2 τ_s)."""
-    result = simulate(load_station(joint, {**MOTOR, "solver": RADAU, "duration": 0.4}))
-    told = summary_of(result, result.verdict)
-    assert told["motors"]["joint_1"]["peak_speed"] == pytest.approx(FASTEST, rel=0.02)
-    assert told["motors"]["joint_1"]["stall_torque"] == STALL
-    figures = told["verdict"]["figures"]
-    assert figures["torque_share"]["value"] == pytest.approx(1.0, abs=1e-6)
-    constant = INERTIA * FASTEST / STALL
-    warm = STALL**2 * constant / 2 / 2.0**2 / 30.0
-    assert figures["heat"]["value"] == pytest.approx(warm, rel=0.05)
-    assert figures["rated_time"]["value"] == pytest.approx(constant * np.log(STALL / 2.0) / 0.4, rel=0.05)
+    """While the torque is τ_s - D v, with the time constant T = J v_0 / τ_s, the integral of τ² is τ_s² T / 2."""
+    duration = 0.4  # [s]
+    warming_time = 30.0  # default time constant of a motor's heat [s]
+    result = simulate(load_station(joint, {**MOTOR, "solver": RADAU, "duration": duration}))
+
+    summary = summary_of(result, result.verdict)
+
+    motor = summary["motors"]["joint_1"]
+    assert motor["peak_speed"] == pytest.approx(FASTEST, rel=0.02)
+    assert motor["stall_torque"] == STALL
+    values = {name: figure["value"] for name, figure in summary["verdict"]["figures"].items()}
+    assert values["torque_share"] == pytest.approx(1.0, abs=1e-6)
+    time_constant = INERTIA * FASTEST / STALL
+    heat = STALL**2 * time_constant / 2 / RATED**2 / warming_time
+    assert values["heat"] == pytest.approx(heat, rel=0.05)
+    # The torque τ_s exp(-t / T) falls to the rated one at t = T ln(τ_s / τ_r).
+    time_above_rated = time_constant * np.log(STALL / RATED)
+    assert values["rated_time"] == pytest.approx(time_above_rated / duration, rel=0.05)
 
 
 def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
@@ -225,14 +276,29 @@ WAYS = [
 @pytest.mark.parametrize(("solver", "realization"), WAYS)
 def test_a_supply_falls_with_the_current(joint: Path, solver: dict[str, Any], realization: str) -> None:
     """U - R I on a winding of U / I_s gives the stall torque of a winding of R + U / I_s; the no-load speed stays."""
-    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
-    way = {"solver": solver, "servo.realization": realization, "duration": 0.6}
-    weak = {**FIGURES, "voltage": 12.0, "stall_current": 4.0, "supply_resistance": 0.75, "gear_efficiency": 0.8}
-    winding = 12.0 / 4.0
-    as_weak = {**FIGURES, "stall_torque": 0.8 * STALL * winding / (winding + 0.75)}
-    ours, same = (simulate(load_station(joint, {**way, "servo.motor": motor})) for motor in (weak, as_weak))
-    np.testing.assert_allclose(ours.axes("q"), same.axes("q"), atol=1e-9)
-    assert np.abs(ours.axes("tau")).max() < 0.65 * STALL * (1 + FASTEST / FASTEST)
+    needs_mujoco(solver)
+    voltage = 12.0  # [V]
+    stall_current = 4.0  # [A]
+    supply_resistance = 0.75  # [ohm]
+    gear_efficiency = 0.8
+    on_weak_supply = {
+        **FIGURES,
+        "voltage": voltage,
+        "stall_current": stall_current,
+        "supply_resistance": supply_resistance,
+        "gear_efficiency": gear_efficiency,
+    }
+    winding = voltage / stall_current  # [ohm]
+    weak_stall = gear_efficiency * STALL * winding / (winding + supply_resistance)
+    weak_motor = {**FIGURES, "stall_torque": weak_stall}
+    changes = {"solver": solver, "servo.realization": realization, "duration": 0.6}
+
+    found = simulate(load_station(joint, {**changes, "servo.motor": on_weak_supply}))
+    same = simulate(load_station(joint, {**changes, "servo.motor": weak_motor}))
+
+    np.testing.assert_allclose(found.axes("q"), same.axes("q"), atol=1e-9)
+    # The motor brakes with at most its stall torque and D times the no-load speed: twice its stall torque.
+    assert np.abs(found.axes("tau")).max() < 2 * 0.65 * STALL
 
 
 def test_a_supply_that_falls_needs_the_current(joint: Path) -> None:
@@ -243,20 +309,26 @@ def test_a_supply_that_falls_needs_the_current(joint: Path) -> None:
 @pytest.mark.parametrize(("solver", "realization"), WAYS)
 def test_a_bus_is_late_and_rounds(joint: Path, solver: dict[str, Any], realization: str) -> None:
     """A jump at a sample comes as many seconds later as the bus takes, and goes to the nearest step of commands."""
-    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
-    jump = {"kind": "ramp", "start": 0.1, "duration": 1e-3, "target_deg": 7.3}
-    way = {"solver": solver, "servo.realization": realization, "reference": jump, "duration": 1.4, **MOTOR}
-    buses = {"late": {"latency": 0.05}, "quick": {}, "coarse": {"resolution_deg": 3}}
-    runs = {name: simulate(load_station(joint, {**way, "servo.bus": {"rate": 100, **buses[name]}})) for name in buses}
+    needs_mujoco(solver)
+    latency = 0.05  # [s]
+    target_deg = 7.3
+    jump = {"kind": "ramp", "start": 0.1, "duration": 1e-3, "target_deg": target_deg}
+    changes = {"solver": solver, "servo.realization": realization, "reference": jump, "duration": 1.4, **MOTOR}
+    buses = {"late": {"latency": latency}, "quick": {}, "coarse": {"resolution_deg": 3}}
+
+    runs = {}
+    for name, bus in buses.items():
+        runs[name] = simulate(load_station(joint, {**changes, "servo.bus": {"rate": 100, **bus}}))
+
     angles = {name: run.axes("q")[:, 0] for name, run in runs.items()}
-    shift = 25  # samples of 2 ms
+    shift = round(latency / SAMPLE)
     tolerance = 1e-6 if "time_step" in solver else 1e-3
     np.testing.assert_allclose(angles["late"][shift:], angles["quick"][:-shift], atol=tolerance)
-    assert np.abs(angles["quick"][:56]).max() < 1e-9  # until the sample after the jump
-    assert angles["quick"][-1] == pytest.approx(np.deg2rad(7.3), abs=1e-3)
+    assert np.abs(angles["quick"][:56]).max() < 1e-9  # until the bus's sample after the jump
+    assert angles["quick"][-1] == pytest.approx(np.deg2rad(target_deg), abs=1e-3)
     assert angles["coarse"][-1] == pytest.approx(np.deg2rad(6.0), abs=1e-3)
-    asked = runs["late"].axes("q_ref")[:, 0]
-    assert asked[60] == pytest.approx(np.deg2rad(7.3))  # what is asked is told as it is
+    # The reference in the results is the one before the bus.
+    assert runs["late"].axes("q_ref")[60, 0] == pytest.approx(np.deg2rad(target_deg))
 
 
 def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Path) -> None:

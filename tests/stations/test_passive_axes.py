@@ -273,11 +273,18 @@ GRAVITY_TERM = 0.5 * STANDARD_GRAVITY  # of a rod: mass times distance of its ce
 def test_its_linear_model_is_the_closed_form(pendulum: WriteStation) -> None:
     """Upright, M q'' = -H q - d q' + (0, 1) u, with the mass matrix M and the second derivatives H of the potential."""
     servo = {"realization": "vector", "kp": {"elbow": 0.0}, "kd": {"elbow": 0.0}, "torque_limit": {"elbow": 20.0}}
-    model = linearize(load_station(pendulum(servo=servo, inputs=["feedforward"])), [np.pi, 0.0])
-    inertia, half, whole = 0.08, 0.5, 1.0  # of a rod [kg m², m, m]; its mass is 1 kg
-    lower = inertia + half**2
-    coupling = lower + whole * half
-    mass = np.array([[inertia + half**2 + lower + whole**2 + 2 * whole * half, coupling], [coupling, lower]])
+    config = load_station(pendulum(servo=servo, inputs=["feedforward"]))
+
+    model = linearize(config, [np.pi, 0.0])
+
+    # Two equal rods of 1 kg in one line.
+    inertia = 0.08  # about the centre of mass [kg m²]
+    half = 0.5  # from a joint to the centre of mass [m]
+    whole = 1.0  # [m]
+    about_end = inertia + half**2
+    coupling = about_end + whole * half
+    both = about_end + about_end + whole**2 + 2 * whole * half
+    mass = np.array([[both, coupling], [coupling, about_end]])
     hessian = -GRAVITY_TERM * np.array([[4.0, 1.0], [1.0, 1.0]])
     damping = 0.1 * np.eye(2)
     inverse = np.linalg.inv(mass)

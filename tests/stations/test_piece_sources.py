@@ -102,15 +102,33 @@ def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry
         station(tmp_path, entry)
 
 
-def test_simple_forms_need_no_file(tmp_path: Path) -> None:
+def test_a_box_has_the_mass_and_inertia_of_its_volume(tmp_path: Path) -> None:
+    """A box of a density has m = rho a b c, and about x the inertia m / 12 (b² + c²)."""
     box = part(tmp_path, "{box: [0.1, 0.2, 0.3], density: 1000}")
+
     assert box.mass == pytest.approx(6.0)
-    np.testing.assert_allclose(box.inertia[:3], 6 / 12 * (SIDES @ SIDES - SIDES**2))
-    assert part(tmp_path, "{cylinder: [0.1, 0.2], density: 1000}").mass == pytest.approx(1000 * np.pi * 0.01 * 0.2)
+    np.testing.assert_allclose(box.inertia[:3], box.mass / 12 * (SIDES @ SIDES - SIDES**2))
+
+
+def test_a_cylinder_has_the_mass_of_its_volume(tmp_path: Path) -> None:
+    """A cylinder of a density has m = rho pi r² l."""
+    cylinder = part(tmp_path, "{cylinder: [0.1, 0.2], density: 1000}")
+
+    assert cylinder.mass == pytest.approx(1000 * np.pi * 0.1**2 * 0.2)
+
+
+def test_a_ball_has_the_inertia_of_its_mass(tmp_path: Path) -> None:
+    """A full ball has the inertia 2/5 m r² about each axis."""
     ball = part(tmp_path, "{sphere: 0.1, mass: 2}")
-    np.testing.assert_allclose(ball.inertia[:3], 2 / 5 * 2 * 0.01)
-    two = part(tmp_path, "{shapes: [{sphere: 0.1, pose: [1, 0, 0, 0, 0, 0]}, {sphere: 0.1}], mass: 2}")
-    np.testing.assert_allclose(two.com, [0.5, 0, 0], atol=1e-12)
+
+    np.testing.assert_allclose(ball.inertia[:3], 2 / 5 * 2 * 0.1**2)
+
+
+def test_several_shapes_have_one_centre_of_mass(tmp_path: Path) -> None:
+    """Two equal balls have their centre of mass in the middle between them."""
+    two_balls = part(tmp_path, "{shapes: [{sphere: 0.1, pose: [1, 0, 0, 0, 0, 0]}, {sphere: 0.1}], mass: 2}")
+
+    np.testing.assert_allclose(two_balls.com, [0.5, 0, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,19 @@ FOOT = 0.02  # m, radius of the spheres under the crate's corners
 CORNERS = [(0.13, 0.08), (0.13, -0.08), (-0.13, 0.08), (-0.13, -0.08)]
 
 
+# A swing about 0 that begins at its amplitude [m, which is a "deg" of a joint that slides].
+AMPLITUDE = 0.03
+SWING = {"kind": "sine", "amplitude_deg": AMPLITUDE, "frequency": 1.0, "phase_deg": 90.0}
+
+
+def swing_acceleration(times: np.ndarray, amplitude: float = AMPLITUDE) -> np.ndarray:
+    """Acceleration of the swing, -a w² cos(w t), at times (m,) [s]."""
+    rate = 2 * np.pi * SWING["frequency"]
+    return np.asarray(-amplitude * rate**2 * np.cos(rate * times))
+
+
 def by_scheme(solver: dict[str, Any]) -> str:
+    """Name of a case by its solver."""
     return str(solver["scheme"])
 
 
@@ -100,7 +112,8 @@ def at_constant_speed(folder: Path, speed: float) -> dict[str, Any]:
 @pytest.mark.parametrize("solver", ALL, ids=by_scheme)
 def test_a_crate_that_rides_along_takes_no_force(tmp_path: Path, solver: dict[str, Any]) -> None:
     """Friction brings the crate to the carriage's speed; then nothing accelerates."""
-    speed, friction = 0.5, 0.5
+    speed = 0.5  # [m/s]
+    friction = 0.5
     run = carried(tmp_path, solver, at_constant_speed(tmp_path, speed), friction=friction, sample_rate=1000.0)
     force = run["tau.belt"]
     riding = run.times > 0.2  # 0.102 s are needed, more where the crate hops at first
@@ -110,7 +123,9 @@ def test_a_crate_that_rides_along_takes_no_force(tmp_path: Path, solver: dict[st
     catching_up = ~riding[:-1]
     impulse = np.sum((force[:-1] * np.diff(run.times))[catching_up])
     assert impulse == pytest.approx(CRATE * speed, abs=0.06)
-    assert run["piece.crate.x"][-1] == pytest.approx(speed * 0.5 - speed**2 / (2 * friction * GRAVITY), abs=2e-3)
+    duration = 0.5  # [s]
+    lag = speed**2 / (2 * friction * GRAVITY)  # while the crate slips
+    assert run["piece.crate.x"][-1] == pytest.approx(speed * duration - lag, abs=2e-3)
     assert not [warning for warning in run.warnings if "belt needed" in warning]
 
 
@@ -140,40 +155,45 @@ def test_under_discrete_solvers_the_force_is_that_of_the_momenta(tmp_path: Path,
 
 @pytest.mark.parametrize("solver", [SAP, LAGGED, SIMILAR, RADAU3], ids=by_scheme)
 def test_a_crate_that_sticks_is_accelerated_like_the_carriage(tmp_path: Path, solver: dict[str, Any]) -> None:
-    swing = {"kind": "sine", "amplitude_deg": 0.03, "frequency": 1.0, "phase_deg": 90.0}
-    run = carried(tmp_path, solver, swing, friction=1.0)
-    rate = 2 * np.pi
-    force = -(CARRIAGE + CRATE) * 0.03 * rate**2 * np.cos(rate * run.times)
-    late = run.times > 0.2
-    # The 2 kg of the crate are 2.4 N of it.
-    np.testing.assert_allclose(run["tau.belt"][late], force[late], atol=0.15)
+    """The motor accelerates carriage and crate, (M + m) a; the 2 kg of the crate are 2.4 N of it."""
+    run = carried(tmp_path, solver, SWING, friction=1.0)
+
+    force = (CARRIAGE + CRATE) * swing_acceleration(run.times)
+    settled = run.times > 0.2
+    np.testing.assert_allclose(run["tau.belt"][settled], force[settled], atol=0.15)
 
 
 @pytest.mark.parametrize("solver", [SAP, LAGGED, SIMILAR, RADAU3], ids=by_scheme)
 def test_a_crate_is_carried_up_a_slope(tmp_path: Path, solver: dict[str, Any]) -> None:
-    """The motor lifts carriage and crate: (M + m) g sin(20°), and accelerates them."""
+    """The motor lifts carriage and crate, (M + m) g sin(20°), and accelerates them."""
     slope = float(np.deg2rad(20.0))
-    swing = {"kind": "sine", "amplitude_deg": 0.03, "frequency": 1.0, "phase_deg": 90.0}
-    run = carried(tmp_path, solver, swing, friction=1.0, pitch=-slope, place=(0.03, 0.0, 0.15))
-    rate = 2 * np.pi
+    crate_position = (AMPLITUDE, 0.0, 0.15)  # where the carriage begins
+
+    run = carried(tmp_path, solver, SWING, friction=1.0, pitch=-slope, place=crate_position)
+
     mass = CARRIAGE + CRATE
-    force = mass * (GRAVITY * np.sin(slope) - 0.03 * rate**2 * np.cos(rate * run.times))
-    late = run.times > 0.25
-    np.testing.assert_allclose(run["tau.belt"][late], force[late], atol=0.02 * mass * GRAVITY * np.sin(slope))
+    weight = mass * GRAVITY * np.sin(slope)
+    force = weight + mass * swing_acceleration(run.times)
+    settled = run.times > 0.25
+    np.testing.assert_allclose(run["tau.belt"][settled], force[settled], atol=0.02 * weight)
 
 
 @pytest.mark.parametrize("solver", [SAP, LAGGED, SIMILAR, RADAU3], ids=by_scheme)
 def test_a_turntable_turns_what_stands_on_it(tmp_path: Path, solver: dict[str, Any]) -> None:
-    """About an upright axis: (I + I_crate + m r²) times the angular acceleration."""
-    radius, amplitude, rate = 1.0, np.deg2rad(3.0), 2 * np.pi
-    swing = {"kind": "sine", "amplitude_deg": 3.0, "frequency": 1.0, "phase_deg": 90.0}
-    angle = amplitude  # at which the swing begins
-    place = (radius * np.cos(angle), radius * np.sin(angle), 0.15)
+    """About an upright axis, the motor gives (I + I_crate + m r²) times the angular acceleration."""
+    radius = 1.0  # [m]
+    amplitude_deg = 3.0
+    swing = {**SWING, "amplitude_deg": amplitude_deg}
+    amplitude = np.deg2rad(amplitude_deg)
+    # The swing begins at its amplitude, and the crate stands on the turntable there.
+    place = (radius * np.cos(amplitude), radius * np.sin(amplitude), 0.15)
+
     run = carried(tmp_path, solver, swing, friction=1.0, kind="revolute", axis="0 0 1", place=place)
+
     inertia = TURN_INERTIA + CRATE_INERTIA + CRATE * radius**2
-    torque = -inertia * amplitude * rate**2 * np.cos(rate * run.times)
-    late = run.times > 0.25
-    np.testing.assert_allclose(run["tau.belt"][late], torque[late], atol=0.15)
+    torque = inertia * swing_acceleration(run.times, amplitude)
+    settled = run.times > 0.25
+    np.testing.assert_allclose(run["tau.belt"][settled], torque[settled], atol=0.15)
 
 
 @pytest.mark.parametrize("solver", [SAP, LAGGED, SIMILAR, RADAU3], ids=by_scheme)

@@ -56,14 +56,29 @@ def test_actuators_take_the_feedforward_through_their_desired_state():
 
 
 def test_the_error_of_a_computed_torque_obeys_its_own_law_in_every_joint():
-    kp, kd, begin = 100.0, 12.0, np.deg2rad(10)
-    change = {"servo.law": "computed_torque", "servo.kp": kp, "servo.kd": kd, "reference": {"kind": "hold"}}
-    change |= {"reference.target_deg": 10, "solver.accuracy": 1e-5, "duration": 1.0}
-    result = simulate(load_station("irb120_dynamic", change), progress=False)
-    rate, swing = kd / 2, np.sqrt(kp - kd**2 / 4)
-    times = result.times
-    left = begin * np.exp(-rate * times) * (np.cos(swing * times) + rate / swing * np.sin(swing * times))
-    np.testing.assert_allclose(begin - result.axes("q"), np.tile(left, (6, 1)).T, atol=2e-5)
+    """From an error e0 at rest, e'' + kd e' + kp e = 0 gives e0 exp(-d t) (cos(w t) + d / w sin(w t)) in each axis."""
+    kp = 100.0  # [1/s²]
+    kd = 12.0  # [1/s]
+    start_error_deg = 10
+    changes = {
+        "servo.law": "computed_torque",
+        "servo.kp": kp,
+        "servo.kd": kd,
+        "reference": {"kind": "hold"},
+        "reference.target_deg": start_error_deg,
+        "solver.accuracy": 1e-5,
+        "duration": 1.0,
+    }
+
+    result = simulate(load_station("irb120_dynamic", changes), progress=False)
+
+    start_error = np.deg2rad(start_error_deg)
+    decay = kd / 2
+    frequency = np.sqrt(kp - decay**2)
+    angle = frequency * result.times
+    error = start_error * np.exp(-decay * result.times) * (np.cos(angle) + decay / frequency * np.sin(angle))
+    found = start_error - result.axes("q")
+    np.testing.assert_allclose(found, np.tile(error, (6, 1)).T, atol=2e-5)
 
 
 def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
@@ -79,18 +94,29 @@ def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
 
 
 def test_gravity_asks_for_no_speed_and_an_input_of_torques_comes_on_top():
-    """Beside an arm whose motion counts, in one model."""
-    servos = {"left": "gravity", "right": "inverse_dynamics"}
-    change = {f"robots.{name}.servo": {"kp": 9, "kd": 10, "feedforward": kind} for name, kind in servos.items()}
-    station = build_station(load_station("two_irb120", {**change, "inputs": ["feedforward", "reference_velocity"]}))
-    context, own = station.CreateDefaultContext(), station.ports.plant.robots["left"]
+    """The torque is the weight, the input, and kd v_r, next to an arm in the same model whose motion counts."""
+    kd = 10.0
+    input_torque = 2.0  # [N·m]
+    reference_velocity = 0.5  # [rad/s]
+    changes = {"inputs": ["feedforward", "reference_velocity"]}
+    for name, feedforward in {"left": "gravity", "right": "inverse_dynamics"}.items():
+        changes[f"robots.{name}.servo"] = {"kp": 9, "kd": kd, "feedforward": feedforward}
+    station = build_station(load_station("two_irb120", changes))
+    context = station.CreateDefaultContext()
     for name in station.ports.inputs:
-        value = 0.5 if name.endswith("velocity") else 2.0 if name.endswith("feedforward") else 0.0
+        value = 0.0
+        if name.endswith("velocity"):
+            value = reference_velocity
+        elif name.endswith("feedforward"):
+            value = input_torque
         station.GetInputPort(name).FixValue(context, np.full(6, value))
+
+    torque = station.GetOutputPort("left.torque").Eval(context)
+
     plant = station.ports.plant.plant
-    weight = -own.axis_map.efforts(plant.CalcGravityGeneralizedForces(plant.CreateDefaultContext()))
-    found = station.GetOutputPort("left.torque").Eval(context)
-    np.testing.assert_allclose(found, weight + 2.0 + 10 * 0.5, atol=1e-12)  # with the damping's share
+    gravity = plant.CalcGravityGeneralizedForces(plant.CreateDefaultContext())
+    weight = -station.ports.plant.robots["left"].axis_map.efforts(gravity)
+    np.testing.assert_allclose(torque, weight + input_torque + kd * reference_velocity, atol=1e-12)
 
 
 def test_a_cascade_goes_no_faster_than_its_limit():

@@ -149,10 +149,10 @@ def _find_scene(path: Path, scenario: str) -> _NamedScene:
     except NotRead as problem:
         raise InvalidConfig(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
     except (yaml.YAMLError, ValueError) as problem:
         text = " ".join(str(problem).split())
-        raise InvalidConfig(path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)) from problem
+        raise InvalidConfig(path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)) from None
     assert isinstance(root, yaml.MappingNode)  # it has the key `directives`, see find_station_importer()
     named = {key: value for key, value in _items(root) if isinstance(value, yaml.MappingNode)}
     scenes = {key: value for key, value in named.items() if DIRECTIVES in _merged_items(value)}
@@ -317,7 +317,7 @@ class _Checks:
         except NotRead as problem:
             raise InvalidConfig(
                 path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-            ) from problem
+            ) from None
         # A model may name files of the package that it is in, which Drake's parser finds itself.
         own = [manifest_name(folder) for folder in path.parents if (folder / MANIFEST).is_file()]
         for name in dict.fromkeys(_PACKAGE.findall(text)):
@@ -383,7 +383,7 @@ class _Checks:
         except OutsideBorder as problem:
             raise InvalidConfig(
                 path, where, compound("{path} {problem}", path=shortened(str(file), 300), problem=problem)
-            ) from problem
+            ) from None
 
 
 def _unknown(path: Path, line: int, kind: str, name: str, known: Sequence[str]) -> InvalidConfig:

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
 from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
-from simrob_drake.robots.urdf import MOMENTS, six_moments, text, written
+from simrob_drake.robots.urdf import MOMENTS, format_number, format_numbers, six_moments
 
 VERSION = "1.9"
 """Version of the format SDF."""
@@ -98,7 +98,7 @@ def _shape(shape: BodyShape, number: int, meshes: MeshCopies) -> ET.Element:
     ET.SubElement(element, "geometry").append(_geometry(shape.shape, meshes))
     if shape.colour is not None:
         material = ET.SubElement(element, "material")
-        ET.SubElement(material, "diffuse").text = text(shape.colour)
+        ET.SubElement(material, "diffuse").text = format_numbers(shape.colour)
     if shape.contact is not None:
         properties = ET.SubElement(element, f"{_DRAKE}proximity_properties")
         for key, value in shape.contact.items():
@@ -114,7 +114,7 @@ def _geometry(shape: Shape, meshes: MeshCopies) -> ET.Element:
     match shape:
         case Box():
             element = ET.Element("box")
-            ET.SubElement(element, "size").text = text(shape.size())
+            ET.SubElement(element, "size").text = format_numbers(shape.size())
         case Cylinder() | Capsule():
             element = ET.Element("cylinder" if isinstance(shape, Cylinder) else "capsule")
             _add(element, "radius", shape.radius())
@@ -124,11 +124,11 @@ def _geometry(shape: Shape, meshes: MeshCopies) -> ET.Element:
             _add(element, "radius", shape.radius())
         case Ellipsoid():
             element = ET.Element("ellipsoid")
-            ET.SubElement(element, "radii").text = text((shape.a(), shape.b(), shape.c()))
+            ET.SubElement(element, "radii").text = format_numbers((shape.a(), shape.b(), shape.c()))
         case Mesh() | Convex():
             element = ET.Element("mesh")
             ET.SubElement(element, "uri").text = str(meshes.copy(shape))
-            ET.SubElement(element, "scale").text = text(shape.scale3())
+            ET.SubElement(element, "scale").text = format_numbers(shape.scale3())
             if isinstance(shape, Convex):
                 ET.SubElement(element, f"{_DRAKE}declare_convex")
         case HalfSpace():
@@ -152,7 +152,7 @@ def _joint(joint: Connection, name: str) -> ET.Element:
     if not joint.moves:
         return element
     axis = ET.SubElement(element, "axis")
-    ET.SubElement(axis, "xyz").text = text(joint.axis)
+    ET.SubElement(axis, "xyz").text = format_numbers(joint.axis)
     if joint.damping > 0:
         _add(ET.SubElement(axis, "dynamics"), "damping", joint.damping)
     limit = ET.SubElement(axis, "limit")
@@ -176,10 +176,10 @@ def _joint(joint: Connection, name: str) -> ET.Element:
 def _pose(pose: RigidTransform, relative_to: str = "") -> ET.Element:
     """Make the element ``pose``: x y z roll pitch yaw."""
     element = ET.Element("pose", {"relative_to": relative_to} if relative_to else {})
-    element.text = text((*pose.translation(), *RollPitchYaw(pose.rotation()).vector()))
+    element.text = format_numbers((*pose.translation(), *RollPitchYaw(pose.rotation()).vector()))
     return element
 
 
 def _add(parent: ET.Element, tag: str, value: float) -> None:
     """Add an element with one number."""
-    ET.SubElement(parent, tag).text = written(value)
+    ET.SubElement(parent, tag).text = format_number(value)

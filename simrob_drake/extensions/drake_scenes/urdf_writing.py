@@ -16,10 +16,10 @@ from simrob_drake.robots.urdf import (
     add_contact,
     add_joint,
     add_motor,
+    format_number,
+    format_numbers,
     place,
     set_inertia,
-    text,
-    written,
 )
 
 WORLD = "world"
@@ -138,17 +138,21 @@ def shape_element(shape: Shape, meshes: MeshCopies) -> ET.Element | None:
     element: ET.Element | None = None
     match shape:
         case Box():
-            element = ET.Element("box", size=text(shape.size()))
+            element = ET.Element("box", size=format_numbers(shape.size()))
         case Cylinder():
-            element = ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element("cylinder", radius=format_number(shape.radius()), length=format_number(shape.length()))
         case Sphere():
-            element = ET.Element("sphere", radius=written(shape.radius()))
+            element = ET.Element("sphere", radius=format_number(shape.radius()))
         case Capsule():
-            element = ET.Element(f"{DRAKE}capsule", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element(
+                f"{DRAKE}capsule", radius=format_number(shape.radius()), length=format_number(shape.length())
+            )
         case Ellipsoid():
-            element = ET.Element(f"{DRAKE}ellipsoid", a=written(shape.a()), b=written(shape.b()), c=written(shape.c()))
+            element = ET.Element(
+                f"{DRAKE}ellipsoid", a=format_number(shape.a()), b=format_number(shape.b()), c=format_number(shape.c())
+            )
         case Mesh() | Convex():
-            element = ET.Element("mesh", filename=str(meshes.copy(shape)), scale=text(shape.scale3()))
+            element = ET.Element("mesh", filename=str(meshes.copy(shape)), scale=format_numbers(shape.scale3()))
             if isinstance(shape, Convex):
                 ET.SubElement(element, f"{DRAKE}declare_convex")
     return element
@@ -169,7 +173,7 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
     )
     if not joint.moves:
         return
-    ET.SubElement(element, "axis", xyz=text(joint.axis))
+    ET.SubElement(element, "axis", xyz=format_numbers(joint.axis))
     limit = ET.SubElement(element, "limit")
     effort = 0.0 if joint.motor is None else joint.motor.effort
     values = {
@@ -182,13 +186,13 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
     # A limit that is left out is infinite for Drake.
     for key, value in values.items():
         if np.isfinite(value):
-            limit.set(key, written(value))
+            limit.set(key, format_number(value))
     if joint.damping > 0:
-        ET.SubElement(element, "dynamics", damping=written(joint.damping))
+        ET.SubElement(element, "dynamics", damping=format_number(joint.damping))
     if joint.motor is not None:
         name = f"{prefix}{joint.name}"
         actuator = add_motor(robot, name, drive=f"{name}_drive", motor=f"{prefix}{joint.motor.name}")
         if joint.motor.rotor_inertia > 0:
-            ET.SubElement(actuator, f"{DRAKE}rotor_inertia", value=written(joint.motor.rotor_inertia))
+            ET.SubElement(actuator, f"{DRAKE}rotor_inertia", value=format_number(joint.motor.rotor_inertia))
         if joint.motor.gear_ratio != 1:
-            ET.SubElement(actuator, f"{DRAKE}gear_ratio", value=written(joint.motor.gear_ratio))
+            ET.SubElement(actuator, f"{DRAKE}gear_ratio", value=format_number(joint.motor.gear_ratio))

@@ -82,7 +82,7 @@ class Policy(LoopSection):
 
     @property
     def read_names(self) -> list[str]:
-        """What it reads by names of the user's."""
+        """Names of the sensors and outputs that the loop reads, as the section writes them."""
         return [*super().read_names, *self._outputs]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from contextvars import copy_context
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -13,7 +14,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message, message_of
+from simrob_drake.base.messages import SOURCE_LANGUAGE, compound, message, message_of, set_output_language
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
@@ -297,13 +298,22 @@ class Bench:
         """Tell what `simrob check` says of the station."""
         return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
 
-    def picture(self, folded: Sequence[str] = ()) -> str:
-        """Return the block picture as SVG, with the subsystems of some blocks folded."""
-        return station_svg(self._start, live=True, folded=folded)
+    def picture(self, folded: Sequence[str] = (), language: str = SOURCE_LANGUAGE) -> str:
+        """Draw the block picture as SVG, in a language, with the subsystems of some blocks folded."""
+        return _in_output_language(language, lambda: station_svg(self._start, live=True, folded=folded))
 
-    def loop_picture(self, station: str, settings: dict[str, Any], name: str, *, allow_code: bool = False) -> str:
-        """Return what a loop reads and moves, as SVG, in a station with settings that have it."""
-        return loop_svg(load_station(station, settings, allow_code=allow_code), name)
+    def loop_picture(
+        self,
+        station: str,
+        settings: dict[str, Any],
+        name: str,
+        *,
+        allow_code: bool = False,
+        language: str = SOURCE_LANGUAGE,
+    ) -> str:
+        """Draw what a loop reads and moves, as SVG in a language, in a station with settings that have the loop."""
+        config = load_station(station, settings, allow_code=allow_code)
+        return _in_output_language(language, lambda: loop_svg(config, name))
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
@@ -406,7 +416,7 @@ class Bench:
         self.pacer.show_last()
         ended = {
             "ending": "stopped" if result.stopped_by == USER else result.ending,
-            "message": result.message,
+            "message": result.end_in_words,
             "stopped_by": result.stopped_by,
             "remarks": result.remarks,
             "criteria": result.verdict.table,
@@ -466,6 +476,18 @@ class Bench:
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
         self.cell.timeline = self.pacer.line = Timeline(grid, changes)
+
+
+def _in_output_language(language: str, draw: Callable[[], str]) -> str:
+    """Draw a picture in a language. The output of this process stays in its own language.
+
+    Args:
+        language: code of the language, such as ``es``.
+        draw: draws the picture.
+    """
+    context = copy_context()
+    context.run(set_output_language, language)
+    return context.run(draw)
 
 
 def _moves_of(program: Program, result: SimulationResult, begun: float) -> list[dict[str, Any]]:

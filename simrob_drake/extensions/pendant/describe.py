@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from simrob_drake.extensions.pendant.push_sides import push_sides
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_names
@@ -23,13 +24,15 @@ from simrob_drake.walking.parameters import load_walking
 def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
+    bodies = [name for name in (*config.robots, *frame_names(station)) if name != "world"]
     shown = cell.runner_of(config).ports(watched=True).outputs.signals  # which the first run has built then
     return {
         "station": config.name,
         "mode": config.mode,
         "robots": {name: _robot(cell, config, name) for name in config.robots},
         "pieces": list(config.pieces),
-        "bodies": [name for name in (*config.robots, *frame_names(station)) if name != "world"],
+        "bodies": bodies,
+        "push_sides": push_sides(cell, bodies),
         "loops": list(loops_of(config.controllers)),
         "monitors": list(config.monitors),
         "signals": [

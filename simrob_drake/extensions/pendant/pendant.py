@@ -1,6 +1,7 @@
 """What all tabs of the pendant share: what is taught, the view of it, and how the pages look."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,6 +20,23 @@ Opener = Callable[[str | Path, str | None], Session]
 """Opens a subject, and of a station with several robots the one that is to be taught."""
 
 
+@dataclass
+class PushFields:
+    """Fields of the pad for pushes, which a page that is loaded again shows.
+
+    Attributes:
+        is_open: whether the pad is unfolded.
+        body: name of the chosen body; None until one was chosen.
+        force: size of the force [N]; None if the field is empty.
+        duration: duration of a push [s]; None if the field is empty.
+    """
+
+    is_open: bool = False
+    body: str | None = None
+    force: float | None = 10.0
+    duration: float | None = 0.1
+
+
 class Pendant:
     """One session at a time, and the view that is told of it.
 
@@ -30,6 +48,7 @@ class Pendant:
         dark: whether the pages are dark; None: as the browser likes it.
         tab: name of the tab that is in front, which a page that is loaded again shows. None until one was shown.
         tab_kind: kind of robot for which the tab was shown.
+        push: the fields of the pad for pushes, as the user left them.
     """
 
     def __init__(
@@ -42,6 +61,7 @@ class Pendant:
         self.dark: bool | None = None
         self.tab: str | None = None
         self.tab_kind = ""
+        self.push = PushFields()
         self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
         self.language = one_of(message("pendant.language", "language"), language, languages())
         self._open_session = open_session

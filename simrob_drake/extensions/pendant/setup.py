@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
 
+from simrob_drake.base.messages import SOURCE_LANGUAGE
 from simrob_drake.extensions.pendant.describe import value_of
 from simrob_drake.extensions.pendant.move_runner import MoveRunner
 from simrob_drake.extensions.pendant.program_book import ProgramBook
@@ -60,16 +61,16 @@ class Setup:
         """Give what ``simrob check`` says of the station with its settings."""
         return self._client.ask("check")
 
-    def picture(self, folded: Sequence[str] = ()) -> Future[Any]:
-        """Give the block picture as SVG, with the subsystems of some blocks folded."""
-        return self._client.ask("picture", folded=list(folded))
+    def picture(self, folded: Sequence[str] = (), language: str = SOURCE_LANGUAGE) -> Future[Any]:
+        """Give the block picture as SVG, in a language, with the subsystems of some blocks folded."""
+        return self._client.ask("picture", folded=list(folded), language=language)
 
-    def loop_picture(self, name: str) -> Future[Any]:
-        """Give as SVG what a loop reads and moves, be it on or off."""
+    def loop_picture(self, name: str, language: str = SOURCE_LANGUAGE) -> Future[Any]:
+        """Give as SVG in a language what a loop reads and moves, be it on or off."""
         book = self._book
         settings = settings_with_loop(book.known_loops, book.settings, name, True)
         how: dict[str, Any] = {"station": book.station, "settings": settings, "allow_code": book.allow_code}
-        return self._client.ask("loop_picture", name=name, **how)
+        return self._client.ask("loop_picture", name=name, language=language, **how)
 
     def _open_with(self, settings: dict[str, Any]) -> bool:
         book = self._book

@@ -220,6 +220,6 @@ def _motion(robot_file: str, keys_text: str) -> JointMotion:
         section[int(last) if isinstance(section, list) else last] = value
     validated(type(gait), content, message("tuning.gait_called", "gait {name}", name=name))
     changed = {key.partition(".")[0] for key in keys}
-    return gait.changed({key: content[key] for key in changed}, amplitude, name).plan(
+    return gait.with_changes({key: content[key] for key in changed}, amplitude, name).plan(
         Walker.of(robot), steps, amplitude
     )

@@ -192,7 +192,7 @@ class Study(Strict):
             try:
                 scene.check()
             except SimrobError as problem:
-                raise InvalidConfig(where, f"{kind}.{name}", str(problem)) from problem
+                raise InvalidConfig(where, f"{kind}.{name}", str(problem)) from None
             if self.margin is not None:
                 scene.pushed(self.margin.push, 0.0)
 

@@ -29,6 +29,7 @@ from simrob_drake.robots.urdf import (
     add_motor,
     child_of,
     doubtful_efforts,
+    format_number,
     joints_at,
     link_of,
     mass_of,
@@ -39,7 +40,6 @@ from simrob_drake.robots.urdf import (
     pose_of,
     remove_motors,
     root_link,
-    written,
 )
 from simrob_drake.robots.urdf_check import numbers_in
 
@@ -330,7 +330,7 @@ def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report
     """
     slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
     for joint in slow:
-        child_of(joint, "limit").set("velocity", written(speed))
+        child_of(joint, "limit").set("velocity", format_number(speed))
     if slow:
         names = "', '".join(name_of(joint) for joint in slow)
         report.add(
@@ -507,7 +507,7 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
     rounded = float(f"{digits * second_digit:.2g}")
     limit = child_of(joint, "limit")
     old_text = limit.get("effort")
-    limit.set("effort", written(rounded))
+    limit.set("effort", format_number(rounded))
     unit = "N" if joint.get("type") == "prismatic" else "N·m"
     problem = (
         message("importer.has_no_effort", "has no effort")

@@ -1,8 +1,13 @@
-"""Inertias: what no body can have is mended, estimated or left out, and what looks wrong is told."""
+"""Repair the inertias of a robot. Those that no body can have are corrected, estimated or left out.
+
+An inertia that is wrong by rounding only is corrected. Any other is removed from its link. What takes its place depends
+on the options of the import: an estimate from the shapes of the link, or nothing.
+"""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -29,18 +34,27 @@ from simrob_drake.robots.urdf import (
 )
 
 ROUNDING = 1e-3
-"""Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""
-SMALL_MASS = 0.1  # of a link that has neither mass nor shape, such as the one between two axes that cross [kg]
-_MARGIN = 1e-9  # of the largest moment: what writing and reading may cost
-_ON_AXIS = 1e-6  # m
+"""Error of moments, as a share of the largest one, up to which they count as rounded and are corrected."""
+
+SMALL_MASS = 0.1
+"""Mass of a link that has neither mass nor shape, such as the one between two axes that cross [kg]."""
+
+_MARGIN = 1e-9
+"""Error that writing and reading of numbers may add, as a share of the largest moment."""
+
+_ON_AXIS = 1e-6
+"""Distance up to which a point counts as on an axis [m]."""
 
 
 @dataclass(frozen=True)
 class _Inertial:
-    """What a link's ``<inertial>`` says: its mass [kg], 0 where it is missing, its moments and where they are.
+    """The content of a link's ``<inertial>``.
 
-    The moments are about the centre of mass, (3, 3) [kg m²], or None where they are missing; products of inertia that
-    are missing are zero. ``place`` is the pose of the centre of mass, and of the axes of the moments, in the link.
+    Attributes:
+        mass: the mass, or 0 if it is missing [kg].
+        moments: moments about the centre of mass, shape (3, 3) [kg m²]; None if they are missing. Products of inertia
+            that are missing are zero.
+        place: pose of the centre of mass, with the axes of the moments, in the link.
     """
 
     mass: float
@@ -49,7 +63,7 @@ class _Inertial:
 
     @property
     def problem(self) -> str:
-        """What no body can have; empty if all is well."""
+        """Reason why no body can have this inertia, in words; empty if a body can have it."""
         if self.mass < 0:
             return message("importer.negative_mass", "mass {mass:g} kg is negative", mass=self.mass)
         if not self.mass:
@@ -59,182 +73,324 @@ class _Inertial:
         return impossible(self.moments)
 
 
+class _Replacement(NamedTuple):
+    """An inertia that has taken the place of a removed one.
+
+    Attributes:
+        kind: kind of the entry in the report.
+        text: end of the entry's text, after the problem of the removed inertia.
+    """
+
+    kind: EntryKind
+    text: str
+
+
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
-    """Leave only inertias that a body can have, in place, others estimated by the repaired shapes where so chosen."""
-    taken_out = {name_of(link): inertia for link in robot.iterfind("link") if (inertia := _repair(link, report))}
-    taken_out |= _take_out_points_on_axes(robot)
-    carrier = carriers(robot)
-    heavy = {carrier[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
+    """Repair the inertias of all links, in place.
+
+    Args:
+        robot: the ``robot`` element, with repaired shapes.
+        folder: folder of its meshes; None if there is none.
+        options: options of the import, which say whether inertias are estimated.
+        report: gets an entry for each repair, each body without inertia, and each inertia that looks wrong.
+    """
+    removed = _remove_impossible_inertias(robot, report)
+    removed |= _remove_points_on_axes(robot)
+
+    carrier_of = carriers(robot)
+    bodies_with_mass = {carrier_of[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
     for link in robot.iterfind("link"):
-        if (inertia := taken_out.get(name_of(link))) is not None:
-            if options.estimate_inertia:
-                kind, how = _estimated(link, inertia, folder, options.density)
-            elif inertia.mass > 0 and inertia.moments is None and carrier[name_of(link)] in heavy:
-                point = inertia.mass, inertia.place.translation(), RotationalInertia(0, 0, 0)
-                _write(link, SpatialInertia.MakeFromCentralInertia(*point))
-                kind, how = (
-                    "defaulted",
-                    message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass),
-                )
-            else:
-                kind, how = "dropped", message("importer.left_out", "; left out")
-            report.add(
-                kind,
-                message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link)),
-                f"{inertia.problem}{how}",
-            )
-    floating = find_base(robot, options)[0] == "floating"
-    for name in links_without_inertia(robot, floating=floating):
+        inertia = removed.get(name_of(link))
+        if inertia is None:
+            continue
         if options.estimate_inertia:
-            _estimate_body(name, bodies(robot)[name], folder, options.density, report)
+            replacement = _estimate(link, inertia, folder, options.density)
+        elif inertia.mass > 0 and inertia.moments is None and carrier_of[name_of(link)] in bodies_with_mass:
+            # Other links of the same body have moments, so that a point of mass makes no body without moments.
+            replacement = _replace_by_point(link, inertia)
         else:
-            problem = message(
-                "importer.no_usable_inertia",
-                "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
-            )
-            report.add("open", message("robots.link_called", "link '{link}'", link=name), problem)
+            replacement = _Replacement("dropped", message("importer.left_out", "; left out"))
+        element = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
+        report.add(replacement.kind, element, f"{inertia.problem}{replacement.text}")
+
+    _repair_bodies_without_inertia(robot, folder, options, report)
     for where, doubt in robot_doubts(robot, folder):
         report.add("read", where, doubt)
 
 
+def _repair_bodies_without_inertia(
+    robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
+) -> None:
+    """Estimate the inertia of bodies that need one and have none, or report them. See :func:`repair_inertias`."""
+    is_floating = find_base(robot, options)[0] == "floating"
+    for name in links_without_inertia(robot, floating=is_floating):
+        if options.estimate_inertia:
+            _estimate_body(name, bodies(robot)[name], folder, options.density, report)
+            continue
+        problem = message(
+            "importer.no_usable_inertia",
+            "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
+        )
+        report.add("open", message("robots.link_called", "link '{link}'", link=name), problem)
+
+
 def _read(inertial: ET.Element) -> _Inertial:
+    """Read an ``<inertial>``. Moments count as missing if one of Ixx, Iyy and Izz is missing."""
     diagonal = [number(inertial.find("inertia"), key) for key in MOMENTS[:3]]
     moments = None if None in diagonal else moments_of(inertial)
-    return _Inertial(number(inertial.find("mass"), "value") or 0.0, moments, pose_of(inertial))
+    mass = number(inertial.find("mass"), "value") or 0.0
+    return _Inertial(mass, moments, pose_of(inertial))
 
 
-def _repair(link: ET.Element, report: ImportReport) -> _Inertial | None:
-    """Mend a link's inertia; where that is impossible, take it out and return what it said."""
+def _remove_impossible_inertias(robot: ET.Element, report: ImportReport) -> dict[str, _Inertial]:
+    """Correct inertias that are wrong by rounding, and remove others that no body can have.
+
+    Returns:
+        the removed inertias, by the name of the link.
+    """
+    removed = {}
+    for link in robot.iterfind("link"):
+        inertia = _correct_or_remove(link, report)
+        if inertia is not None:
+            removed[name_of(link)] = inertia
+    return removed
+
+
+def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | None:
+    """Correct the inertia of a link. If it cannot be corrected, remove it and return it.
+
+    Returns None if the link keeps its inertia or had none. An ``<inertial>`` without mass and moments is removed, and
+    counts as none.
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return None
-    where, inertia = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link)), _read(inertial)
-    if not inertia.mass and (inertia.moments is None or not inertia.moments.any()):
+    where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
+    inertia = _read(inertial)
+
+    has_moments = inertia.moments is not None and inertia.moments.any()
+    if not inertia.mass and not has_moments:
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
-            report.add("dropped", where, message("importer.says_nothing", "says nothing: no mass, no moments"))
+            report.add("dropped", where, message("importer.says_nothing", "has neither a mass nor moments"))
         return None
+
     problem = inertia.problem
     if not problem:
         return None
-    right = mended(inertia.moments) if inertia.mass > 0 and inertia.moments is not None else None
-    if right is not None:
-        set_moments(inertial, right)
-        listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(right))
-        report.add(
-            "repaired",
-            where,
-            message("importer.by_rounding", "{problem}; by rounding, so {moments}", problem=problem, moments=listed),
-        )
-        return None
-    link.remove(inertial)
-    return inertia
+    corrected = None
+    if inertia.mass > 0 and inertia.moments is not None:
+        corrected = correct_rounding(inertia.moments)
+    if corrected is None:
+        link.remove(inertial)
+        return inertia
+
+    set_moments(inertial, corrected)
+    listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(corrected))
+    report.add(
+        "repaired",
+        where,
+        message(
+            "importer.by_rounding", "{problem}; this is a rounding error: {moments}", problem=problem, moments=listed
+        ),
+    )
+    return None
 
 
-def mended(moments: Vector) -> Vector | None:
-    """Return the nearest moments that a body can have; None if these are wrong by more than rounding."""
-    principal, axes = np.linalg.eigh(moments)
+def correct_rounding(moments: Vector) -> Vector | None:
+    """Find moments of inertia close to given ones that a body can have.
+
+    A body can have the principal moments I1 <= I2 <= I3 if I1 >= 0 and I3 <= I1 + I2. An excess e = I3 - I1 - I2 > 0 is
+    removed by adding e/3 to I1 and I2, and subtracting e/3 from I3.
+
+    Args:
+        moments: the moments, shape (3, 3) [kg m²].
+
+    Returns:
+        the corrected moments, or None if the given ones are wrong by more than rounding.
+    """
+    principal, axes = np.linalg.eigh(moments)  # in ascending order
     largest = float(np.abs(principal).max())
-    right = np.maximum(principal, 0.0)
-    excess = float(right[2] - right[0] - right[1])
-    if max(-float(principal[0]), excess) > ROUNDING * largest:
+    corrected = np.maximum(principal, 0.0)
+    excess = float(corrected[2] - corrected[0] - corrected[1])
+    error = max(-float(principal[0]), excess)
+    if error > ROUNDING * largest:
         return None
+    # The margin keeps the moments possible when they are written with few digits and read again.
     margin = _MARGIN * largest
-    right += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
-    result = axes @ np.diag(right) @ axes.T
-    return None if impossible(result) else np.asarray((result + result.T) / 2)
+    corrected += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
+    result = axes @ np.diag(corrected) @ axes.T
+    if impossible(result):
+        return None
+    return np.asarray((result + result.T) / 2)
 
 
-def _estimated(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> tuple[EntryKind, str]:
-    """Estimate what an inertia should have been that is taken out, and return what was done."""
+def _replace_by_point(link: ET.Element, inertia: _Inertial) -> _Replacement:
+    """Write the mass of a removed inertia, as a point without moments, into its link."""
+    no_moments = RotationalInertia(0, 0, 0)
+    point = SpatialInertia.MakeFromCentralInertia(inertia.mass, inertia.place.translation(), no_moments)
+    _write(link, point)
+    return _Replacement("defaulted", message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass))
+
+
+def _estimate(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> _Replacement:
+    """Estimate the inertia of a link whose own was removed, and write it.
+
+    A mass that the link had is kept. A link with shapes gets the inertia of these. A link without shapes becomes a ball
+    of its mass, or gets no inertia if it has no mass.
+
+    Args:
+        link: the link.
+        inertia: the removed inertia.
+        folder: folder of the meshes.
+        density: density of the shapes [kg/m³].
+    """
     estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
         whole = message("importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass)
-        return "defaulted", message(
+        text = message(
             "importer.estimated_and_scaled",
             "; estimated: {inertia} of its shapes, {scaled}",
             inertia=_write(link, scaled),
             scaled=whole,
         )
+        return _Replacement("defaulted", text)
     if estimate is not None:
-        return "defaulted", message(
-            "importer.estimated", "; estimated: {inertia} of its shapes", inertia=_write(link, estimate)
-        )
+        text = message("importer.estimated", "; estimated: {inertia} of its shapes", inertia=_write(link, estimate))
+        return _Replacement("defaulted", text)
     if inertia.mass > 0:
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
-        return "defaulted", message(
+        text = message(
             "importer.estimated_as_ball", "; and it has no shape; a ball: {inertia}", inertia=_write(link, ball)
         )
-    return "dropped", message("importer.without_shape_left_out", ", and it has no shape; left out")
+        return _Replacement("defaulted", text)
+    return _Replacement("dropped", message("importer.without_shape_left_out", ", and it has no shape; left out"))
 
 
 def _estimate_body(
     carrier: str, links: list[ET.Element], folder: Path | None, density: float, report: ImportReport
 ) -> None:
-    """Give a body without mass that of the shapes of its links, or a small one."""
-    estimates = [
-        (link, estimate) for link in links if (estimate := inertia_of_shapes(link, folder, density)) is not None
-    ]
-    for link, estimate in estimates:
-        how = message(
+    """Estimate the inertia of a body without mass from the shapes of its links. A body without shapes becomes a ball.
+
+    Args:
+        carrier: name of the link that carries the others of the body.
+        links: the links of the body.
+        folder: folder of the meshes.
+        density: density of the shapes [kg/m³].
+        report: gets an entry for each link that gets an inertia.
+    """
+    has_shapes = False
+    for link in links:
+        estimate = inertia_of_shapes(link, folder, density)
+        if estimate is None:
+            continue
+        has_shapes = True
+        text = message(
             "importer.estimated_at_density",
             "has no inertia; estimated: {inertia} of its shapes at {density:g} kg/m³",
             inertia=_write(link, estimate),
             density=density,
         )
-        report.add("defaulted", message("robots.link_called", "link '{link}'", link=name_of(link)), how)
-    if not estimates:
-        link = next(link for link in links if name_of(link) == carrier)
-        guess = _write(link, _ball(SMALL_MASS, density))
-        report.add(
-            "defaulted",
-            message("robots.link_called", "link '{link}'", link=carrier),
-            message("importer.small_ball", "has neither inertia nor shape; a small ball: {inertia}", inertia=guess),
-        )
+        report.add("defaulted", message("robots.link_called", "link '{link}'", link=name_of(link)), text)
+    if has_shapes:
+        return
+    link = next(link for link in links if name_of(link) == carrier)
+    ball = _write(link, _ball(SMALL_MASS, density))
+    report.add(
+        "defaulted",
+        message("robots.link_called", "link '{link}'", link=carrier),
+        message("importer.small_ball", "has neither inertia nor shape; a small ball: {inertia}", inertia=ball),
+    )
 
 
 def _write(link: ET.Element, inertia: SpatialInertia) -> str:
-    """Write an inertia, about the link's origin and in its axes, in place of a link's own; return it in words."""
+    """Write an inertia into a link, in place of its own, and return it in words.
+
+    Args:
+        link: the link.
+        inertia: the inertia about the origin of the link, in the link's axes.
+    """
     com = inertia.get_com()
     moments = np.asarray(inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())
-    right = mended(moments) if impossible(moments) else moments
-    right = moments if right is None else right
-    set_inertia(link, mass=inertia.get_mass(), moments=right, pose=RigidTransform(com))
-    listed = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(right))
+    if impossible(moments):
+        # Moments of a thin shape may be impossible by rounding.
+        corrected = correct_rounding(moments)
+        moments = moments if corrected is None else corrected
+    set_inertia(link, mass=inertia.get_mass(), moments=moments, pose=RigidTransform(com))
+    listed = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(moments))
     return compound("{mass:.4g} kg, {moments} kg m²", mass=inertia.get_mass(), moments=listed)
 
 
-def _take_out_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
-    """Take inertias out that leave the mass matrix singular, and return them by link: of the last bodies of chains."""
-    carrier, links = carriers(robot), bodies(robot)
-    inner = {carrier[link_of(joint, "parent")] for joint in robot.iterfind("joint") if joint.get("type") != "fixed"}
-    fixed = {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"}
-    taken: dict[str, _Inertial] = {}
+def _remove_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
+    """Remove the masses of bodies at the ends of chains that are points on the axes of their joints.
+
+    Such a body has no inertia about its axis, and nothing behind it that has. The mass matrix would be singular.
+
+    Returns:
+        the removed inertias, without moments, by the name of the link.
+    """
+    carrier_of = carriers(robot)
+    links_of = bodies(robot)
+    moving_joints = [joint for joint in robot.iterfind("joint") if joint.get("type") != "fixed"]
+    fixed_joints = [joint for joint in robot.iterfind("joint") if joint.get("type") == "fixed"]
+    bodies_with_joints = {carrier_of[link_of(joint, "parent")] for joint in moving_joints}
+    joint_of_link = {link_of(joint, "child"): joint for joint in fixed_joints}
+
+    removed: dict[str, _Inertial] = {}
     for joint in robot.iterfind("joint"):
-        last = link_of(joint, "child")
-        if joint.get("type") in ("revolute", "continuous") and last not in inner:
-            axis = joint.find("axis")
-            along = np.array(("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split(), dtype=float)
-            heavy = [(link, link.find("inertial")) for link in links[last] if mass_of(link) > 0]
-            points = [(link, inertial, _read(inertial)) for link, inertial in heavy if inertial is not None]
-            if all(_is_on_axis(point, name_of(link), fixed, along) for link, _, point in points):
-                for link, inertial, point in points:
-                    taken[name_of(link)] = _Inertial(point.mass, None, point.place)
-                    link.remove(inertial)
-    return taken
+        body = link_of(joint, "child")
+        if joint.get("type") not in ("revolute", "continuous") or body in bodies_with_joints:
+            continue
+        inertias = dict[str, _Inertial]()
+        links = {}
+        for link in links_of[body]:
+            inertial = link.find("inertial")
+            if inertial is not None and mass_of(link) > 0:
+                links[name_of(link)] = link
+                inertias[name_of(link)] = _read(inertial)
+        axis = _axis_direction(joint)
+        if not all(_is_on_axis(inertia, link, joint_of_link, axis) for link, inertia in inertias.items()):
+            continue
+        for name, inertia in inertias.items():
+            removed[name] = _Inertial(inertia.mass, None, inertia.place)
+            inertial = links[name].find("inertial")
+            assert inertial is not None
+            links[name].remove(inertial)
+    return removed
 
 
-def _is_on_axis(inertia: _Inertial, link: str, fixed: dict[str, ET.Element], axis: Vector) -> bool:
-    """Whether a link's mass is a point on an axis through its body's origin; ``fixed`` are joints by what they hold."""
+def _axis_direction(joint: ET.Element) -> Vector:
+    """Read the direction of a joint's axis, shape (3,); x if the joint gives none, as a URDF has it."""
+    axis = joint.find("axis")
+    text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+    return np.array(text.split(), dtype=float)
+
+
+def _is_on_axis(inertia: _Inertial, link: str, joint_of_link: dict[str, ET.Element], axis: Vector) -> bool:
+    """Whether the mass of a link is a point on an axis through the origin of its body.
+
+    Args:
+        inertia: the inertia of the link.
+        link: name of the link.
+        joint_of_link: the fixed joint that holds each link to the next one of its body, by the link's name.
+        axis: direction of the axis, shape (3,).
+    """
     if inertia.moments is None or inertia.moments.any():
         return False
-    place = inertia.place.translation()
-    while link in fixed:
-        place, link = pose_of(fixed[link]) @ place, link_of(fixed[link], "parent")
-    return float(np.linalg.norm(np.cross(place, axis / np.linalg.norm(axis)))) < _ON_AXIS
+    # The centre of mass in the frame of the body: through all fixed joints up to the link at the moving joint.
+    point = inertia.place.translation()
+    while link in joint_of_link:
+        joint = joint_of_link[link]
+        point = pose_of(joint) @ point
+        link = link_of(joint, "parent")
+    unit_axis = axis / np.linalg.norm(axis)
+    distance = float(np.linalg.norm(np.cross(point, unit_axis)))
+    return distance < _ON_AXIS
 
 
 def _ball(mass: float, density: float) -> SpatialInertia:
-    """Return the inertia of a solid ball of a mass [kg] and density [kg/m³] at a link's origin."""
-    return SpatialInertia.SolidSphereWithMass(mass=mass, radius=(3 * mass / (4 * np.pi * density)) ** (1 / 3))
+    """Make the inertia of a solid ball of a mass [kg] and a density [kg/m³], about its centre."""
+    # m = 4/3 pi r³ rho
+    radius = (3 * mass / (4 * np.pi * density)) ** (1 / 3)
+    return SpatialInertia.SolidSphereWithMass(mass=mass, radius=radius)

@@ -24,6 +24,7 @@ from simrob_drake.robots.urdf import (
     ENDLESS,
     MOVABLE_JOINTS,
     child_of,
+    format_number,
     joint_limits,
     joints_at,
     link_of,
@@ -31,7 +32,6 @@ from simrob_drake.robots.urdf import (
     name_of,
     place,
     pose_of,
-    written,
 )
 from simrob_drake.robots.urdf_check import numbers_in
 
@@ -411,7 +411,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
     # Drake normalizes the axis anyway. A length that differs by more than rounding may be a mistake of the file, which
     # the user should see.
     if abs(length - 1) > _UNIT_LENGTH:
-        axis.set("xyz", " ".join(written(value) for value in (direction / length).tolist()))
+        axis.set("xyz", " ".join(format_number(value) for value in (direction / length).tolist()))
         report.add(
             "repaired",
             compound("{where} <axis>", where=where),
@@ -454,7 +454,7 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
     if options.friction_as_damping:
         damping = number(dynamics, "damping") or 0.0
         total = damping + friction
-        dynamics.set("damping", written(total))
+        dynamics.set("damping", format_number(total))
         report.add(
             "repaired",
             place_in_file,
@@ -642,7 +642,7 @@ def _fix_at(joint: ET.Element, position: float) -> None:
         motion = RigidTransform(RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0])
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
-    joint.set(_FIXED_AT, written(position))
+    joint.set(_FIXED_AT, format_number(position))
     for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
         joint.remove(element)
 
@@ -655,7 +655,7 @@ def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> N
             if limit is not None:
                 limit.attrib.pop(key, None)
         elif number(limit, key) != value:
-            child_of(joint, "limit").set(key, written(value))
+            child_of(joint, "limit").set(key, format_number(value))
 
 
 def _range_text(lower: float | None, upper: float | None) -> str:

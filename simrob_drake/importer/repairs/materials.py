@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from simrob_drake.base.messages import message
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.robots.imports import ImportReport
-from simrob_drake.robots.urdf import DRAKE, add_colour, name_of, text
+from simrob_drake.robots.urdf import DRAKE, add_colour, format_numbers, name_of
 
 DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]  # of a material that is not defined: a light grey
 
@@ -61,7 +61,7 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
         alpha = alpha / 255 if alpha > 1 else alpha
     right = [min(max(value, 0.0), 1.0) for value in (*rgb, alpha)]
     if right != values:
-        colour.set("rgba", text(right))
+        colour.set("rgba", format_numbers(right))
         report.add(
             "repaired",
             where,
@@ -92,8 +92,8 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
             problem = message(
                 "importer.material_twice_differently",
                 "is defined again, with another colour {other}; the first, {first}, holds",
-                other=text(rgba),
-                first=text(colours[name]),
+                other=format_numbers(rgba),
+                first=format_numbers(colours[name]),
             )
         robot.remove(material)
         report.add("dropped", message("robots.material_called", "material '{name}'", name=name), problem)
@@ -120,7 +120,11 @@ def _settle(
             report.add(
                 "defaulted",
                 message("robots.material_called", "material '{name}'", name=name),
-                message("importer.material_undefined", "is not defined; a grey, {colour}", colour=text(DEFAULT_RGBA)),
+                message(
+                    "importer.material_undefined",
+                    "is not defined; a grey, {colour}",
+                    colour=format_numbers(DEFAULT_RGBA),
+                ),
             )
     elif colours.setdefault(name, rgba) != rgba:
         same = (other for other, colour in colours.items() if colour == rgba and other.startswith(f"{name}_"))
@@ -133,7 +137,7 @@ def _settle(
             message(
                 "importer.material_with_other_colour",
                 "used with another colour, {colour}, as well; that is '{new}' now",
-                colour=text(rgba),
+                colour=format_numbers(rgba),
                 new=new,
             ),
         )

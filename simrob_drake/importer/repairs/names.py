@@ -1,4 +1,7 @@
-"""Every link and joint has a name of its own, and whoever names one names the same."""
+"""Give every link and joint of a robot a name of its own.
+
+Elements that refer to a link or a joint, such as the ends of joints, are changed with it.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -7,14 +10,24 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
-WORLD = "world"  # Drake's own link; no robot's link can have its name
+WORLD = "world"
+"""Name of the link that every plant of Drake has. No link of a robot can have it."""
 
-_NAMES_A_LINK = ("parent", "child", "frame", f"{DRAKE}member")
+_REFER_TO_LINKS = ("parent", "child", "frame", f"{DRAKE}member")
+"""Tags of elements whose attribute ``link`` names a link."""
 
 
 def repair_names(robot: ET.Element, report: ImportReport) -> None:
-    """Give robot, links and joints names of their own, in place; raises InvalidModel: two different links share one."""
-    _strip(robot, report)
+    """Give the robot, its links and its joints names of their own, in place.
+
+    Args:
+        robot: the ``robot`` element.
+        report: gets an entry for each repair.
+
+    Raises:
+        InvalidModel: two links, or two joints with the same child, have the same name and different contents.
+    """
+    _strip_names(robot, report)
     if not name_of(robot):
         robot.set("name", report.source.stem or "robot")
         report.add(
@@ -33,94 +46,100 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
                 message("robots.joint_called", "joint '{joint}'", joint=name),
                 message("importer.called_after_links", "had no name; called after its links"),
             )
-    _part_links(robot, report)
-    _part_joints(robot, report)
+    _separate_links(robot, report)
+    _separate_joints(robot, report)
     _rename_world(robot, report)
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """Return a name that nobody has yet: the wanted one, or that with a number."""
+    """Make a name that is not taken: the given one, or that with a number."""
     return FreeNames(taken).take(name)
 
 
 class FreeNames:
-    """Gives names that nobody has yet, thousands as quickly as one."""
+    """Makes names that are not taken. Thousands of equal names take no more time each than one."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
+        """Begin with the names that are taken already."""
         self._taken = set(taken)
-        self._numbers: dict[str, int] = {}
+        self._last_numbers: dict[str, int] = {}  # last number of each name without a number
 
     def is_free(self, name: str) -> bool:
-        """Check whether nobody has a name yet."""
+        """Whether a name is not taken."""
         return name not in self._taken
 
     def take(self, base: str) -> str:
-        """Return the wanted name, or that with a number, and keep it from others."""
+        """Return a name, or the name with the next free number, and mark it as taken."""
         name = base
         while name in self._taken:
-            number = self._numbers[base] = self._numbers.get(base, 1) + 1
+            number = self._last_numbers.get(base, 1) + 1
+            self._last_numbers[base] = number
             name = f"{base}_{number}"
         self._taken.add(name)
         return name
 
 
 def names(robot: ET.Element, tag: str) -> list[str]:
-    """Return the names of all links, or joints, in file order."""
+    """List the names of all links, or of all joints, in file order; ``tag`` is ``link`` or ``joint``."""
     return [name_of(element) for element in robot.iterfind(tag)]
 
 
 def without_name(element: ET.Element) -> str:
-    """Return what an element holds but for its name, to compare elements by."""
+    """Write the content of an element without its name, to compare elements."""
     attributes = {key: value for key, value in element.attrib.items() if key != "name"}
     return f"{element.tag}{sorted(attributes.items())}[{','.join(_content(child) for child in element)}]"
 
 
 def _content(element: ET.Element) -> str:
+    """Write an element with its attributes in order, its text and its children, to compare elements."""
     text = (element.text or "").strip()
     children = ",".join(_content(child) for child in element)
     return f"{element.tag}{sorted(element.attrib.items())}{text}[{children}]"
 
 
-def _strip(robot: ET.Element, report: ImportReport) -> None:
-    """Take blanks from both ends of names, and of whatever names them: most readers would not find them again."""
-    for top in (robot, *robot):
-        for element in [top] if top is robot else top.iter():
-            for key in ("name", "link", "joint"):
-                value = element.get(key, "")
-                if value != value.strip():
-                    element.set(key, value.strip())
-                    report.add(
-                        "repaired",
-                        f"<{element.tag}>",
-                        message(
-                            "importer.blanks_around",
-                            "{key}='{value}' has blanks around it; '{stripped}'",
-                            key=key,
-                            value=value,
-                            stripped=value.strip(),
-                        ),
-                    )
+def _strip_names(robot: ET.Element, report: ImportReport) -> None:
+    """Remove blanks at both ends of names, and of references to them. Most readers of URDFs do not ignore them."""
+    for element in robot.iter():
+        for key in ("name", "link", "joint"):
+            value = element.get(key, "")
+            stripped = value.strip()
+            if value == stripped:
+                continue
+            element.set(key, stripped)
+            report.add(
+                "repaired",
+                f"<{element.tag}>",
+                message(
+                    "importer.blanks_around",
+                    "{key}='{value}' has blanks around it; '{stripped}'",
+                    key=key,
+                    value=value,
+                    stripped=stripped,
+                ),
+            )
 
 
 def _name_links(robot: ET.Element, report: ImportReport) -> None:
+    """Give names to links without one."""
     nameless = [link for link in robot.iterfind("link") if not name_of(link)]
     ends = {link_of(joint, end) for joint in robot.iterfind("joint") for end in ("parent", "child")}
     missing = sorted(ends - set(names(robot, "link")) - {"", WORLD})
     free = FreeNames({*names(robot, "link"), *ends})
+    # If one link has no name and joints refer to one missing link, it must be this one.
+    is_clear = len(nameless) == len(missing) == 1
     for index, link in enumerate(nameless):
-        sure = len(nameless) == len(missing) == 1  # then only this one can be meant
-        name = missing[0] if sure else free.take(f"link_{index + 1}")
+        name = missing[0] if is_clear else free.take(f"link_{index + 1}")
         link.set("name", name)
         report.add(
             "repaired",
             message("robots.link_called", "link '{link}'", link=name),
             message("importer.had_no_name", "had no name")
-            + (message("importer.joint_asks_for_it", "; a joint asks for one of this name") if sure else ""),
+            + (message("importer.joint_asks_for_it", "; a joint asks for one of this name") if is_clear else ""),
         )
 
 
-def _part_links(robot: ET.Element, report: ImportReport) -> None:
-    """Drop a second link of the same name where it says nothing new."""
+def _separate_links(robot: ET.Element, report: ImportReport) -> None:
+    """Remove a second link of the same name that is empty or equal; raises InvalidModel: it has other contents."""
     first: dict[str, ET.Element] = {}
     for link in list(robot.iterfind("link")):
         name = name_of(link)
@@ -134,9 +153,12 @@ def _part_links(robot: ET.Element, report: ImportReport) -> None:
                     "importer.twice_rename_one", "stands twice with different contents; rename or remove one of them"
                 ),
             )
-        spare = other if len(link) > len(other) else link
-        first[name] = link if spare is other else other
-        robot.remove(spare)
+        # One of the two may be empty: the one with more in it is kept.
+        if len(link) > len(other):
+            first[name] = link
+            robot.remove(other)
+        else:
+            robot.remove(link)
         report.add(
             "dropped",
             message("robots.link_called", "link '{link}'", link=name),
@@ -144,8 +166,12 @@ def _part_links(robot: ET.Element, report: ImportReport) -> None:
         )
 
 
-def _part_joints(robot: ET.Element, report: ImportReport) -> None:
-    """Drop a second joint that is the same, and rename one that only has the same name."""
+def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
+    """Remove a second joint of the same name that is equal, and rename one that holds another link.
+
+    Raises:
+        InvalidModel: two joints of the same name hold the same link in different ways.
+    """
     first: dict[str, ET.Element] = {}
     free = FreeNames(names(robot, "joint"))
     for joint in list(robot.iterfind("joint")):
@@ -181,14 +207,15 @@ def _part_joints(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _rename_world(robot: ET.Element, report: ImportReport) -> None:
-    """Give a link called like Drake's world another name, and make one where a joint starts at it without it."""
-    elements = [element for top in robot for element in top.iter() if element.tag in _NAMES_A_LINK]
-    references = [element for element in elements if element.get("link") == WORLD]
-    own = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
-    if own is None and not any(element.tag == "parent" for element in references):
+    """Rename a link that has the name of Drake's world. If joints start at such a link and it is missing, add one."""
+    referring = [element for element in robot.iter() if element.tag in _REFER_TO_LINKS]
+    references = [element for element in referring if element.get("link") == WORLD]
+    own_link = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
+    is_parent = any(element.tag == "parent" for element in references)
+    if own_link is None and not is_parent:
         return
     new = free_name(f"robot_{WORLD}", names(robot, "link"))
-    if own is None:
+    if own_link is None:
         robot.insert(0, ET.Element("link", name=new))
         report.add(
             "repaired",
@@ -200,7 +227,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
             ),
         )
     else:
-        own.set("name", new)
+        own_link.set("name", new)
         report.add(
             "repaired",
             message("robots.link_called", "link '{link}'", link=new),

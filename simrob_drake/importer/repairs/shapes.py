@@ -22,7 +22,7 @@ from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.robots.imports import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, name_of, place, pose_of, text
+from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, format_numbers, name_of, place, pose_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
 
 PLAIN = "simrob_plain"
@@ -299,9 +299,11 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
 def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
     """Give a collision element the tightest box around its mesh; return what it is, in words."""
     size, pose, thickened = box_of(points_of(loaded.parts))
-    _set_shape(element, ET.Element("box", size=text(size)))
+    _set_shape(element, ET.Element("box", size=format_numbers(size)))
     place(element, pose_of(element) @ pose)
-    return message("importer.a_box", "a box"), message("importer.size_of_box", "{size} m large", size=text(size)) + (
+    return message("importer.a_box", "a box"), message(
+        "importer.size_of_box", "{size} m large", size=format_numbers(size)
+    ) + (
         message("importer.made_thick", ", made {thickness:.2g} mm thick", thickness=thickened * 1e3)
         if thickened
         else ""

@@ -29,11 +29,11 @@ from simrob_drake.robots.urdf import (
     add_frame,
     add_joint,
     add_motor,
+    format_number,
+    format_numbers,
     name_of,
     place,
-    text,
     transmissions_of,
-    written,
 )
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
 
@@ -180,7 +180,7 @@ class RobotWriter:
             if kind != "fixed":
                 axis = joint.find(part)
                 direction = np.eye(3)["xyz".index(part)] if part in "xyz" else self._direction(edge, axis, place)
-                ET.SubElement(element, "axis", xyz=text(sense * direction))
+                ET.SubElement(element, "axis", xyz=format_numbers(sense * direction))
                 write_limits(element, axis)
                 write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
                 self._joint_of_axis[_AxisName(edge.name, part)] = element
@@ -216,8 +216,8 @@ class RobotWriter:
                 mimic.follower,
                 "mimic",
                 joint=leader_name if leader is None else name_of(leader),
-                multiplier=written(multiplier),
-                offset=written(offset),
+                multiplier=format_number(multiplier),
+                offset=format_number(offset),
             )
 
     def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
@@ -422,4 +422,4 @@ def _add_colour(visual: ET.Element, geometry: ET.Element, shape: ET.Element) -> 
         if not (named or diffuse):
             return
         geometry.set(PLAIN, "true")
-    add_colour(visual, text(rgba), rgba)
+    add_colour(visual, format_numbers(rgba), rgba)

@@ -12,7 +12,8 @@ on. The trunk or an arm that swings then balances the rest:
 .. math:: e = c + T \dot c, \qquad
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
 
-A *capture step* sets one foot where the robot falls.
+A *capture step* sets one foot where the robot falls. In the code, the *part* of a strategy or of a step is the factor
+of its offsets, from 0 to 1; a strategy for both directions has parts from -1 to 1.
 """
 
 import math
@@ -88,7 +89,7 @@ class Stepping:
     reach: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the reach that a state calls for, 0 to 1."""
+        """Part of the reach for the deviation of the robot from its stance, 0 to 1."""
         section = self.section
         error = state.error(section.measures, section.lead)
         return min(max(error / section.full, section.least), 1.0)
@@ -100,6 +101,7 @@ class Stepping:
             time: part of the step's duration that has passed, 0 to 1.
             part: part of the reach.
         """
+        # The foot is lifted by half a sine. It reaches ahead by the cubic s^2 (3 - 2 s), which begins and ends at rest.
         reach_time = min(time / _REACH_TIME, 1.0)
         smooth_reach = part * reach_time * reach_time * (3 - 2 * reach_time)
         # Axes that do not lift the foot are those of the standing leg.
@@ -122,7 +124,7 @@ class StepState(NamedTuple):
 
 
 class StepChooser:
-    """Chooses one of several capture steps, and computes its offsets. After that step, the robot stays there."""
+    """Chooses one of several capture steps, and computes its offsets. The robot takes one step, and stays there."""
 
     def __init__(self, steps: Sequence[Stepping], period: float) -> None:
         """Create the chooser.
@@ -147,22 +149,34 @@ class StepChooser:
         """
         before = StepState(*state.tolist())
         number = int(before.step) or self._choose(balance)
-        if not number:
+        if number == 0:
             return state, offset
+
         step = self._steps[number - 1]
         if before.time >= 1:
-            settled_share = min(self._period / step.section.settle, 1.0)
-            return np.array(before._replace(step=number)), offset + settled_share * (before.part * step.reach - offset)
+            # The foot is down. The offsets approach those of the reach exponentially, and stay there for good.
+            approach = min(self._period / step.section.settle, 1.0)
+            goal = before.part * step.reach
+            new_state = before._replace(step=number)
+            return np.array(new_state), offset + approach * (goal - offset)
 
         time = min(before.time + self._period / step.section.duration, 1.0)
-        part = max(before.part, step.part(balance))
+        part = max(before.part, step.part(balance))  # the reach may still grow with the error, but never shrinks
         new_offset = step.offsets(time, part)
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
             time = 1.0  # the foot is down early: what is still lifted settles slowly, or the leg would kick
-        return np.array([number, time, part]), new_offset
+        new_state = StepState(step=number, time=time, part=part)
+        return np.array(new_state), new_offset
 
     def _choose(self, balance: BalanceState) -> int:
-        """Number of the first step whose error is large enough, from 1; 0 for none."""
+        """Find the first step whose error is large enough.
+
+        Args:
+            balance: deviation of the robot from its stance.
+
+        Returns:
+            The number of the step, from 1. It is 0 if no error is large enough.
+        """
         for number, step in enumerate(self._steps, 1):
             if balance.error(step.section.measures, step.section.lead) > step.section.beyond:
                 return number
@@ -188,7 +202,8 @@ class Strategy(Strict):
     """Least time from the largest offset to none [s]."""
 
     @model_validator(mode="after")
-    def _grows(self) -> "Strategy":
+    def _check_offsets(self) -> "Strategy":
+        """Check that the offsets grow with the error, and that an axis moves."""
         if self.full <= self.beyond:
             raise ValueError(
                 message(
@@ -222,7 +237,8 @@ class Balance(LoopSection):
     """Steps that it may take, by name: the first whose error is large enough, after which the strategies rest."""
 
     @model_validator(mode="after")
-    def _acts(self) -> "Balance":
+    def _check_actions(self) -> "Balance":
+        """Check that the section has a strategy or a step."""
         if not self.strategies and not self.steps:
             raise ValueError(
                 message("parts.nothing_would_move", "balance needs strategies or steps: nothing would move")
@@ -236,14 +252,19 @@ class Balance(LoopSection):
             "lift_deg": [step.lift_deg for step in self.steps.values()],
             "reach_deg": [step.reach_deg for step in self.steps.values()],
         }
-        indices = list[int]()
+        indices = dict[int, None]()  # each axis once, in the order in which the section names them
         for key, all_moves in moves_by_key.items():
             for moves in all_moves:
-                indices += [robot.model.axis_index(axis, key) for axis in moves]
-        return [robot.axes[index] for index in dict.fromkeys(indices)]
+                for axis in moves:
+                    indices[robot.model.axis_index(axis, key)] = None
+        return [robot.axes[index] for index in indices]
 
     def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own and that the steps' feet exist.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
 
         Raises:
             SimrobError: they do not, or a check of the base class fails.
@@ -265,10 +286,17 @@ class Balance(LoopSection):
             )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Find the port that an input reads.
+        """Find the port that an input of the loop reads.
 
         The orientation and the angular velocity of the base are computed from the plant's state, unless the section
         names a sensor for them. All other inputs are found as for every loop.
+
+        Args:
+            builder: builder of the diagram, to which a block may be added.
+            name: name of the input.
+            robot: robot that the loop drives.
+            site: the station under construction.
+            key: key of the section, ``controllers.<name>``.
         """
         # Output of the station with the values, and its entries: a pose is (position, quaternion), a velocity is
         # (linear, angular).
@@ -283,12 +311,14 @@ class Balance(LoopSection):
         rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
         if rule is None:
             return super().source(builder, name, robot, site, key)
-        site.picture.draw_nothing(f"{key}.{name}")
-        matrix = rule.matrix(site.state.size())[entries]
-        return add_matrix_gain(builder, f"{key}.{name}", matrix, site.state)
+        # The rule is a matrix, whose rows pick or combine entries of the state.
+        block_name = f"{key}.{name}"
+        site.picture.draw_nothing(block_name)
+        rows = rule.matrix(site.state.size())[entries]
+        return add_matrix_gain(builder, block_name, rows, site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site."""
+        """Create the block for a robot of the site; the key of the section is for errors."""
         assert robot.feet is not None  # check() has checked it
         feet = list(robot.feet.links)
 
@@ -314,6 +344,7 @@ class Balance(LoopSection):
             answers=answers,
             steps=steps,
             size=len(robot.axes),
+            # A sensor measures the angular velocity in its own axes, the plant's state has it in the world's.
             gyroscope="angular_velocity" in self.reads,
         )
 
@@ -331,11 +362,13 @@ class Answer:
     moves: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the largest offsets that a state calls for, -1 to 1."""
+        """Part of the largest offsets for the deviation of the robot from its stance, -1 to 1."""
+        # sign(e) clip((|e| - b) / (e_1 - b), 0, 1)
         section = self.section
         error = state.error(section.measures, section.lead)
-        beyond = max(abs(error) - section.beyond, 0.0)
-        return math.copysign(min(beyond / (section.full - section.beyond), 1.0), error)
+        excess = max(abs(error) - section.beyond, 0.0)
+        part = min(excess / (section.full - section.beyond), 1.0)
+        return math.copysign(part, error)
 
     def next(self, before: float, desired: float, period: float) -> float:
         """Move a part towards a desired one, no faster than the section's times.
@@ -344,6 +377,9 @@ class Answer:
             before: the part before.
             desired: the desired part.
             period: time between the two [s].
+
+        Returns:
+            The new part.
         """
         duration = self.section.rise if abs(desired) > abs(before) else self.section.release
         step = period / duration if duration > 0 else math.inf
@@ -386,7 +422,7 @@ class StandingBalance(SampledBlock):
         self._answers = answers
         self._gyroscope = gyroscope
         self._stepper = StepChooser(steps, period)
-        reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}
+        reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}  # sizes of the inputs
         outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
         more_memory = {
             "parts": np.zeros(len(answers)),  # part of each strategy's offsets
@@ -397,6 +433,7 @@ class StandingBalance(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the offsets at this sample."""
+        # Pose and angular velocity of the root link, in the world's axes.
         rotation = rotation_of(read["orientation"])
         spin = read["angular_velocity"]
         if self._gyroscope:
@@ -409,6 +446,7 @@ class StandingBalance(SampledBlock):
         for answer, last_part in zip(self._answers, memory["parts"].tolist(), strict=True):
             desired = 0.0 if has_stepped else answer.part(balance)
             parts.append(answer.next(last_part, desired, self.period))
+        # The offsets of the strategies are added to those of the step.
         step, step_offset = self._stepper.next(memory["step"], memory["stepped"], balance)
         offset = step_offset
         for part, answer in zip(parts, self._answers, strict=True):

@@ -42,11 +42,11 @@ def _unit(direction: Triple) -> Triple:
     Raises:
         ValueError: its length is zero.
     """
-    size = float(np.linalg.norm(direction))
-    if size == 0:
+    length = float(np.linalg.norm(direction))
+    if length == 0:
         raise ValueError(message("parts.zero_direction", "a direction of length zero points nowhere"))
-    x, y, z = (entry / size for entry in direction)
-    return x, y, z
+    x, y, z = direction
+    return x / length, y / length, z / length
 
 
 class ForceControl(LoopSection):
@@ -80,7 +80,15 @@ class ForceControl(LoopSection):
     """Largest distance of the tool from its reference [m]."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check, in addition to the base class, that a force sensor is read and that the robot has a tool."""
+        """Check, in addition to the base class, that a force sensor is read and that the robot has a tool.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
+        Raises:
+            SimrobError: there is no sensor, or no tool, or a check of the base class fails.
+        """
         super().check(key, station)
         check_force_is_read(self, key)
         if not station.robot(self.robot, key).tcp:
@@ -91,8 +99,9 @@ class ForceControl(LoopSection):
             )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site."""
+        """Create the block for a robot of the site; the key of the section is for errors."""
         sensor = site.station.sensors.get(self.reads["force"])
+        # An output that is no sensor, such as that of a block of the user's own, has the axes of the world.
         sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
         return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor_frame)
 
@@ -150,12 +159,12 @@ class PressingTool(SampledBlock):
             memory={**outputs, "drift": zero},
             gives=list(outputs),
         )
-        self._plant = weakref.proxy(plant)
+        self._plant = weakref.proxy(plant)  # the station owns the plant: a block must not keep it in memory
         self._axes = axes
-        self._tool = tool.index()
+        self._tool = tool.index()  # frames refer to the plant, indices do not
         self._sensor = sensor.index()
         self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its positions anew
-        self._rest = plant.GetPositions(self._scratch)
+        self._rest = plant.GetPositions(self._scratch)  # positions of the joints that are no axes, shape (nq,)
         self._section = section
         self._direction = np.array(section.direction)
 
@@ -177,14 +186,17 @@ class PressingTool(SampledBlock):
         """
         section = self._section
         error = section.force - pressing
+        # dx/dt = clip(kp e + z). Without a touch the tool approaches slowly, so that it does not hit the surface.
         largest_speed = section.speed if pressing > 0 else section.approach
         desired_speed = section.kp * error + drift
         speed = min(max(desired_speed, -largest_speed), largest_speed)
+        # dz/dt = ki e, near the desired force and within the limit of the speed
         is_near = abs(error) < _INTEGRAL_RANGE * section.force
+        new_drift = drift
         if is_near and speed == desired_speed:
-            drift += section.ki * error * self.period
-        path = min(max(path + speed * self.period, -section.reach), section.reach)
-        return _ToolPath(path=path, drift=drift)
+            new_drift = drift + section.ki * error * self.period
+        new_path = min(max(path + speed * self.period, -section.reach), section.reach)
+        return _ToolPath(path=new_path, drift=new_drift)
 
     def next_offsets(self, offset: Vector, reference: Vector, path: float) -> Vector:
         """Compute joint offsets that move the tool by a distance from its reference.
@@ -216,9 +228,13 @@ class PressingTool(SampledBlock):
         error[:3] = rotation.angle() * rotation.axis()
         error[3:] = target.translation() + path * direction - present.translation()
 
-        origin = np.zeros(3)
-        plant_jacobian = plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, tool, origin, world, world)
-        jacobian = self._axes.velocities(plant_jacobian)
+        # One step of damped least squares, J' (J J' + lambda^2)^-1 (r, s). Its rows are rotation, then translation,
+        # as Drake orders spatial velocities.
+        tool_origin = np.zeros(3)
+        plant_jacobian = plant.CalcJacobianSpatialVelocity(
+            context, JacobianWrtVariable.kV, tool, tool_origin, world, world
+        )
+        jacobian = self._axes.velocities(plant_jacobian)  # its columns for the axes, shape (6, n)
         step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPING, error)
         return np.asarray(offset + step)
 
@@ -234,7 +250,7 @@ _STOPPED = 3.0
 
 
 class MotorProtection(LoopSection):
-    """Let an axis give way if its motor is overloaded or too warm, then stop the robot where it is.
+    """Make an axis give way if its motor is overloaded or too warm, then stop the robot where it is.
 
     The loop watches the torques of the servos. It can also watch the force at a sensor (`reads: {force: <sensor>}`),
     which stops the robot at once. It acts after all other loops of its robot, whatever their priorities.
@@ -272,7 +288,16 @@ class MotorProtection(LoopSection):
     """Time without overload after which the robot moves on [s]; if it is left out, the robot stays stopped."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check, in addition to the base class, that there is something to watch and that the limits fit the servos."""
+        """Check, in addition to the base class, that the loop has something to watch, and that its limits fit servos.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
+        Raises:
+            SimrobError: the section has a weight, nothing to watch, or a limit that does not fit, or a check of the
+                base class fails.
+        """
         super().check(key, station)
         robot = station.robot(self.robot, key)
         if self.weight is not None:
@@ -286,51 +311,71 @@ class MotorProtection(LoopSection):
                 message("parts.nothing_to_watch", "without a limit, a nominal torque and a force"),
                 message("parts.one_to_watch", "given one of them to watch"),
             )
-        for axis, name in enumerate(robot.axes):
-            unit = robot.model.units[axis].effort
-            servo = robot.gains
-            watched = min(limit[axis], nominal[axis])
-            if not watched > 0:
-                raise InvalidParameter(
-                    message("parts.key_of_axis", "{key}, of {name},", key=key, name=name),
-                    compound("{watched:g} {unit}", watched=watched, unit=unit),
-                    "positive",
-                )
-            if math.isfinite(limit[axis]) and not limit[axis] < servo.torque_limit[axis]:
-                expected = message(
-                    "parts.less_than_servo",
-                    "less than the servo gives at most, {limit:g} {unit}: it is never above",
-                    limit=servo.torque_limit[axis],
-                    unit=unit,
-                )
-                raise InvalidParameter(
-                    message("parts.limit_of_axis", "{key}.limit of {name}", key=key, name=name),
-                    compound("{limit:g} {unit}", limit=limit[axis], unit=unit),
-                    expected,
-                )
-            if math.isfinite(nominal[axis]) and nominal[axis] > limit[axis]:
-                expected = message(
-                    "parts.at_most_its_limit", "at most its limit, {limit:g} {unit}", limit=limit[axis], unit=unit
-                )
-                raise InvalidParameter(
-                    message("parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name),
-                    compound("{nominal:g} {unit}", nominal=nominal[axis], unit=unit),
-                    expected,
-                )
-            if math.isfinite(watched) and servo.kp[axis] == 0:
-                raise InvalidParameter(
-                    message("parts.kp_of_axis", "servo.kp of {name}", name=name),
-                    "0",
-                    message("parts.positive_to_give_way", "positive, so that {key} can make it give way", key=key),
-                )
+        for axis in range(len(robot.axes)):
+            self._check_axis(key, robot, axis, limit=limit[axis], nominal=nominal[axis])
         if self.force is not None:
             check_force_is_read(self, key)
-            force_limit(self.force)
+            force_limit(self.force)  # raises an error if the region of the body is unknown
+
+    def _check_axis(self, key: str, robot: ResolvedRobot, axis: int, *, limit: float, nominal: float) -> None:
+        """Check that the limits of an axis fit its servo.
+
+        Args:
+            key: key of the section, for errors.
+            robot: robot of the loop.
+            axis: index of the axis.
+            limit: torque limit of the axis [N·m or N]; infinite if there is none.
+            nominal: torque that its motor may give forever [N·m or N]; infinite if it is not watched.
+
+        Raises:
+            InvalidParameter: they do not fit.
+        """
+        name = robot.axes[axis]
+        unit = robot.model.units[axis].effort
+        servo_limit = robot.gains.torque_limit[axis]
+        watched = min(limit, nominal)
+        if not watched > 0:
+            raise InvalidParameter(
+                message("parts.key_of_axis", "{key}, of {name},", key=key, name=name),
+                compound("{watched:g} {unit}", watched=watched, unit=unit),
+                "positive",
+            )
+        if math.isfinite(limit) and not limit < servo_limit:
+            raise InvalidParameter(
+                message("parts.limit_of_axis", "{key}.limit of {name}", key=key, name=name),
+                compound("{limit:g} {unit}", limit=limit, unit=unit),
+                message(
+                    "parts.less_than_servo",
+                    "less than the servo gives at most, {limit:g} {unit}: it is never above",
+                    limit=servo_limit,
+                    unit=unit,
+                ),
+            )
+        if math.isfinite(nominal) and nominal > limit:
+            raise InvalidParameter(
+                message("parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name),
+                compound("{nominal:g} {unit}", nominal=nominal, unit=unit),
+                message("parts.at_most_its_limit", "at most its limit, {limit:g} {unit}", limit=limit, unit=unit),
+            )
+        # The axis gives way by an offset of its reference, (torque - limit) / kp.
+        if math.isfinite(watched) and robot.gains.kp[axis] == 0:
+            raise InvalidParameter(
+                message("parts.kp_of_axis", "servo.kp of {name}", name=name),
+                "0",
+                message("parts.positive_to_give_way", "positive, so that {key} can make it give way", key=key),
+            )
 
     def _limits(self, key: str, robot: ResolvedRobot) -> tuple[Vector, Vector]:
         """Spread the limits and the nominal torques over the axes, shape (n,) each [N·m or N].
 
-        They are infinite for axes without one, and for passive axes.
+        They are infinite for axes without one, and for passive axes, which no motor moves.
+
+        Args:
+            key: key of the section, for errors.
+            robot: robot of the loop, with n axes.
+
+        Returns:
+            The limits, then the nominal torques.
         """
         limit = {} if self.limit is None else self.limit
         nominal = {} if self.nominal is None else self.nominal
@@ -340,12 +385,13 @@ class MotorProtection(LoopSection):
         return np.where(passive, math.inf, limits), np.where(passive, math.inf, nominals)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site."""
+        """Create the block for a robot of the site; the key of the section is for errors."""
         limit, nominal = self._limits(key, robot)
-        # Servos without an integral part sag by torque / kp.
+        # Servos without an integral part sag by torque / kp. An integral part removes the sag.
         is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
         kp = np.where(is_sagging, robot.gains.kp, 1.0)  # 1 instead of 0, by which NumPy would divide
         compliance = np.where(is_sagging, 1 / kp, 0.0)
+        # On a floating robot, the torques against the weight depend on the forces at its feet, which are not known.
         weight = None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
         return GuardedMotors(
             self,
@@ -378,6 +424,7 @@ class _ArmWeight:
     def compensation(self, position: Vector) -> Vector:
         """Compute the offset of the reference, shape (n,) [rad], with which the axes stay at a position (n,) [rad]."""
         self._axes.set_positions(self._plant, self._scratch, position)
+        # Torques against the weight. The servos give them at a distance of torque / kp from the reference.
         weight = -self._axes.efforts(self._plant.CalcGravityGeneralizedForces(self._scratch))
         return np.asarray(weight * self._compliance)
 
@@ -458,7 +505,9 @@ class GuardedMotors(SampledBlock):
         """Compute the heat of the motors at this sample, and give way or stop if needed."""
         section = self._section
         torque = read["torque"]
+        # Heat and timers are kept in every stage: also a robot that has stopped cools down.
         last_heat = memory["heat"]
+        # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque.
         heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
         above = (memory["above"] + self.period) * (abs(torque) > self._limit)  # back to 0 if below the limit
         changes: dict[str, Vector | float] = {"heat": heat, "above": above}
@@ -472,8 +521,10 @@ class GuardedMotors(SampledBlock):
         largest_heat = float(heat.max())
         stage = memory["stage"][0]
         if stage == _STOPPED:
+            # Motors must be cool enough not to warn, so that the robot does not stop again soon.
             is_well = longest_above == pressed == 0 and largest_heat < section.warn
             return {**changes, **self._stay_stopped(memory, read, is_well=is_well)}
+        # The force stops the robot whatever its motors do: axes give way to torques alone.
         if pressed > section.hold:
             reason = message(
                 "parts.force_lasted",
@@ -488,7 +539,7 @@ class GuardedMotors(SampledBlock):
         return {**changes, "stage": _WARNS if largest_heat >= section.warn else _WATCHES}
 
     def _give_way(self, memory: Named, read: Named, heat: Vector) -> Changes:
-        """Let overloaded axes give way, and return the others; stop if an axis stays at its limit for too long.
+        """Move overloaded axes with their load, and return the others; stop if an axis is at its limit for too long.
 
         Args:
             memory: memory before the sample.
@@ -497,8 +548,9 @@ class GuardedMotors(SampledBlock):
         """
         torque = read["torque"]
         offset = memory["offset"]
-        allowed = np.where(heat >= 1, self._nominal, self._limit)
-        # The offset returns to 0, within the range in which the torques stay allowed.
+        allowed = np.where(heat >= 1, self._nominal, self._limit)  # L, shape (n,) [N·m]
+        # x <- x + clip(-x, (-L - tau) / kp, (L - tau) / kp): the offset returns to 0, no faster than `return_deg`,
+        # within the range in which the torques stay allowed.
         desired_step = np.clip(-offset, -self._largest_return, self._largest_return)
         lowest_step = (-allowed - torque) / self._stiffness
         highest_step = (allowed - torque) / self._stiffness
@@ -507,6 +559,7 @@ class GuardedMotors(SampledBlock):
 
         lasts = memory["lasts"][0] + self.period if is_at_limit.any() else 0.0
         if lasts > self._section.patience:
+            # The reason names the first of the axes at their limits.
             axis = int(np.argmax(is_at_limit))
             hot = message("parts.too_warm", " for it is too warm") if heat[axis] >= 1 else ""
             reason = message(
@@ -533,6 +586,7 @@ class GuardedMotors(SampledBlock):
             raise RunEnds(reason)
         target = position
         if self._weight is not None:
+            # At the position itself as reference, the arm would sag away from it.
             target = position + self._weight.compensation(position)
         return {"target": target, "active": 1.0, "stage": _STOPPED, "lasts": 0.0}
 
@@ -541,5 +595,5 @@ class GuardedMotors(SampledBlock):
         lasts = memory["lasts"][0] + self.period if is_well else 0.0
         if self._section.reset_after is None or lasts < self._section.reset_after:
             return {"lasts": lasts}
-        # The offset keeps the present position at first.
+        # At first the offset keeps the present target, so that the robot does not jump to its reference.
         return {"active": 0.0, "stage": _GIVES_WAY, "lasts": 0.0, "offset": memory["target"] - read[ASKED]}

@@ -1,4 +1,10 @@
-"""Blocks of a signal flow that remember nothing: what all blocks share, and each with its equation."""
+"""Blocks of a signal flow that have no states, and the base class of all blocks of a signal flow.
+
+A signal flow is a net of small blocks, as in Simulink. Each block computes its output y from its inputs u, at a time t.
+The equations are evaluated in two ways: with numbers, and with symbolic expressions of Drake, of which a system is made
+that calls no Python while it is stepped. An expression has no value yet, so equations branch by `choose`, `minimum` and
+`maximum`, not by ``if``.
+"""
 
 import math
 import operator
@@ -15,116 +21,144 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Instant, NotNegative, Number, Strict
 from simrob_drake.blocks.written_net import NetBlock, Values
 
-_SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor",
-         "ceil")  # fmt: skip
-
+# Functions that Python's `math` and Drake's `math` have under the same name.
+_COMMON_FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt",
+                     "floor", "ceil")  # fmt: skip
+# Added to a number, it makes an expression of it: Drake's functions do not take both at once.
 _ZERO = Expression(0.0)
 
 
-def chosen(condition: Any, yes: Any, no: Any) -> Any:
-    """Return one of two values, by whether a condition holds."""
+def choose(condition: Any, yes: Any, no: Any) -> Any:
+    """Choose one of two values by a condition: a truth value, or a formula of Drake, which gives an expression."""
     if isinstance(condition, Formula):
         return if_then_else(condition, _ZERO + yes, _ZERO + no)
     return yes if condition else no
 
 
-def least(first: Any, second: Any) -> Any:
-    """Return the smaller of two values."""
-    return drake.min(first, second) if _symbolic(first, second) else min(first, second)
+def minimum(first: Any, second: Any) -> Any:
+    """Smaller one of two numbers or expressions."""
+    return drake.min(first, second) if _has_expression(first, second) else min(first, second)
 
 
-def largest(first: Any, second: Any) -> Any:
-    """Return the larger of two values."""
-    return drake.max(first, second) if _symbolic(first, second) else max(first, second)
+def maximum(first: Any, second: Any) -> Any:
+    """Larger one of two numbers or expressions."""
+    return drake.max(first, second) if _has_expression(first, second) else max(first, second)
 
 
-def _symbolic(*values: Any) -> bool:
+def _has_expression(*values: Any) -> bool:
+    """Whether any of the values is a symbolic expression."""
     return any(isinstance(value, Expression) for value in values)
 
 
-def _of(name: str) -> Callable[..., Any]:
-    numeric, symbolic = getattr(math, name), getattr(drake, name)
-    return lambda *values: symbolic(*(_ZERO + value for value in values)) if _symbolic(*values) else numeric(*values)
+def _find_function(name: str) -> Callable[..., Any]:
+    """Find a function of the common ones, for numbers and expressions alike."""
+    of_numbers = getattr(math, name)
+    of_expressions = getattr(drake, name)
+
+    def function(*values: Any) -> Any:
+        """Compute the function."""
+        if _has_expression(*values):
+            return of_expressions(*[_ZERO + value for value in values])
+        return of_numbers(*values)
+
+    return function
 
 
 def power(base: Any, exponent: Any) -> Any:
-    """Return a power, infinite where 0 has a negative exponent."""
-    if _symbolic(base, exponent):
+    """Compute a power. Zero to a negative power is infinite, as in Drake, where Python would raise an error."""
+    if _has_expression(base, exponent):
         return drake.pow(_ZERO + base, _ZERO + exponent)
     return math.inf if base == 0 and exponent < 0 else math.pow(base, exponent)
 
 
+def _sign(value: Any) -> Any:
+    """Sign of a value: 1, 0 or -1."""
+    return choose(value > 0, 1.0, choose(value < 0, -1.0, 0.0))
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: _of(name) for name in _SAME},
+    **{name: _find_function(name) for name in _COMMON_FUNCTIONS},
     "pow": power,
     "abs": abs,
-    "min": least,
-    "max": largest,
-    "sign": lambda value: chosen(value > 0, 1.0, chosen(value < 0, -1.0, 0.0)),
+    "min": minimum,
+    "max": maximum,
+    "sign": _sign,
 }
-"""The functions that a block can be, by name."""
+"""Functions of the block ``function``, by name. They take numbers and expressions alike."""
 
 
 Sum = str | dict[str, Number]
-"""A signal by its name, or several with their factors; ``one`` is 1 and ``time`` the time [s]."""
+"""A sum of signals: the name of one signal, or names with factors. ``one`` is the constant 1, ``time`` the time [s]."""
 Row = tuple[Number, ...]
+"""A row of a matrix, or a vector."""
 
 
 class FlowBlock(Strict, NetBlock):
-    """A block of a signal flow: its key ``kind``, what it takes, and its equation.
+    """A block of a signal flow: the section that describes it in a station file, and its equations.
 
-    That is ``_output`` by the time [s], its states and its inputs, and of one that has states, ``state_update``: their
-    derivatives, or with a ``period`` their next values. A sampled block holds its output between samples. Both
-    are equations of numbers and of symbolic expressions alike.
+    A subclass is a kind of block. Its method ``_output(t, x, u)`` computes the output from the time t [s], the states x
+    and the inputs u. A kind with states also has the properties ``start``, the states at the start, and the method
+    ``state_update(x, u)``: the derivatives of the states, or their next values if the block is sampled, that is, if it
+    has a period. A sampled block holds its output between samples.
+
+    Attributes:
+        kind: name of the kind in a station file.
+        takes: smallest and largest count of inputs.
     """
 
-    takes: ClassVar[tuple[int, int]] = (1, 1)  # how few and how many inputs there may be
+    takes: ClassVar[tuple[int, int]] = (1, 1)  # of most kinds
 
     kind: str
     of: Sum | tuple[Sum, ...] = ()
-    """Its inputs, each a signal or a sum of signals with factors."""
+    """Inputs of the block, each a signal or a sum of signals with factors."""
     period: NotNegative = 0.0
-    """Between samples [s], of a block that has states; 0 of one that is continuous."""
+    """Time between samples [s]; 0 for a block that is continuous."""
 
     @property
     def inputs(self) -> tuple[Sum, ...]:
-        """Its inputs in order."""
+        """Inputs of the block in order. A block with one input may give it without a list."""
         return self.of if isinstance(self.of, tuple) else (self.of,)
 
     @property
     def law(self) -> "FlowBlock":
-        """The block that computes it: itself, or one that is the same."""
+        """Block with the equations: the block itself, or an equivalent of another kind, which has the same output."""
         return self
 
     @property
     def edges(self) -> Sequence[float]:
-        """Times at which its output jumps by itself [s]."""
+        """Times at which the output jumps, whatever the inputs do [s]. A solver's step must end there."""
         return ()
 
     def check(self, key: str) -> None:
-        """Check how many inputs it has; raises InvalidParameter: too few or too many."""
+        """Check the count of inputs.
+
+        Args:
+            key: key of the block, for errors.
+
+        Raises:
+            InvalidParameter: there are too few or too many.
+        """
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
-            expected = (
-                message("parts.count_of_inputs", "{fewest} inputs", fewest=fewest)
-                if fewest == most
-                else message("parts.inputs_or_more", "{fewest} inputs or more", fewest=fewest)
-            )
-            raise InvalidParameter(
-                f"{key}.of", message("parts.given_inputs", "{count} inputs", count=len(self.inputs)), expected
-            )
+            if fewest == most:
+                expected = message("parts.count_of_inputs", "{fewest} inputs", fewest=fewest)
+            else:
+                expected = message("parts.inputs_or_more", "{fewest} inputs or more", fewest=fewest)
+            count = message("parts.given_inputs", "{count} inputs", count=len(self.inputs))
+            raise InvalidParameter(f"{key}.of", count, expected)
 
 
 class Bounded(Strict):
-    """Of a lower and an upper bound."""
+    """Keys of a block with a lower and an upper bound, each of which may be left out."""
 
     lower: Number | None = None
-    """The least value; none unless given."""
+    """Lower bound; none if it is left out."""
     upper: Number | None = None
-    """The largest value; none unless given."""
+    """Upper bound; none if it is left out."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> "Bounded":
+    def _check_order(self) -> "Bounded":
+        """Check that the lower bound is not above the upper one."""
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ValueError(
                 message(
@@ -136,60 +170,66 @@ class Bounded(Strict):
             )
         return self
 
-    def clipped(self, u: float) -> float:
-        """Return the nearest value within the bounds."""
-        above = u if self.lower is None else largest(u, self.lower)
-        return above if self.upper is None else least(above, self.upper)
+    def clip(self, value: Any) -> Any:
+        """Limit a value to the bounds: a number or an expression."""
+        if self.lower is not None:
+            value = maximum(value, self.lower)
+        if self.upper is not None:
+            value = minimum(value, self.upper)
+        return value
 
 
 class Sums(FlowBlock):
-    """Sums of signals: y = Σ k u for each of its inputs."""
+    """Sums of signals: y = Σ k u for each of the inputs."""
 
-    takes = 1, 10_000
+    takes = 1, 10_000  # so many since one block may have the sums for all axes of a robot
     kind: Literal["sum"]
 
     @property
     def size(self) -> int:
-        """One for each input."""
+        """Count of elements of the output: one for each input."""
         return len(self.inputs)
 
     @property
     def input_repetitions(self) -> int:
-        """How often an input stands in its equation."""
+        """Count of occurrences of an input in the block's equation."""
         return 1
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
+        # The net adds up the signals of each input before it calls a block, so nothing is left to do.
         return u
 
 
 class Product(FlowBlock):
-    """Inputs multiplied, and divided by those at ``divides``; a division by 0 is infinite."""
+    """Product of the inputs, divided by the inputs that ``divides`` lists; a division by 0 is infinite."""
 
     takes = 1, 100
     kind: Literal["product"]
     divides: tuple[int, ...] = ()
-    """Places of the inputs that divide, from 0."""
+    """Indices of the inputs that divide, from 0."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (math.prod(power(part, -1) if place in self.divides else part for place, part in enumerate(u)),)
+        # x^-1 instead of a division, which Python refuses for 0.
+        factors = [power(value, -1) if index in self.divides else value for index, value in enumerate(u)]
+        return (math.prod(factors),)
 
 
 class Saturation(Bounded, FlowBlock):
-    """y = u within bounds, and a bound beyond."""
+    """y = u within bounds; beyond a bound, y is the bound."""
 
     kind: Literal["saturation"]
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (self.clipped(u[0]),)
+        return (self.clip(u[0]),)
 
 
 class DeadZone(Bounded, FlowBlock):
-    """y = 0 between the bounds, and how far u lies beyond them outside."""
+    """y = 0 between the bounds; beyond a bound, y is u minus the bound."""
 
     kind: Literal["dead_zone"]
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (u[0] - self.clipped(u[0]),)
+        return (u[0] - self.clip(u[0]),)  # clip(u) is u itself between the bounds
 
 
 class Lookup(FlowBlock):
@@ -199,97 +239,115 @@ class Lookup(FlowBlock):
     points: Row = Field(min_length=2)
     """Values of u, rising."""
     values: Row
-    """Values of y there."""
+    """Value of y at each point."""
     clip: bool = False
-    """Keep the last value beyond the points."""
+    """Whether y keeps the last value beyond the points."""
 
     @model_validator(mode="after")
-    def _rising(self) -> "Lookup":
+    def _check_points(self) -> "Lookup":
+        """Check that the points rise and that each has a value."""
+        # Two points at the same u would divide by zero.
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError(message("parts.points_must_rise", "points must rise, and values be as many"))
         return self
 
     @property
     def input_repetitions(self) -> int:
-        """How often an input stands in its equation."""
+        """Count of occurrences of an input in the block's equation: a condition and a line for each point."""
         return 2 * len(self.points)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
-        return (self._between(0, len(self.points) - 1, within),)
+        within = u[0]
+        if self.clip:
+            # The interpolation has the first and the last value at these ends.
+            within = minimum(maximum(u[0], self.points[0]), self.points[-1])
+        return (self._interpolate(0, len(self.points) - 1, within),)
 
-    def _between(self, first: int, last: int, u: float) -> float:
-        """Return the line that holds, of those between two points."""
+    def _interpolate(self, first: int, last: int, u: Any) -> Any:
+        """Compute y at u by bisection, among the points with the indices ``first`` to ``last``.
+
+        An expression thus needs as many nested conditions as the logarithm of the count of points.
+        """
         if last - first == 1:
-            return self._line(last, u)
+            return self._line_to(last, u)
         middle = (first + last) // 2
-        found: float = chosen(u < self.points[middle], self._between(first, middle, u), self._between(middle, last, u))
-        return found
+        below = self._interpolate(first, middle, u)
+        above = self._interpolate(middle, last, u)
+        return choose(u < self.points[middle], below, above)
 
-    def _line(self, right: int, u: float) -> float:
-        """Return the line to a point from the one before."""
-        begin, low = self.points[right - 1], self.values[right - 1]
-        return low + (self.values[right] - low) / (self.points[right] - begin) * (u - begin)
+    def _line_to(self, right: int, u: Any) -> Any:
+        """Compute y at u on the line to a point, given by its index, from the point before."""
+        left = right - 1
+        # Below the first and above the last point, the outermost lines go on.
+        slope = (self.values[right] - self.values[left]) / (self.points[right] - self.points[left])
+        return self.values[left] + slope * (u - self.points[left])
 
 
-_COMPARED: Mapping[str, Callable[[float, float], bool]] = {
+# With expressions, the functions give formulas.
+_COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }  # fmt: skip
 Operator = Literal["<", "<=", ">", ">=", "==", "!="]
+"""Name of a comparison."""
 
 
 class Compare(FlowBlock):
-    """y = 1 where u is less than (or whatever is said) the threshold, else 0."""
+    """y = 1 if the comparison of u with the threshold holds, else 0."""
 
     kind: Literal["compare"]
     operator: Operator
-    """How the input is compared with the threshold, or with a second input."""
+    """Comparison of the input with the threshold."""
     threshold: Number = 0.0
-    """What it is compared with."""
+    """Value with which the input is compared."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (chosen(_COMPARED[self.operator](u[0], self.threshold), 1.0, 0.0),)
+        compare = _COMPARISONS[self.operator]
+        return (choose(compare(u[0], self.threshold), 1.0, 0.0),)
 
 
 class Logic(FlowBlock):
-    """y = 1 where all, any, none, not all or an odd number of its inputs are not 0, else 0."""
+    """y = 1 if the inputs fulfil the operator, else 0. An input is true if it is not 0; ``xor``: an odd number is."""
 
     takes = 1, 100
     kind: Literal["logic"]
     operator: Literal["and", "or", "nor", "nand", "xor", "not"]
-    """How the inputs are joined."""
+    """Logic operator that joins all inputs; ``not`` and ``nor`` are the same."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        true = [chosen(part != 0, 1.0, 0.0) for part in u]
-        all_of, any_of = math.prod(true), 1.0 - math.prod(1.0 - one for one in true)
-        odd = (1.0 - math.prod(1.0 - 2.0 * one for one in true)) / 2.0
-        joined = {
-            "and": all_of,
-            "nand": 1.0 - all_of,
-            "or": any_of,
-            "nor": 1.0 - any_of,
-            "not": 1.0 - any_of,
-            "xor": odd,
+        # With truth values b of 0 and 1, as expressions have no logic operators for numbers:
+        # and = Π b, or = 1 - Π (1 - b). Each true input changes the sign of Π (1 - 2 b), which is -1 for an odd number.
+        truths = [choose(value != 0, 1.0, 0.0) for value in u]
+        all_true = math.prod(truths)
+        any_true = 1.0 - math.prod([1.0 - truth for truth in truths])
+        odd_true = (1.0 - math.prod([1.0 - 2.0 * truth for truth in truths])) / 2.0
+        results = {
+            "and": all_true,
+            "nand": 1.0 - all_true,
+            "or": any_true,
+            "nor": 1.0 - any_true,
+            "not": 1.0 - any_true,
+            "xor": odd_true,
         }
-        return (joined[self.operator],)
+        return (results[self.operator],)
 
 
 class Switch(FlowBlock):
-    """y = the first input where the second meets the threshold, else the third."""
+    """y = the first input if the comparison of the second input with the threshold holds, else the third input."""
 
-    takes = 3, 3
+    takes = 3, 3  # value if true, compared value, value if false
     kind: Literal["switch"]
     operator: Operator = ">="
-    """How the second input is compared with the threshold."""
+    """Comparison of the second input with the threshold."""
     threshold: Number = 0.0
-    """What it is compared with."""
+    """Value with which the second input is compared."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (chosen(_COMPARED[self.operator](u[1], self.threshold), u[0], u[2]),)
+        compare = _COMPARISONS[self.operator]
+        return (choose(compare(u[1], self.threshold), u[0], u[2]),)
 
 
 class MathFunction(FlowBlock):
-    """y = f(u), or f(u, v) of two."""
+    """y = f(u), or f(u, v) for a function of two inputs."""
 
     takes = 1, 2
     kind: Literal["function"]
@@ -297,16 +355,27 @@ class MathFunction(FlowBlock):
         "abs", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor",
         "ceil", "sign", "atan2", "min", "max", "pow",
     ]  # fmt: skip
-    """Which function it is."""
+    """Name of the function."""
 
     def check(self, key: str) -> None:
-        """Check how many inputs it has."""
-        count = 2 if self.function in ("atan2", "min", "max", "pow") else 1
-        if len(self.inputs) != count:
+        """Check the count of inputs.
+
+        Args:
+            key: key of the block, for errors.
+
+        Raises:
+            InvalidParameter: the function takes another count.
+        """
+        # All other functions have one argument.
+        needed = 2 if self.function in ("atan2", "min", "max", "pow") else 1
+        count = len(self.inputs)
+        if count != needed:
             raise InvalidParameter(
                 f"{key}.of",
-                message("parts.given_inputs", "{count} inputs", count=len(self.inputs)),
-                message("parts.as_function_takes", "{count}, as {function} takes", count=count, function=self.function),
+                message("parts.given_inputs", "{count} inputs", count=count),
+                message(
+                    "parts.as_function_takes", "{count}, as {function} takes", count=needed, function=self.function
+                ),
             )
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
@@ -314,28 +383,28 @@ class MathFunction(FlowBlock):
 
 
 class Step(FlowBlock):
-    """y = ``before``, and ``after`` from a time on."""
+    """y = ``before`` until a time, and ``after`` from then on."""
 
     takes = 0, 0
     kind: Literal["step"]
     time: Instant
-    """When it steps [s]."""
+    """Time of the step [s]."""
     before: Number = 0.0
-    """Its value before."""
+    """Value before the step."""
     after: Number = 1.0
-    """Its value from then on."""
+    """Value after the step."""
 
     @property
     def edges(self) -> Sequence[float]:
-        """When it steps [s]."""
+        """Time of the step [s]."""
         return (self.time,)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (chosen(t >= self.time, self.after, self.before),)
+        return (choose(t >= self.time, self.after, self.before),)
 
 
 class Input(FlowBlock):
-    """An input of the station, ``<controller>.<block>``: 0 until something drives it."""
+    """Input of the station with the name ``<controller>.<block>``. It is 0 if nothing drives it."""
 
     takes = 0, 0
     kind: Literal["input"]

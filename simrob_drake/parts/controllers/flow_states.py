@@ -1,9 +1,15 @@
-"""Blocks of a signal flow that remember: integrators, linear systems, delays, the PID controller."""
+"""Blocks of a signal flow with states: integrators, linear systems, delays, the PID controller.
+
+A block computes its output y from its states x and its inputs u, at a time t. ``start`` has the states at the start of
+a run. A block without a ``period`` is continuous, and ``state_update`` computes the derivatives dx/dt. A block with a
+period is sampled, and ``state_update`` computes the next states x[k+1] from those of sample k. All equations hold for
+numbers and for symbolic expressions of Drake, so they branch on values by `choose`, `minimum` and `maximum`.
+"""
 
 import operator
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,7 +18,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.written_net import Values
-from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, chosen, largest, least
+from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, choose, maximum, minimum
 
 
 class Integrator(Bounded, FlowBlock):
@@ -21,25 +27,27 @@ class Integrator(Bounded, FlowBlock):
     delays: ClassVar[bool] = True
     kind: Literal["integrator"]
     initial: Number = 0.0
-    """Its value at the start."""
+    """Value at the start."""
 
     @property
     def start(self) -> Values:
-        """Its states at the start."""
-        return (self.clipped(self.initial),)
+        """State at the start: the integral."""
+        return (self.clip(self.initial),)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (self.clipped(x[0]),)
+        # A solver's step may end a little beyond a bound.
+        return (self.clip(x[0]),)
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
+        """Compute the derivative of the integral, or if sampled its next value."""
         if self.period:
-            return (self.clipped(x[0] + self.period * u[0]),)
-        rate = u[0]
+            return (self.clip(x[0] + self.period * u[0]),)
+        rate: Any = u[0]
+        # At a bound, only a rate that leads back is left.
         if self.upper is not None:
-            rate = chosen(x[0] < self.upper, rate, least(rate, 0.0))
+            rate = choose(x[0] < self.upper, rate, minimum(rate, 0.0))
         if self.lower is not None:
-            rate = chosen(x[0] > self.lower, rate, largest(rate, 0.0))
+            rate = choose(x[0] > self.lower, rate, maximum(rate, 0.0))
         return (rate,)
 
 
@@ -49,23 +57,27 @@ class StateSpace(FlowBlock):
     takes = 1, 100
     kind: Literal["state_space"]
     A: tuple[Row, ...]
-    """States by states, in rows."""
+    """Rows of the matrix A, states by states."""
     B: tuple[Row, ...]
-    """States by inputs."""
+    """Rows of the matrix B, states by inputs."""
     C: tuple[Row, ...]
-    """Outputs by states."""
+    """Rows of the matrix C, outputs by states."""
     D: tuple[Row, ...]
-    """Outputs by inputs."""
+    """Rows of the matrix D, outputs by inputs."""
     initial: Row = ()
-    """State at the start; 0 unless given."""
+    """State at the start; 0 if it is left out."""
 
     @model_validator(mode="after")
-    def _fits(self) -> "StateSpace":
-        states, inputs, outputs = len(self.A), len(self.inputs), len(self.C)
+    def _check_sizes(self) -> "StateSpace":
+        """Check that the matrices and the initial state have sizes that fit."""
+        states = len(self.A)
+        inputs = len(self.inputs)
+        outputs = len(self.C)
         shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
         for name, (rows, columns) in shapes.items():
             matrix = getattr(self, name)
-            if len(matrix) != rows or any(len(row) != columns for row in matrix):
+            has_columns = all(len(row) == columns for row in matrix)
+            if len(matrix) != rows or not has_columns:
                 raise ValueError(
                     message(
                         "parts.matrix_size",
@@ -85,38 +97,48 @@ class StateSpace(FlowBlock):
 
     @property
     def size(self) -> int:
-        """One for each row of C."""
+        """Count of elements of the output: one for each row of C."""
         return len(self.C)
 
     @property
     def start(self) -> Values:
-        """Its states at the start."""
+        """States at the start."""
         return self.initial or (0.0,) * len(self.A)
 
     @property
     def has_feedthrough(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-        return any(map(any, self.D))
+        """Whether the output depends on the inputs at the same time: whether D has an entry that is not 0."""
+        return any(any(row) for row in self.D)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return _rows(self.C, x, self.D, u)
+        return _add_products(self.C, x, self.D, u)
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
-        return _rows(self.A, x, self.B, u)
+        """Compute the derivatives of the states, or if sampled their next values: A x + B u."""
+        return _add_products(self.A, x, self.B, u)
+
+
+def _add_products(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> Values:
+    """Compute the sum of two products, first x + second u, of matrices given by their rows and vectors."""
+    # One sum of products for each row: [first second] (x, u)
+    vector = [*x, *u]
+    rows = [(*left, *right) for left, right in zip(first, second, strict=True)]
+    return [sum(map(operator.mul, row, vector)) for row in rows]
 
 
 class TransferFunction(FlowBlock):
-    """y(s) / u(s) = numerator / denominator, coefficients of falling powers of s, or of z where it is sampled."""
+    """y(s) / u(s) = numerator / denominator, coefficients of falling powers of s, or of z if it is sampled."""
 
     kind: Literal["transfer_function"]
     numerator: Row = Field(min_length=1)
-    """Coefficients, of the highest power first."""
+    """Coefficients, that of the highest power first."""
     denominator: Row = Field(min_length=1)
-    """Coefficients, of the highest power first."""
+    """Coefficients, that of the highest power first."""
 
     @model_validator(mode="after")
-    def _proper(self) -> "TransferFunction":
+    def _check_powers(self) -> "TransferFunction":
+        """Check that the denominator has its highest power, and the numerator no higher one."""
+        # All coefficients are divided by the first one.
         if not self.denominator[0]:
             raise ValueError(
                 message(
@@ -124,6 +146,7 @@ class TransferFunction(FlowBlock):
                     "denominator begins with 0: its first coefficient is that of the highest power",
                 )
             )
+        # Zeros in front of the numerator do not count: they are no higher powers.
         if len(np.trim_zeros(self.numerator, "f")) > len(self.denominator):
             raise ValueError(
                 message(
@@ -135,17 +158,32 @@ class TransferFunction(FlowBlock):
 
     @cached_property
     def law(self) -> FlowBlock:
-        """The same with states, which begin at 0."""
-        lead, *rest = self.denominator
-        size = len(rest)
-        numerator = [0.0] * size + list(np.trim_zeros(self.numerator, "f"))
-        through, *above = [figure / lead for figure in numerator[-size - 1 :]]
-        below = [figure / lead for figure in rest]
+        """Equivalent block of the kind `StateSpace`, whose states are 0 at the start.
+
+        It is the controllable canonical form. With the denominator s^n + a_1 s^(n-1) + ... + a_n and the numerator
+        b_0 s^n + b_1 s^(n-1) + ... + b_n, both divided by the leading coefficient of the denominator:
+
+            dx_1/dt = -a_1 x_1 - ... - a_n x_n + u,   dx_i/dt = x_(i-1) for i = 2 ... n,
+            y = (b_1 - b_0 a_1) x_1 + ... + (b_n - b_0 a_n) x_n + b_0 u.
+        """
+        leading, *others = self.denominator
+        order = len(others)
+        # Zeros in front give the numerator as many coefficients as the denominator, n + 1.
+        padded_numerator = [0.0] * (order + 1) + list(np.trim_zeros(self.numerator, "f"))
+        scaled_numerator = [coefficient / leading for coefficient in padded_numerator[-order - 1 :]]
+        a = [coefficient / leading for coefficient in others]
+        b_0 = scaled_numerator[0]
+        b = scaled_numerator[1:]
+
+        identity = np.eye(order)
+        first_row = [-a_i for a_i in a]
+        shift_rows = identity[:-1].tolist()
+        # Without states, there is no first row either.
         matrices = {
-            "A": [[-figure for figure in below], *np.eye(size)[:-1].tolist()][:size],
-            "B": np.eye(size)[:, :1].tolist(),
-            "C": [[figure - through * other for figure, other in zip(above, below, strict=True)]],
-            "D": [[through]],
+            "A": [first_row, *shift_rows][:order],
+            "B": identity[:, :1].tolist(),
+            "C": [[b_i - b_0 * a_i for b_i, a_i in zip(b, a, strict=True)]],
+            "D": [[b_0]],
         }
         return StateSpace.model_validate({"kind": "state_space", "of": self.of, "period": self.period, **matrices})
 
@@ -153,7 +191,8 @@ class TransferFunction(FlowBlock):
 class RateLimiter(FlowBlock):
     """y follows u with a limited slope: dy/dt = (u - y) / lag within the bounds.
 
-    At the bound it is late by nothing, near u by ``lag``. Sampled, without a lag: y[k] = u[k] within y[k-1] ± bound.
+    While the slope is limited, y is late by nothing else; near u it is late by ``lag``. Sampled, without a lag: y[k] is
+    the value nearest to u[k] whose difference from y[k-1] is within the bounds times the period.
     """
 
     kind: Literal["rate_limiter"]
@@ -162,30 +201,35 @@ class RateLimiter(FlowBlock):
     falling: NotNegative
     """Largest slope downwards [1/s]."""
     lag: Positive = 1e-3
-    """Time by which it is late where it follows [s]; also how short the steps of an explicit solver must be."""
+    """Time by which the output is late while it follows [s]; also a bound for the steps of an explicit solver."""
     initial: Number = 0.0
-    """Its value at the start."""
+    """Value at the start."""
 
     @property
     def start(self) -> Values:
-        """Its states at the start."""
+        """State at the start: the output."""
         return (self.initial,)
 
     @property
     def has_feedthrough(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
+        """Whether the output depends on the input at the same time: only if it is sampled."""
         return self.period > 0
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return self.state_update(x, u) if self.period else x
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
-        behind, slope = u[0] - x[0], self.period or 1.0
-        if not self.period:
-            behind /= self.lag
-        step = least(largest(behind, -self.falling * slope), self.rising * slope)
-        return (x[0] + step if self.period else step,)
+        """Compute the derivative of the output, or if sampled its next value."""
+        difference = u[0] - x[0]
+        # Sampled, y reaches u within one sample if the bounds allow it. The continuous y approaches u exponentially.
+        if self.period:
+            return (x[0] + self._limit(difference, duration=self.period),)
+        return (self._limit(difference / self.lag, duration=1.0),)
+
+    def _limit(self, change: Any, duration: float) -> Any:
+        """Limit a change to what the slopes allow in a duration [s]. For a duration of 1, the change is a slope."""
+        not_too_low = maximum(change, -self.falling * duration)
+        return minimum(not_too_low, self.rising * duration)
 
 
 class ZeroOrderHold(FlowBlock):
@@ -193,9 +237,10 @@ class ZeroOrderHold(FlowBlock):
 
     kind: Literal["hold"]
     period: Positive
-    """Between samples [s]."""
+    """Time between samples [s]."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
+        # The net holds the output of each sampled block between samples.
         return u
 
 
@@ -205,67 +250,78 @@ class Delay(FlowBlock):
     delays: ClassVar[bool] = True
     kind: Literal["delay"]
     period: Positive
-    """Between samples [s]: by so much, times the steps, it is late."""
+    """Time between samples [s]. The output is late by this time, times the steps."""
     steps: int = Field(default=1, ge=1, le=10_000)
-    """How many samples it is late."""
+    """Count of samples by which the output is late."""
     initial: Number = 0.0
-    """Its value at the start."""
+    """Value at the start."""
 
     @property
     def start(self) -> Values:
-        """The inputs that are still to come out, the oldest first."""
+        """States at the start: the inputs of the last samples, the oldest first."""
         return (self.initial,) * self.steps
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return x[:1]
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
+        """Compute the next states: drop the oldest input, and append the present one."""
         return [*x[1:], u[0]]
 
 
-def _rows(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> Values:
-    """Return the sum of two matrices times two vectors."""
-    both = [*x, *u]
-    return [sum(map(operator.mul, (*left, *right), both)) for left, right in zip(first, second, strict=True)]
-
-
 Weight = Annotated[Number, Field(ge=0, le=1)]
+"""Weight of the backward Euler method in an integration, from 0 to 1; forward Euler has the rest."""
 
 
 class Pid(Bounded, FlowBlock):
     """y = p e + i ∫ e dt + d s N / (s + N) e, within bounds.
 
-    Of one input, the error, or of three: the errors of its proportional, integral and derivative part. So a derivative
-    of the measurement alone takes the negative measurement as its third. Sampled, ``1/s`` is the period times 1/(z-1),
-    z/(z-1) or the mean of both, by a weight of 0, 1 or 0.5.
+    It has one input, the error, or three: the errors of its proportional, integral and derivative part. For a
+    derivative of the measurement alone, the third is the negative measurement. If it is sampled, ``1/s`` is the period
+    times 1/(z-1), z/(z-1) or the mean of both, for a weight of 0, 1 or 0.5.
     """
 
-    takes = 1, 3
+    # With the integral part x_i and the filter's state x_d, each of which exists only if its gain is not 0:
+    #   dx_i/dt = i e,   dx_d/dt = derivative part = N (d e - x_d),   y = clip(p e + x_i + N (d e - x_d)).
+    # Sampled with the period T, and w the weight of x_i or x_d:
+    #   x_i[k+1] = x_i + T i e,                           integral part   = x_i + w T i e,
+    #   x_d[k+1] = x_d + T derivative part,               derivative part = N (d e - x_d) / (1 + N w T),
+    # or without a filter
+    #   x_d[k+1] = d e,                                   derivative part = (d e - x_d) / T.
+
+    takes = 1, 3  # 2 are refused by check()
     kind: Literal["pid"]
     p: Number = 0.0
     """Gain of the error."""
     i: Number = 0.0
-    """Gain of its integral."""
+    """Gain of the integral of the error."""
     d: Number = 0.0
-    """Gain of its derivative."""
+    """Gain of the derivative of the error."""
     filter: Positive | None = None
-    """N, the cut-off of the derivative's filter [rad/s]; needed with ``d`` unless it is sampled."""
+    """N, the cut-off of the derivative's filter [rad/s]; needed with ``d`` unless the block is sampled."""
     integration_initial: Number = 0.0
-    """The integral part at the start."""
+    """Integral part at the start."""
     filtering_initial: Number = 0.0
-    """The state of the derivative's filter at the start, d times the error that it takes for the last."""
+    """State of the derivative's filter at the start: d times the error before the start."""
     integration_weight: Weight = 0.0
-    """0 forward Euler, 1 backward Euler, 0.5 trapezoidal."""
+    """Method of the integral if sampled: 0 forward Euler, 1 backward Euler, 0.5 trapezoidal."""
     filtering_weight: Weight = 0.0
-    """The same, of the filter."""
+    """Method of the derivative's filter if sampled, as for the integral."""
     anti_windup: Literal["none", "clamping", "back_calculation"] = "none"
-    """What keeps the integral from growing beyond the bounds."""
+    """Method that keeps the integral from growing beyond the bounds."""
     back_calculation: NotNegative = Field(default=1.0)
     """Gain by which the integral is led back from beyond the bounds [1/s]."""
 
     def check(self, key: str) -> None:
-        """Check its inputs and its derivative's filter; raises InvalidParameter: two inputs, or without a filter."""
+        """Check the count of inputs and the derivative's filter.
+
+        Args:
+            key: key of the block, for errors.
+
+        Raises:
+            InvalidParameter: the block has neither one nor three inputs, or has a derivative, but no filter and no
+                period.
+        """
         if len(self.inputs) == 2:
             raise InvalidParameter(
                 f"{key}.of",
@@ -280,56 +336,79 @@ class Pid(Bounded, FlowBlock):
 
     @property
     def start(self) -> Values:
-        """The integral part and the filter's state at the start, those of them that it has."""
-        return [own for own, has in ((self.integration_initial, self.i), (self.filtering_initial, self.d)) if has]
+        """States at the start: the integral part if there is a gain i, the filter's state if there is a gain d."""
+        states = []
+        if self.i:
+            states.append(self.integration_initial)
+        if self.d:
+            states.append(self.filtering_initial)
+        return states
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (self.clipped(self._free(x, u)),)
+        return (self.clip(self._unbounded_output(x, u)),)
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
-        changes = []
+        """Compute the derivatives of the states, or if sampled their next values."""
+        new_values: list[Any] = []
         if self.i:
-            changes.append(self._windup(self.i * u[len(u) // 2], self._free(x, u)))
+            rate = self._integral_rate(x, u)
+            new_values.append(x[0] + self.period * rate if self.period else rate)
         if self.d:
-            changes.append(self._derivative(x, u) if self._filtered else self.d * u[-1])
-        if not self.period:
-            return changes
-        follow = [own + self.period * change for own, change in zip(x, changes, strict=True)]
-        if self.d and not self._filtered:
-            follow[-1] = self.d * u[-1]
-        return follow
+            new_values.append(self._filter_update(x, u))
+        return new_values
 
-    @cached_property
-    def _filtered(self) -> bool:
-        return self.filter is not None
-
-    def _free(self, x: Values, u: Values) -> float:
-        """Return the output without bounds."""
-        total = self.p * u[0]
-        if self.i:
-            total = total + x[0] + self.integration_weight * self.period * self.i * u[len(u) // 2]
-        return total + self._derivative(x, u) if self.d else total
-
-    def _derivative(self, x: Values, u: Values) -> float:
-        behind = self.d * u[-1] - x[-1]
+    def _filter_update(self, x: Values, u: Values) -> Any:
+        """Compute the derivative of the filter's state, or if sampled its next value."""
         if self.filter is None:
-            return behind / self.period
-        return self.filter * behind / (1 + self.filter * self.filtering_weight * self.period)
+            return self.d * u[-1]
+        rate = self._derivative_part(x, u)
+        return x[-1] + self.period * rate if self.period else rate
 
-    def _windup(self, rate: float, free: float) -> float:
-        """Return how fast the integral part grows."""
-        beyond = free - self.clipped(free)
-        if self.anti_windup == "back_calculation":
-            return rate - self.back_calculation * beyond
-        if self.anti_windup != "clamping":
+    def _unbounded_output(self, x: Values, u: Values) -> Any:
+        """Compute the output without bounds."""
+        output = self.p * u[0]
+        if self.i:
+            # Without a period, the last term is 0.
+            output = output + x[0] + self.integration_weight * self.period * self.i * self._integral_error(u)
+        if self.d:
+            output = output + self._derivative_part(x, u)
+        return output
+
+    def _integral_error(self, u: Values) -> Any:
+        """Input of the integral part: the only one of one input, the middle one of three."""
+        return u[len(u) // 2]
+
+    def _derivative_part(self, x: Values, u: Values) -> Any:
+        """Compute the part of the output that is the derivative of its error, the last input."""
+        difference = self.d * u[-1] - x[-1]
+        if self.filter is None:
+            return difference / self.period
+        # The denominator solves the backward Euler step of the filter; it is 1 without a period.
+        return self.filter * difference / (1 + self.filter * self.filtering_weight * self.period)
+
+    def _integral_rate(self, x: Values, u: Values) -> Any:
+        """Compute the derivative of the integral part, which the anti-windup changes while y is beyond a bound."""
+        rate = self.i * self._integral_error(u)
+        if self.anti_windup == "none":
             return rate
-        left = 0.0 if self.period else largest(0.0, 1.0 - abs(beyond) / self._band)
-        slowed: float = chosen(beyond * rate > 0, left * rate, rate)
-        return slowed
+        unbounded = self._unbounded_output(x, u)
+        excess = unbounded - self.clip(unbounded)
+        if self.anti_windup == "back_calculation":
+            return rate - self.back_calculation * excess
+        # Clamping: the integral stops if it would grow further beyond the bound. If it is continuous, it slows down
+        # within a narrow band, since a derivative that jumps to 0 makes the solver switch to and fro in tiny steps.
+        remaining_share = 0.0 if self.period else maximum(0.0, 1.0 - abs(excess) / self._clamping_band)
+        return choose(excess * rate > 0, remaining_share * rate, rate)
 
     @cached_property
-    def _band(self) -> float:
-        """Within which beyond the bounds a continuous integral comes to a stop: one that stops at once chatters."""
-        ends = [bound for bound in (self.lower, self.upper) if bound is not None]
-        return 1e-3 * ((ends[-1] - ends[0]) or abs(ends[0]) or 1.0) if ends else 1.0
+    def _clamping_band(self) -> float:
+        """Width of the band beyond the bounds within which a continuous integral slows down to a stop.
+
+        It is a thousandth of the range between the bounds. If there is only one bound, or if they are equal, it is a
+        thousandth of a bound, or 0.001 if that is 0. It is 1 without bounds, where it has no effect.
+        """
+        bounds = [bound for bound in (self.lower, self.upper) if bound is not None]
+        if not bounds:
+            return 1.0
+        size = (bounds[-1] - bounds[0]) or abs(bounds[0]) or 1.0
+        return 1e-3 * size

@@ -21,6 +21,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
 from simrob_drake.walking.stride import smoothstep
@@ -72,25 +73,29 @@ class GetUp(LoopSection):
     def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own and has postures to get up, in addition to the base class.
 
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
         Raises:
-            SimrobError: it does not, or has none.
+            SimrobError: the robot does not stand on feet of its own, its postures are missing or name axes that it
+                does not have, or a check of the base class fails.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
-        getting_up = load_getting_up(model)
-        for sequence in (getting_up.front, getting_up.back):
-            postures(model, sequence)
+        _load_sequences(model)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site."""
+        """Create the block for a robot of the site; the key of the section is for errors."""
         model = robot.model
-        getting_up = load_getting_up(model)
-        sequences = []
-        for sequence in (getting_up.front, getting_up.back):
-            angles = postures(model, sequence)
-            sequences.append([RisingGoal(posture, own) for posture, own in zip(sequence, angles, strict=True)])
-        facing = math.radians(gaits_file(model).facing_deg)
-        return Rising(self, sequences, getting_up.height, facing=facing, ground=site.plant.ground, name=model.name)
+        return Rising(
+            self,
+            _load_sequences(model),
+            height=load_getting_up(model).height,
+            facing=math.radians(gaits_file(model).facing_deg),
+            ground=site.plant.ground,
+            name=model.name,
+        )
 
 
 class RisingGoal(NamedTuple):
@@ -103,6 +108,21 @@ class RisingGoal(NamedTuple):
 
     posture: RisingPosture
     angles: Vector
+
+
+def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
+    """Load the postures of a robot, from its front and from its back.
+
+    Raises:
+        SimrobError: there are none, or they name axes that the robot does not have.
+    """
+    getting_up = load_getting_up(model)
+    sequences = list[list[RisingGoal]]()
+    for sequence in (getting_up.front, getting_up.back):
+        all_angles = postures(model, sequence)
+        goals = [RisingGoal(posture, angles) for posture, angles in zip(sequence, all_angles, strict=True)]
+        sequences.append(goals)
+    return sequences
 
 
 class _Lean(NamedTuple):
@@ -132,8 +152,8 @@ class Rising(SampledBlock):
         self,
         section: GetUp,
         sequences: Sequence[Sequence[RisingGoal]],
-        height: float,
         *,
+        height: float,
         facing: float,
         ground: Ground,
         name: str,
@@ -160,7 +180,7 @@ class Rising(SampledBlock):
         more_memory: dict[str, Vector | float] = {
             "stage": _UP,
             "origin": zero,  # target at the start of the stage [rad]
-            "way": 0.0,  # index of the sequence
+            "sequence": 0.0,  # index of the sequence: 0 from the front, 1 from the back
             "elapsed": 0.0,  # time since the start of the stage [s]
             "well": 0.0,  # time for which the robot has been at rest, or standing, without a break [s]
         }
@@ -174,16 +194,18 @@ class Rising(SampledBlock):
         height = self._ground.height(read["base_pose"])
         lean = self._lean_of(read["base_pose"])
         if stage == _UP:
+            # A robot that has sunk to its knees is upright, but low.
             has_fallen = lean.total > _FALLEN_LEAN or height < _FALLEN_HEIGHT * self._height
             return self._watch(read[ASKED], has_fallen=has_fallen)
         if stage == _DOWN:
             is_still = bool(np.abs(read["base_velocity"]).max() < _REST_SPEED)
             return self._lie(memory, elapsed, self._time_well(memory, is_well=is_still), lean.ahead)
 
-        sequence = self._sequences[int(memory["way"][0])]
-        number = int(stage - _FIRST)
+        sequence = self._sequences[int(memory["sequence"][0])]
+        number = int(stage - _FIRST)  # index of the posture
         if number < len(sequence):
             return self._rise(memory, elapsed, sequence[number], math.degrees(lean.ahead))
+        # After the last posture the robot must also stay up.
         stands = lean.total < _UPRIGHT_LEAN and height > self._height
         return self._stand(memory, elapsed, self._time_well(memory, is_well=stands))
 
@@ -192,7 +214,8 @@ class Rising(SampledBlock):
         # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
         ahead = -(x * self._ahead_x + y * self._ahead_y)
-        return _Lean(ahead=math.atan2(ahead, up), total=math.acos(min(max(up, -1.0), 1.0)))
+        up_within_range = min(max(up, -1.0), 1.0)  # rounding may lead beyond 1, of which there is no arc cosine
+        return _Lean(ahead=math.atan2(ahead, up), total=math.acos(up_within_range))
 
     def _time_well(self, memory: Named, *, is_well: bool) -> float:
         """Time [s] for which the robot has been at rest, or standing, at this sample."""
@@ -221,10 +244,13 @@ class Rising(SampledBlock):
             time_well: time for which the robot has been at rest [s].
             ahead: lean of the trunk ahead [rad]: positive if it lies on its front.
         """
+        # A robot that rolls to and fro for too long begins all the same.
         if time_well < _REST_TIME and elapsed < _PATIENCE:
             return {"elapsed": elapsed, "well": time_well}
         is_on_back = ahead < 0
-        return {"attempt": memory["attempt"] + 1, "way": float(is_on_back), **_begin(_FIRST, memory["target"])}
+        sequence_index = float(is_on_back)
+        attempt = memory["attempt"] + 1
+        return {"attempt": attempt, "sequence": sequence_index, **_begin(_FIRST, memory["target"])}
 
     def _rise(self, memory: Named, elapsed: float, goal: RisingGoal, ahead_deg: float) -> Changes:
         """Move on to a posture. At its end, begin the next stage if the trunk's lean is right, or try again.
@@ -235,6 +261,7 @@ class Rising(SampledBlock):
             goal: the posture.
             ahead_deg: lean of the trunk ahead [deg].
         """
+        # target = origin + s(elapsed / time) (angles - origin), with the smooth step s from 0 to 1.
         part = min(elapsed / goal.posture.time, 1.0)
         origin = memory["origin"]
         target = origin + smoothstep(part) * (goal.angles - origin)
@@ -248,7 +275,7 @@ class Rising(SampledBlock):
         return {**changes, **self._try_again(memory, target)}
 
     def _stand(self, memory: Named, elapsed: float, time_well: float) -> Changes:
-        """Give up control once the robot has stood for long enough; try again if it does not stand in time.
+        """Wait until the robot has stood for long enough, and release it; if it does not stand in time, try again.
 
         Args:
             memory: memory before the sample.
@@ -272,7 +299,7 @@ class Rising(SampledBlock):
                     attempt=int(memory["attempt"][0]),
                 )
             )
-        return {"active": 0.0, "stage": _UP}
+        return {"active": 0.0, "stage": _UP}  # other loops drive the robot again
 
     def _try_again(self, memory: Named, target: Vector) -> Changes:
         """Begin again from lying, with the present target (n,) [rad].
@@ -291,5 +318,10 @@ class Rising(SampledBlock):
 
 
 def _begin(stage: float, origin: Vector) -> dict[str, Vector | float]:
-    """Changes of the memory at the start of a stage, with the target (n,) [rad] at that time."""
+    """Changes of the memory at the start of a stage, where the target is at rest.
+
+    Args:
+        stage: the stage.
+        origin: target at that time, shape (n,) [rad].
+    """
     return {"stage": stage, "origin": origin, "elapsed": 0.0, "well": 0.0, "offset_velocity": np.zeros(len(origin))}

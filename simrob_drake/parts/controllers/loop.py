@@ -22,7 +22,7 @@ from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.resolved import ResolvedRobot, StationContents
@@ -610,7 +610,7 @@ def _block_label(name: str, section: LoopSection) -> str:
     word = section.kind.replace("_", " ")
     kind_and_rate = compound("{kind}, {rate:g} Hz", kind=section.label or word, rate=section.rate)
     # A loop that is named as its kind is not named twice.
-    return kind_and_rate if word == name else join_texts([wrapped(name), kind_and_rate], "\n")
+    return kind_and_rate if word == name else join_texts([wrap_label(name), kind_and_rate], "\n")
 
 
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:

@@ -1,13 +1,15 @@
-r"""A loop that brings a measured quantity to a value by joints that move in given proportions.
+r"""Loop that brings a measured quantity to a desired value by joints that move in given proportions.
 
-The thesis's automatic control with an objective (p. 102 to 107): no joint angles are given, the robot finds its own.
-An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of a :class:`PiLaw`.
+No joint angles are given: the robot finds its own (the thesis, automatic control with an objective, p. 102 to 107). The
+*quantity* is any column of the station's results, such as the height of the base. Its desired value at the moment is
+the *setpoint*, which moves to the *targets* of the section, one after the other. A PI law computes the *effort* u from
+the error of the quantity, and an axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,78 +21,160 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
-from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
+from simrob_drake.parts.controllers.flow_blocks import choose, maximum, minimum
 from simrob_drake.parts.controllers.loop import LoopPorts, LoopSection
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
-MEMORY = ("integral", "asked", "effort", "number", "held", "begun")
-"""What the law remembers: x, what is asked for, u, the number of the target, how long it has been asked for [s], and
-whether there was a sample before; all zero at the start."""
+
+class PiMemory(NamedTuple):
+    """Values that a `PiLaw` keeps from one sample to the next: numbers, or symbolic expressions of Drake.
+
+    All are zero at the start of a run.
+
+    Attributes:
+        integral: integral part x of the effort [rad].
+        setpoint: value that is asked for now [unit of the quantity].
+        effort: effort u, the distance by which an axis of weight 1 moves [rad].
+        target_index: index of the present target.
+        held: time for which the setpoint has been at the target [s].
+        has_begun: 1 after the first sample, 0 before it.
+    """
+
+    integral: Any
+    setpoint: Any
+    effort: Any
+    target_index: Any
+    held: Any
+    has_begun: Any
 
 
 @dataclass(frozen=True, kw_only=True)
 class PiLaw:
-    r"""How far an axis of weight 1 moves, said once for plain numbers and for expressions that need no Python.
+    r"""PI law for the effort u, by which an axis of weight 1 moves.
 
-    With the error e of a quantity against what is asked for, which goes to its targets one after the other,
+    With the error e, the setpoint minus the measured quantity,
 
-    .. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e,
+    .. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e.
 
-    where x stands still while u is at its limit, or at its fastest, and e would drive it on.
+    Clip limits both u and its rate. While it does, x does not change if e would drive u further beyond the limit.
+
+    The law computes with numbers and with symbolic expressions of Drake alike, by the same code: so a diagram can have
+    it as a system of Drake's, which calls no Python while it is stepped. An expression has no value to branch on:
+    conditions are calls of `choose`, not ``if`` statements.
+
+    Attributes:
+        period: time between two samples [s].
+        targets: desired values of the quantity, one after the other.
+        hold: time for which the setpoint stays at each target [s].
+        speed: speed of the setpoint on its way to a target [unit of the quantity per second]. If it is infinite, the
+            setpoint jumps.
+        kp: proportional gain [rad per unit of the quantity].
+        ki: integral gain [rad/s per unit of the quantity].
+        limit: largest effort [rad].
+        fastest: largest rate of the effort [rad/s].
     """
 
-    period: float  # between samples [s]
-    targets: Sequence[float]  # values of the quantity, one after the other
-    hold: float = math.inf  # how long each is asked for, from when its ramp ends [s]
-    speed: float = math.inf  # of what is asked for, on its way there [1/s]
-    gains: tuple[float, float]  # kp [rad per unit] and ki [rad/s per unit]
-    limit: float  # how far it moves [rad]
-    fastest: float  # how fast [rad/s]
+    period: float
+    targets: Sequence[float]
+    hold: float = math.inf
+    speed: float = math.inf
+    kp: float
+    ki: float
+    limit: float
+    fastest: float
 
-    def next(self, measured: Any, memory: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
-        """Return the memory after a sample, by names, and the target: of numbers or of expressions alike."""
-        number, held, setpoint, before = (memory[name] for name in ("number", "held", "asked", "effort"))
-        if len(self.targets) > 1:
-            due = held >= self.hold
-            number = chosen(due, least(number + 1.0, len(self.targets) - 1.0), number)
-            held = chosen(due, 0.0, held)
-        target = self.targets[0]
-        for place, value in enumerate(self.targets[1:], 1):
-            target = chosen(number >= place, value, target)
+    def next(self, measured: Any, memory: PiMemory) -> PiMemory:
+        """Compute the memory after a sample of the measured quantity."""
+        target_index = memory.target_index
+        held = memory.held
+        if len(self.targets) > 1:  # a single target needs no terms for the change to the next one
+            is_over = held >= self.hold
+            next_index = minimum(target_index + 1.0, len(self.targets) - 1.0)  # the last target stays
+            target_index = choose(is_over, next_index, target_index)
+            held = choose(is_over, 0.0, held)
+        target = self.target(target_index)
+        setpoint = self._next_setpoint(measured, memory, target)
+        held = choose(setpoint == target, held + self.period, 0.0)
+
+        # u = clip(kp e + x), with the new x. Keep the order of the arithmetic: results are compared to the last bit.
+        error = setpoint - measured
+        grown_integral = memory.integral + self.ki * error * self.period
+        desired_effort = self.kp * error + grown_integral
+        effort = self._clip(desired_effort, memory.effort)
+
+        # Anti-windup: x grows unless the clipped part of the effort has the sign of the error.
+        clipped_part = desired_effort - effort
+        integral = choose(clipped_part * error <= 0, grown_integral, memory.integral)
+        return PiMemory(
+            integral=integral,
+            setpoint=setpoint,
+            effort=effort,
+            target_index=target_index,
+            held=held,
+            has_begun=1.0,
+        )
+
+    def target(self, target_index: Any) -> Any:
+        """Target of an index, which may be an expression."""
+        target: Any = self.targets[0]
+        for index, value in enumerate(self.targets[1:], 1):
+            target = choose(target_index >= index, value, target)
+        return target
+
+    def _next_setpoint(self, measured: Any, memory: PiMemory, target: Any) -> Any:
+        """Move the setpoint towards the target. Its ramp starts at the quantity's value in the first sample."""
         if math.isinf(self.speed):
-            setpoint = target
-        else:
-            step, setpoint = self.speed * self.period, chosen(memory["begun"] > 0.5, setpoint, measured)
-            setpoint = least(largest(target, setpoint - step), setpoint + step)
-        held = chosen(setpoint == target, held + self.period, 0.0)
-        error, (kp, ki), step = setpoint - measured, self.gains, self.fastest * self.period
-        grown = memory["integral"] + ki * error * self.period
-        desired = kp * error + grown
-        effort = least(least(largest(largest(desired, before - step), -self.limit), before + step), self.limit)
-        integral = chosen((desired - effort) * error <= 0, grown, memory["integral"])  # else it would wind up
-        values = (integral, setpoint, effort, number, held, 1.0)
-        return dict(zip(MEMORY, values, strict=True)), target
+            return target
+        largest_step = self.speed * self.period
+        last_setpoint = choose(memory.has_begun > 0.5, memory.setpoint, measured)
+        not_too_low = maximum(target, last_setpoint - largest_step)
+        return minimum(not_too_low, last_setpoint + largest_step)
 
-    def system(self) -> SymbolicVectorSystem:
-        """Return it as a block of Drake's: in the quantity (1), out u and e (2)."""
-        measured, error = symbolic.Variable("measured"), symbolic.Variable("error")
-        memory = {name: symbolic.Variable(name) for name in MEMORY}
-        known = {name: symbolic.Expression(variable) for name, variable in memory.items()}
-        new, _ = self.next(symbolic.Expression(measured), known)
+    def _clip(self, desired_effort: Any, last_effort: Any) -> Any:
+        """Limit an effort and its change since the last sample [rad]."""
+        largest_step = self.fastest * self.period
+        # The last effort is within the limit, so both bounds can be kept.
+        not_too_low = maximum(maximum(desired_effort, last_effort - largest_step), -self.limit)
+        return minimum(minimum(not_too_low, last_effort + largest_step), self.limit)
+
+    def make_system(self) -> SymbolicVectorSystem:
+        """Create the law as a system of Drake's.
+
+        Its input is the measured quantity (1), its output the effort u [rad] and the error e (2).
+        """
+        measured = symbolic.Variable("measured")
+        error = symbolic.Variable("error")
+        variables = [symbolic.Variable(name) for name in PiMemory._fields]
+        memory = PiMemory._make(symbolic.Expression(variable) for variable in variables)
+        new_memory = self.next(symbolic.Expression(measured), memory)
+        new_error = new_memory.setpoint - measured
+        # The sum makes expressions of plain numbers, which Drake does not take for dynamics.
         zero = symbolic.Expression(0.0)
-        dynamics = [zero + value for value in (*new.values(), new["asked"] - measured)]
         return SymbolicVectorSystem(
             input=[measured],
-            state=[*memory.values(), error],
-            dynamics=dynamics,
-            output=[known["effort"], symbolic.Expression(error)],
+            state=[*variables, error],
+            dynamics=[zero + value for value in (*new_memory, new_error)],
+            output=[memory.effort, symbolic.Expression(error)],
             time_period=self.period,
         )
+
+
+class _Column(NamedTuple):
+    """Column of the results whose value the loop controls.
+
+    Attributes:
+        output: name of the station's output that contains the value.
+        entry: index of the value in the vector of that output.
+        unit: unit of the value.
+    """
+
+    output: str
+    entry: int
+    unit: str
 
 
 class Objective(LoopSection):
@@ -105,34 +189,37 @@ class Objective(LoopSection):
 
     kind: Literal["objective"]
     measures: str
-    """What is to be brought there: a column of `signals.csv`, such as `base.z`, `tcp.z` or `force.tip.z`."""
+    """Signal that is controlled: a column of `signals.csv`, such as `base.z`, `tcp.z` or `force.tip.z`."""
     target: Number | list[Number]
-    """The value, in the unit of the column; several in a list are asked for one after the other."""
+    """Desired value of the signal, in the unit of the column; several in a list are asked for one after the other."""
     hold: Positive = 2.0
-    """How long each of several is asked for, from when its ramp ends [s]."""
+    """Time for which each of several targets is asked for, from the end of its ramp [s]."""
     speed: Positive | None = None
-    """How fast the value that is asked for goes there from where it is at the start [1/s]; at once unless given."""
+    """Speed at which the value that is asked for moves to a target, at first from the value at the start [unit of the
+    column per second]. If it is left out, the value jumps."""
     weights: dict[str, Number] = Field(min_length=1)
-    """By how much each axis takes part, by name: in which proportions, and in which sense, they raise the quantity."""
+    """Weight of each axis that takes part, by name: the proportions and the directions in which axes raise the
+    signal."""
     kp: NotNegative = 0.0
-    """How far an axis of weight 1 moves for an error [deg or m per unit of the column]."""
+    """Distance by which an axis of weight 1 moves for an error [deg or m per unit of the column]."""
     ki: NotNegative = 0.0
-    """How fast it moves for an error [deg/s or m/s per unit]."""
+    """Speed at which an axis of weight 1 moves for an error [deg/s or m/s per unit of the column]."""
     limit_deg: Positive = 90.0
-    """How far an axis of weight 1 may move [deg, or m where it slides]."""
+    """Largest distance by which an axis of weight 1 moves [deg, or m for a prismatic axis]."""
     rate_deg: Positive = 60.0
-    """How fast [deg/s or m/s]."""
+    """Largest speed of an axis of weight 1 [deg/s, or m/s for a prismatic axis]."""
     tolerance: Positive | None = None
-    """How near is near enough, for the posture [unit of the column]."""
+    """Distance from the target within which the posture of `then_deg` may begin [unit of the column]."""
     settled: NotNegative = 0.5
-    """How long it must be that near [s]."""
+    """Time for which the signal must be within the tolerance [s]."""
     then_deg: dict[str, Number] = Field(default_factory=dict)
-    """Where other axes go once that is so, by name."""
+    """Posture of other axes after that, by name [deg, or m for a prismatic axis]."""
     then_duration: NotNegative = 1.0
-    """How long they take [s]."""
+    """Time that the axes take to the posture [s]."""
 
     @model_validator(mode="after")
-    def _can_act(self) -> "Objective":
+    def _check_keys(self) -> "Objective":
+        """Check that the section has a target, moves an axis, and has a tolerance for its posture if there is one."""
         if self.target == []:
             raise ValueError(message("parts.empty_target", "target is an empty list: nothing is asked for"))
         if not any(self.weights.values()):
@@ -145,108 +232,181 @@ class Objective(LoopSection):
 
     @property
     def read_names(self) -> list[str]:
-        """What it reads by names of the user's."""
+        """Names of the sensors, outputs and result columns that the loop reads, as the section writes them."""
         return [*super().read_names, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes with weights, and those of the posture."""
-        moved = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
-        return [*moved, *self.target_axes(robot)]
+        """Names of the axes that the loop moves: those with weights, and those of the posture."""
+        weighted = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
+        # The loop adds offsets to the former, and replaces the reference of the latter.
+        return [*weighted, *self.target_axes(robot)]
 
     def target_axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes of the posture."""
+        """Names of the axes whose reference the loop replaces: those of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "then_deg")] for axis in self.then_deg]
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Return what an input reads; ``measured`` is one entry of an output."""
+        """Find the port that an input of the loop reads, for the input ``measured`` by adding a block.
+
+        That block picks the value of the column `measures` from the output that contains it. It is left out if the
+        section names a sensor or an output for ``measured`` under `reads`.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the input.
+            robot: robot that the loop drives.
+            site: the station under construction.
+            key: key of the section, ``controllers.<name>``.
+        """
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
-        signal, entry = self._measured(site, key)
-        site.picture.draw_nothing(f"{key}.measured")
-        if signal.output in site.outputs.of_state:
-            matrix = site.outputs.of_state[signal.output].matrix(site.state.size())
-            return add_matrix_gain(builder, f"{key}.measured", matrix[[entry]], site.state)
-        output = super().source(builder, signal.output, robot, site, key)
-        return add_matrix_gain(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
+        column = self._find_column(site, key)
+        block_name = f"{key}.measured"
+        site.picture.draw_nothing(block_name)
+        rule = site.outputs.of_state.get(column.output)
+        if rule is not None:
+            # The value is linear in the plant's state: reading the state directly spares the block of the output.
+            row = rule.matrix(site.state.size())[[column.entry]]
+            return add_matrix_gain(builder, block_name, row, site.state)
+        output = super().source(builder, column.output, robot, site, key)
+        row = np.eye(output.size())[[column.entry]]
+        return add_matrix_gain(builder, block_name, row, output)
 
-    def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
-        """Return the signal that the column belongs to, and its place in the output."""
-        measured = [signal for signal in site.outputs.signals if signal.output in site.outputs]
-        for signal in measured:
+    def _find_column(self, site: Site, key: str) -> _Column:
+        """Find the column that `measures` names.
+
+        Args:
+            site: the station under construction.
+            key: key of the section, for errors.
+
+        Raises:
+            UnknownName: no output of the station has such a column.
+        """
+        known_names = list[str]()
+        for signal in site.outputs.signals:
+            # Columns that are only computed after a run have no output, and cannot be read during the run.
+            if signal.output not in site.outputs:
+                continue
             if self.measures in signal.names:
-                place = signal.names.index(self.measures)
-                return signal, place if signal.entries is None else signal.entries[place]
-        known = [column for signal in measured for column in signal.names]
+                index = signal.names.index(self.measures)
+                entry = index if signal.entries is None else signal.entries[index]
+                return _Column(output=signal.output, entry=entry, unit=signal.units[index])
+            known_names += signal.names
         raise UnknownName(
             message("parts.signal_for_measures", "signal of the station for {key}.measures", key=key),
             self.measures,
-            known,
+            known_names,
         )
 
     def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> LoopPorts:
-        """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping.
+        """Add the loop to the diagram. Without a posture it is a system of Drake's, which calls no Python.
 
-        Drake's integrators ask every system for derivatives, which sampled expressions refuse: there it is the block.
+        Drake's integrators ask every system of a diagram for derivatives, which a sampled system of expressions
+        refuses. With such an integrator the loop is a `WeightedObjective`.
         """
         engine = site.station.engine
+        # An engine that holds inputs over steps only integrates the plant, and one with discrete states nothing.
         is_integrated = engine.moves_by_forces and not engine.has_discrete_states and not engine.holds_inputs_over_steps
         if self.then_deg or is_integrated:
             return super().wire(builder, name, robot, site)
-        law, weights, unit = self._law(f"controllers.{name}", robot, site)
-        system = builder.AddNamedSystem(f"controller.{name}", law.system())
-        part, output = f"controller.{name}", system.get_output_port()
-        outputs = {
-            "offset": add_matrix_gain(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), output),
-            "error": add_matrix_gain(builder, f"{part}.error", np.array([[0.0, 1.0]]), output),
-        }
-        return LoopPorts({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 
-    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        law, weights, unit = self._law(key, robot, site)
-        posture = robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
-        return WeightedObjective(
-            law=law,
-            weights=weights,
-            posture=posture if self.then_deg else None,
-            near=(self.tolerance or 0.0, self.settled),
-            duration=self.then_duration,
-            unit=unit,
+        key = f"controllers.{name}"  # of the section in the station's file
+        block_name = f"controller.{name}"  # of the system in the diagram
+        weights = self._weights(key, robot)
+        law = self._law(key, robot, weights)
+        error_unit = self._error_unit(key, site)
+        system = builder.AddNamedSystem(block_name, law.make_system())
+        effort_and_error = system.get_output_port()
+        to_offset = np.outer(weights, [1.0, 0.0])  # offset = weights u
+        to_error = np.array([[0.0, 1.0]])
+        return LoopPorts(
+            inputs={"measured": system.get_input_port()},
+            outputs={
+                "offset": add_matrix_gain(builder, f"{block_name}.offset", to_offset, effort_and_error),
+                "error": add_matrix_gain(builder, f"{block_name}.error", to_error, effort_and_error),
+            },
+            units={"offset": "rad", "error": error_unit},
         )
 
-    def _law(self, key: str, robot: StationRobot, site: Site) -> tuple[PiLaw, Vector, str]:
-        """Return the law, the weights of all axes, shape (n,), and the unit of the error."""
-        model, weights = robot.model, robot.model.axis_vector(dict(self.weights), f"{key}.weights")
-        units = set(model.user_units[weights != 0])
-        if len(units) > 1:
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Create the block for a robot of the site; the key of the section is for errors."""
+        weights = self._weights(key, robot)
+        law = self._law(key, robot, weights)
+        error_unit = self._error_unit(key, site)
+        posture = None
+        if self.then_deg:
+            assert self.tolerance is not None  # _check_keys() has checked it
+            posture = FinalPosture(
+                positions=robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg"),
+                tolerance=self.tolerance,
+                settled=self.settled,
+                duration=self.then_duration,
+            )
+        return WeightedObjective(law=law, weights=weights, posture=posture, error_unit=error_unit)
+
+    def _weights(self, key: str, robot: StationRobot) -> Vector:
+        """Spread the weights over the axes of a robot, shape (n,). Axes that are not named have the weight 0."""
+        return robot.model.axis_vector(dict(self.weights), f"{key}.weights")
+
+    def _error_unit(self, key: str, site: Site) -> str:
+        """Unit of the error: that of the column, or 1 if the section reads another sensor or output in its place."""
+        return "1" if "measured" in self.reads else self._find_column(site, key).unit
+
+    def _law(self, key: str, robot: StationRobot, weights: Vector) -> PiLaw:
+        """Create the law.
+
+        Args:
+            key: key of the section, for errors.
+            robot: robot that the loop drives.
+            weights: weights of its axes, shape (n,).
+
+        Raises:
+            InvalidParameter: some of the axes with weights turn, others slide. The effort has only one unit.
+        """
+        user_units = set(robot.model.user_units[weights != 0])
+        if len(user_units) > 1:
             raise InvalidParameter(
                 f"{key}.weights",
                 message("parts.axes_of_both_sorts", "of axes that turn and that slide"),
                 message("parts.axes_of_one_sort", "of axes of one sort"),
             )
-        unit = float(units.pop())
-        unit_of_error = "1"
-        if "measured" not in self.reads:
-            signal, _ = self._measured(site, key)
-            unit_of_error = signal.units[signal.names.index(self.measures)]
-        law = PiLaw(
+        user_unit = float(user_units.pop())  # rad per degree, or 1 for metres
+        return PiLaw(
             period=1 / self.rate,
             targets=self.target if isinstance(self.target, list) else [self.target],
             hold=self.hold,
             speed=math.inf if self.speed is None else self.speed,
-            gains=(unit * self.kp, unit * self.ki),
-            limit=unit * self.limit_deg,
-            fastest=unit * self.rate_deg,
+            kp=user_unit * self.kp,
+            ki=user_unit * self.ki,
+            limit=user_unit * self.limit_deg,
+            fastest=user_unit * self.rate_deg,
         )
-        return law, weights, unit_of_error
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinalPosture:
+    """Posture that some axes take once the quantity has come to its target.
+
+    Attributes:
+        positions: positions of all n axes in the posture, shape (n,) [rad]; of no effect for the other axes.
+        tolerance: distance from the target within which the quantity must be [unit of the quantity].
+        settled: time for which it must be there [s].
+        duration: time that the axes take to the posture [s].
+    """
+
+    positions: Vector
+    tolerance: float
+    settled: float = 0.0
+    duration: float = 1.0
 
 
 class WeightedObjective(SampledBlock):
     """PI control of one quantity by joints in given proportions.
 
     Ports:
-        in  ``measured`` (1); ``reference`` (n) [rad]: where the posture's ramp begins.
-        out ``offset`` (n) [rad]: to be added to the reference; ``error`` (1): of the quantity, against what is asked
-        for now; ``target`` (n) [rad] and ``active`` (1): the posture, once the objective is met, if there is one.
+        in  ``measured`` (1): the quantity; with a posture also ``reference`` (n) [rad]: start of the ramp to it.
+        out ``offset`` (n) [rad], added to the reference; ``error`` (1): setpoint minus quantity; with a posture also
+        ``target`` (n) [rad]: positions of the axes on their way to it, which count while ``active`` (1) is 1.
     """
 
     def __init__(
@@ -254,48 +414,67 @@ class WeightedObjective(SampledBlock):
         *,
         law: PiLaw,
         weights: Vector,
-        posture: Vector | None = None,
-        near: tuple[float, float] = (math.inf, 0.0),
-        duration: float = 1.0,
-        unit: str = "1",
+        posture: FinalPosture | None = None,
+        error_unit: str = "1",
     ) -> None:
-        """Make the block of a law of how far an axis of weight 1 moves, and the weights of all axes (n,).
+        """Create the block.
 
-        The posture (n,) [rad] is taken once the quantity was so ``near`` its target for so long [s], on a way of a
-        duration [s].
+        Args:
+            law: law for the effort.
+            weights: weights of all axes, shape (n,).
+            posture: posture to take at the target, or None if there is none.
+            error_unit: unit of the quantity.
         """
-        self.units = {"offset": "rad", "target": "rad", "error": unit}
-        self._law, self._weights = law, weights
-        self._posture, self._near, self._duration = posture, near, duration
-        zero, one = np.zeros(len(weights)), np.zeros(1)
-        memory = {"offset": zero, "error": one, **dict.fromkeys(MEMORY, one)}
+        self.units = {"offset": "rad", "target": "rad", "error": error_unit}
+        self._law = law
+        self._weights = weights
+        self._posture = posture
+        zeros = np.zeros(len(weights))
+        zero = np.zeros(1)
+        reads = {"measured": 1}
+        outputs = {"offset": zeros, "error": zero}
+        more_memory = dict.fromkeys(PiMemory._fields, zero)
         if posture is not None:
-            memory |= {"target": zero, "active": one, "origin": zero, "elapsed": one}
-        super().__init__(
-            period=law.period,
-            reads={"measured": 1, **({} if posture is None else {"reference": len(weights)})},
-            memory=memory,
-            gives=("offset", "error", *(() if posture is None else ("target", "active"))),
-        )
+            reads["reference"] = len(weights)
+            outputs |= {"target": zeros, "active": zero}
+            more_memory |= {
+                "origin": zeros,  # reference at the start of the ramp to the posture [rad]
+                "elapsed": zero,  # time within the tolerance; once active, time since the start of the ramp [s]
+            }
+        super().__init__(period=law.period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the axes are to be moved now."""
+        """Compute the offsets of the axes, and the next positions on the way to the posture."""
         measured = read["measured"].item()
-        new, target = self._law.next(measured, {name: memory[name].item() for name in MEMORY})
-        moved: Changes = {**new, "offset": self._weights * new["effort"], "error": new["asked"] - measured}
-        return {**moved, **self._posture_now(memory, read, measured - target)}
+        # Arithmetic with plain numbers is faster than with those of NumPy.
+        last = PiMemory._make([memory[name].item() for name in PiMemory._fields])
+        new = self._law.next(measured, last)
+        changes: dict[str, Vector | float] = new._asdict()
+        changes["offset"] = self._weights * new.effort
+        changes["error"] = new.setpoint - measured
+        if self._posture is not None:
+            distance = abs(measured - self._law.target(new.target_index))
+            changes.update(self._move_to_posture(self._posture, memory, read, distance))
+        return changes
 
-    def _posture_now(self, memory: Named, read: Named, left: float) -> Changes:
-        """Return where the other axes are on their way to the posture, once the quantity has been near long enough."""
-        if self._posture is None:
-            return {}
-        tolerance, settled = self._near
+    def _move_to_posture(self, posture: FinalPosture, memory: Named, read: Named, distance: float) -> Changes:
+        """Wait until the quantity has settled, then move the axes to the posture.
+
+        Args:
+            posture: the posture.
+            memory: memory before the sample.
+            read: inputs of the sample.
+            distance: distance of the quantity from its target.
+        """
         elapsed = memory["elapsed"][0] + self.period
         if not memory["active"][0]:
-            if abs(left) > tolerance:
+            if distance > posture.tolerance:
                 return {"elapsed": 0.0}
-            if elapsed < settled:
+            if elapsed < posture.settled:
                 return {"elapsed": elapsed}
-            return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
-        part = min(elapsed / self._duration, 1.0) if self._duration > 0 else 1.0
-        return {"target": memory["origin"] + part * (self._posture - memory["origin"]), "elapsed": elapsed}
+            # The ramp starts where the axes are asked to be, so that they do not jump.
+            start = read["reference"]
+            return {"active": 1.0, "target": start, "origin": start, "elapsed": 0.0}
+        part = min(elapsed / posture.duration, 1.0) if posture.duration > 0 else 1.0
+        origin = memory["origin"]
+        return {"target": origin + part * (posture.positions - origin), "elapsed": elapsed}

@@ -23,7 +23,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import add_sum
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.inputs import LISTABLE
 from simrob_drake.parts.site import Site
@@ -341,7 +341,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         class_name = type(block).__name__
         builder.AddNamedSystem(f"controller.{name}", block)
         site.outputs.notes[name] = {"kind": class_name}
-        site.picture.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{class_name}")
+        site.picture.draw(f"controller.{name}", "own", f"{wrap_label(name)}\n{class_name}")
         # A block may declare units and names of its outputs' values, in mappings by the output's name.
         units = getattr(block, "units", {})
         components = getattr(block, "components", {})

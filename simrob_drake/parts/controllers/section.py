@@ -1,6 +1,10 @@
 """Base of all controllers of a station file: what a controller offers to runs, programs, results and the live view.
 
-The toolbox asks these questions of every controller, so a controller of an extension answers them as its own do.
+Runs, programs, results and the live view only use the members of this class. So they need not know any kind of
+controller, and a controller of an extension works in them like those of this package.
+
+A controller may be *commanded* during a run, as a walk is by a speed: by a program, or by hand on sliders of the live
+view. A controller with *cells*, such as a sequencer, goes through them one after the other.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +22,8 @@ class CommandPart(NamedTuple):
         name: name of the number. Changes of programs (``drive``) set the numbers ``ahead``, ``left`` and ``turn``.
         unit: unit of the number.
         label: label of its slider in the live view, with the unit of the slider and the keys that move it.
-        keys: keys of a browser that move the slider down and up, such as ``("ArrowDown", "ArrowUp")``.
+        keys: keys of a browser that move the slider down and up, such as ``("ArrowDown", "ArrowUp")``; empty texts if
+            no keys do.
         slider_unit: size of the slider's unit in the unit of the number: pi/180 if the slider shows degrees of a number
             in radians.
     """
@@ -50,9 +55,10 @@ class ControllerSection(Strict):
     runs_code: ClassVar[bool] = False
     """Whether the section names Python code of the user's that is run. It is loaded only where this is allowed."""
     is_flow: ClassVar[bool] = False
-    """Whether it is a net of blocks that acts on torques, forces and the end of the run, below all loops."""
+    """Whether it is a signal flow: a net of blocks that acts on torques, forces and the end of the run. All loops act
+    on references, and so are above it."""
     command_parts: ClassVar[tuple[CommandPart, ...]] = ()
-    """Numbers of a command, in order. Empty if the controller takes no commands during a run."""
+    """Numbers of which a command consists, in order. Empty if the controller takes no commands during a run."""
     command_key: ClassVar[str] = ""
     """Key of the section that contains the commands of `with_commands`."""
     remarks: ClassVar[Mapping[str, str]] = {}
@@ -66,22 +72,31 @@ class ControllerSection(Strict):
     @property
     def robot_name(self) -> str | None:
         """Robot that the section names under ``robot``. None if it names none, which means the only robot."""
+        # Sections without this key drive no robot of the station, or all of them.
         return getattr(self, "robot", None)
 
     def command_limits(self, robot: ResolvedRobot) -> Sequence[tuple[float, float]]:
-        """Lower and upper limit of each slider of the live view, in the slider's unit, in the order of `command_parts`.
+        """Lower and upper limit of each slider of the live view.
 
         Args:
             robot: robot of the controller.
+
+        Returns:
+            The limits in the slider's unit, in the order of `command_parts`.
         """
         raise NotImplementedError
 
     def command_at(self, time: float) -> tuple[float, ...]:
-        """Command that the section itself gives at a time of a run [s]: the numbers in the order of `command_parts`."""
+        """Command that the section itself gives, in the order of `command_parts`.
+
+        Args:
+            time: time of the run [s].
+        """
         raise NotImplementedError
 
     def rounded_command(self, command: TimedCommand) -> TimedCommand:
-        """Round a command to what the section's file can hold, so that a run of the file gets equal numbers."""
+        """Round a command to the digits that the section's file keeps."""
+        # A run rounds a command before it applies it: a later run of the file then gets the same numbers.
         return command
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> Self:
@@ -104,10 +119,10 @@ class ControllerSection(Strict):
             for each cell the time since the controller's start [s], or None if the cell was not reached. None in place
             of the list if the controller has no cells.
         """
-        return None
+        return None  # the controller has no cells unless a subclass says otherwise
 
     def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector | None:
-        """Distances of the axes from a posture of the controller, which the verdict judges at the end of a run.
+        """Distances of the axes from a posture of the controller at the end of a run, which the run's verdict judges.
 
         Args:
             robot: robot of the controller.
@@ -120,6 +135,6 @@ class ControllerSection(Strict):
         return None
 
 
-def commanded_sections(controllers: Mapping[str, "ControllerSection"]) -> dict[str, "ControllerSection"]:
-    """The controllers that take commands during a run, by name."""
+def commanded_sections(controllers: Mapping[str, ControllerSection]) -> dict[str, ControllerSection]:
+    """Select the controllers that take commands during a run, by name."""
     return {name: section for name, section in controllers.items() if section.command_parts}

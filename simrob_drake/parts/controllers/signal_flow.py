@@ -1,10 +1,15 @@
-"""A control law as a net of blocks between what is measured and the torques."""
+"""Signal flows: control laws as nets of small blocks, between measured signals and torques, forces and stops.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+A *flow* is a section of ``controllers`` with blocks by name. Each input of a block is a sum of *terms*, which are names
+with factors: of another block (``Plant``, or ``Plant.1`` for an element of an output of several), of a column of the
+station's results (``q.joint_1``), or of the constant ``one`` and the ``time``. All blocks of a flow become one system
+of the diagram, the *net*. Its input is the vector of the *measured* values, which it reads from outputs of the station.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from graphlib import CycleError
 from itertools import accumulate
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -16,13 +21,13 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, Triple
-from simrob_drake.base.signals import applied_signal
+from simrob_drake.base.signals import Signal, applied_signal
 from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.monitor import Condition, Trigger
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.signal_net import signal_net
-from simrob_drake.blocks.written_net import WiredBlock
-from simrob_drake.parts.captions import InnerBlock, wrapped
+from simrob_drake.blocks.written_net import FIRST_MEASURED, WiredBlock
+from simrob_drake.parts.captions import InnerBlock, wrap_label
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
     DeadZone,
@@ -52,13 +57,18 @@ from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
 
-_ONE, _TIME = "one", "time"
-_AT_ONCE = ("effort", "estimate", "inertial")
-"""Roles of signals that a torque changes at once: a law that reads one is an algebraic loop."""
+# Names of the constant 1 and of the time in sums.
+_ONE = "one"
+_TIME = "time"
+# Name of the block that adds up the torques of a flow. No other block may have it.
 _TORQUE = "torque"
-_DRAWN = 12  # so many blocks are drawn each for itself, at most
+# Roles of signals that a torque changes at once: a flow that reads one of them would be an algebraic loop.
+_INSTANT_ROLES = ("effort", "estimate", "inertial")
+# Largest count of blocks that the picture of a station shows one by one.
+_MOST_DRAWN_BLOCKS = 12
 
 FlowBlockConfig = Annotated[
     Sums | Product | Saturation | DeadZone | Integrator | StateSpace | TransferFunction | Pid | RateLimiter
@@ -67,92 +77,152 @@ FlowBlockConfig = Annotated[
 ]  # fmt: skip
 
 BlockName = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
+"""Name of a block, force or stop, without dots: after a dot comes the index of an element."""
 
 
 class FlowForce(Strict):
-    """What a signal flow applies to a body, along the axes of the frame at which it acts."""
+    """Force or torque by which a signal flow acts on a body, along the axes of the frame at which it acts."""
 
     at: str
-    """The link or tool of a robot, or the piece, at whose origin it acts."""
+    """Link or tool of a robot, or piece, at whose origin the force acts."""
     point: Triple = (0.0, 0.0, 0.0)
-    """Where it acts in that frame [m]."""
+    """Point in that frame at which the force acts instead [m]."""
     force: tuple[Sum, Sum, Sum] | None = None
-    """Along x, y and z [N]."""
+    """Force along x, y and z [N]."""
     torque: tuple[Sum, Sum, Sum] | None = None
-    """About x, y and z [N·m]."""
+    """Torque about x, y and z [N·m]."""
 
     def sums(self, name: str) -> dict[str, Sums]:
-        """Return the blocks that gather it, by the names of their outputs."""
-        parts = {f"applied_force.{name}": self.force, f"applied_torque.{name}": self.torque}
-        return {output: Sums(kind="sum", of=part) for output, part in parts.items() if part is not None}
+        """Create the blocks that add up the signals of the force and of the torque.
+
+        Args:
+            name: name of the force.
+
+        Returns:
+            The blocks by their names, which are also the names of the station's outputs. Without a force or a torque,
+            its block is left out.
+        """
+        blocks = dict[str, Sums]()
+        if self.force is not None:
+            blocks[_force_output(name)] = Sums(kind="sum", of=self.force)
+        if self.torque is not None:
+            blocks[_torque_output(name)] = Sums(kind="sum", of=self.torque)
+        return blocks
 
     def apply(self, builder: DiagramBuilder, site: Site, name: str, ports: Mapping[str, OutputPort]) -> None:
-        """Let the outputs of these blocks act."""
-        frame = frame_of(site.plant, self.at)
-        for output in self.sums(name):
-            turns = output.startswith("applied_torque")
-            block = add_external_force(
-                builder, site.plant.plant_block, frame, name=output, point=self.point, turns=turns
-            )
-            builder.Connect(ports[output], block.get_command_input_port())
-            site.spatial_forces.append(block.get_spatial_forces_output_port())
-            what, unit = ("torque", "N·m") if turns else ("force", "N")
-            site.picture.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
+        """Apply the force and the torque to the body, and declare them as outputs of the station.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the force.
+            ports: ports of the blocks of `sums`, by name, size 3 each [N or N·m].
+        """
+        if self.force is not None:
             title = message(
                 "parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=self.at
             )
-            if turns:
-                title = message(
-                    "parts.applied_torque", "applied torque '{name}' at {place}, in its axes", name=name, place=self.at
-                )
-            site.outputs.add(output, ports[output], applied_signal(output, unit, title, part=name))
+            output = _force_output(name)
+            self._apply_vector(builder, site, output, ports[output], is_torque=False)
+            site.picture.draw(output, "force", f"Force '{name}'\nat {self.at}")
+            site.outputs.add(output, ports[output], applied_signal(output, "N", title, part=name))
+        if self.torque is not None:
+            title = message(
+                "parts.applied_torque", "applied torque '{name}' at {place}, in its axes", name=name, place=self.at
+            )
+            output = _torque_output(name)
+            self._apply_vector(builder, site, output, ports[output], is_torque=True)
+            site.picture.draw(output, "force", f"Torque '{name}'\nat {self.at}")
+            site.outputs.add(output, ports[output], applied_signal(output, "N·m", title, part=name))
+
+    def _apply_vector(
+        self, builder: DiagramBuilder, site: Site, block_name: str, port: OutputPort, *, is_torque: bool
+    ) -> None:
+        """Add the block that lets a force or a torque act on the plant; the station gathers its forces at the end."""
+        frame = frame_of(site.plant, self.at)
+        block = add_external_force(
+            builder, site.plant.plant_block, frame, name=block_name, point=self.point, turns=is_torque
+        )
+        builder.Connect(port, block.get_command_input_port())
+        site.spatial_forces.append(block.get_spatial_forces_output_port())
+
+
+def _force_output(name: str) -> str:
+    """Name of the station's output for the force of a name."""
+    return f"applied_force.{name}"
+
+
+def _torque_output(name: str) -> str:
+    """Name of the station's output for the torque of a force's name."""
+    return f"applied_torque.{name}"
 
 
 class SignalFlow(ControllerSection):
-    """A control law of blocks that compute, filter and compare, as they are drawn in Simulink.
+    """A control law of blocks that compute, filter and compare, like a block diagram of Simulink.
 
     Blocks read other blocks by their names (`Plant.1` is an element of an output of several), and signals of the
     station by those of its results (`q.joint_1`, `q_ref.joint_1`, `tcp.z`, a sensor's). Each block's output is a
-    signal, ``<controller>.<block>``. Outputs are exact in time: blocks with states are part of the station's.
+    signal, ``<controller>.<block>``. Continuous blocks are exact in time: the station's solver integrates their states.
     """
 
     is_flow: ClassVar[bool] = True
 
     kind: Literal["signal_flow"]
     robot: str | None = None
-    """Whom it drives; the only robot unless given. A flow without ``torque`` needs none."""
+    """Robot that the flow drives; if it is left out, the only robot. A flow without ``torque`` needs none."""
     blocks: dict[BlockName, FlowBlockConfig] = Field(default_factory=dict)
-    """By name, in any order."""
+    """Blocks by name, in any order."""
     torque: dict[str, Sum] = Field(default_factory=dict)
-    """What is added to the torque of the servos, by axis [N·m or N]."""
+    """Torques that are added to those of the servos, by axis [N·m or N]."""
     forces: dict[BlockName, FlowForce] = Field(default_factory=dict)
-    """What it applies to bodies, by name."""
+    """Forces and torques on bodies, by name."""
     stops: dict[BlockName, Sum] = Field(default_factory=dict)
-    """What ends the run, by name: as soon as it is not 0."""
+    """Signals that end the run as soon as they are not 0, by the name of the stop."""
     signals: tuple[BlockName, ...] | None = None
-    """The blocks whose outputs are signals of the station; all unless given."""
+    """Blocks whose outputs are signals of the station; all if it is left out."""
 
     @property
     def needs(self) -> tuple[Literal["feedforward"], ...]:
-        """The inputs of its robot that it drives."""
+        """Inputs of its robot that the flow drives."""
         return ("feedforward",) if self.torque else ()
 
     @property
     def read_names(self) -> list[str]:
-        """What it reads by names: signals of sensors and others."""
-        sums = [*self.torque.values(), *(terms for block in self._all.values() for terms in block.inputs)]
-        return sorted({name for terms in sums for name in _terms(terms)})
+        """Names of all terms that blocks and torques read: blocks of the flow, and columns of the station's results."""
+        sums = list(self.torque.values())
+        for block in self._computed_blocks.values():
+            sums += block.inputs
+        names = set[str]()
+        for terms in sums:
+            names.update(_factors(terms))
+        return sorted(names)
 
     @property
-    def _all(self) -> dict[str, FlowBlock]:
-        """Its blocks, and those that gather its outputs."""
-        ends = {name: Sums(kind="sum", of=terms) for name, terms in self.stops.items()}
+    def _computed_blocks(self) -> dict[str, FlowBlock]:
+        """Blocks that the net computes, by name: all but the inputs, and the sums of stops and forces.
+
+        A sum has the name of its stop, or of the station's output that shows the force.
+        """
+        blocks: dict[str, FlowBlock] = {
+            name: block for name, block in self.blocks.items() if not isinstance(block, Input)
+        }
+        for name, terms in self.stops.items():
+            blocks[name] = Sums(kind="sum", of=terms)
         for name, force in self.forces.items():
-            ends |= force.sums(name)
-        return {**{name: block for name, block in self.blocks.items() if not isinstance(block, Input)}, **ends}
+            blocks.update(force.sums(name))
+        return blocks
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check what is known before building; raises SimrobError: no such robot, axis, frame, block, or no torques."""
+        """Check what can be checked before the station is built.
+
+        Args:
+            key: key of the section, for errors.
+            station: what the station is made of.
+
+        Raises:
+            SimrobError: a robot, axis, frame or block does not exist, a block is wrong or its name is taken, or the
+                station is kinematic.
+        """
         if not station.engine.moves_by_forces:
             raise InvalidParameter(
                 key,
@@ -162,13 +232,11 @@ class SignalFlow(ControllerSection):
         if self.torque or self.robot is not None:
             robot = station.robot(self.robot, key)
             for axis in self.torque:
-                one_of(
-                    message("parts.axis_for_torque", "axis of {robot} for {key}.torque", robot=robot.name, key=key),
-                    axis,
-                    robot.axes,
-                )
+                kind = message("parts.axis_for_torque", "axis of {robot} for {key}.torque", robot=robot.name, key=key)
+                one_of(kind, axis, robot.axes)
         for name, force in self.forces.items():
             check_frame(station, f"{key}.forces.{name}.at", force.at)
+        # Names of terms are checked when the net is built, since only then all signals of the station are known.
         for name, block in self.blocks.items():
             block.check(f"{key}.blocks.{name}")
             if name in (_ONE, _TIME, _TORQUE, *self.stops):
@@ -181,40 +249,111 @@ class SignalFlow(ControllerSection):
     def add(
         self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool, integrated: bool = True
     ) -> OutputPort | None:
-        """Add its blocks, return its robot's torques (n) [N·m or N], or None; raises SimrobError: no signal, a loop."""
+        """Add the blocks of the flow to the diagram, with its inputs, outputs, forces and stops.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the flow.
+            monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
+            integrated: whether other parts of the diagram may have continuous states.
+
+        Returns:
+            The port of the torques of the flow's robot, size n [N·m or N]. None if the flow gives no torques.
+
+        Raises:
+            SimrobError: a term names no signal, there is an algebraic loop, or the periods of blocks do not fit.
+        """
         robot = site.robot(self.robot) if self.torque or self.robot is not None else None
-        axes = robot.axes if robot is not None and self.torque else []
-        torque = {_TORQUE: Sums(kind="sum", of=tuple(self.torque.get(axis, {}) for axis in axes))} if axes else {}
-        if not self._all and not torque:  # a force of no signals: it is none
+        blocks = self._computed_blocks
+        if robot is not None and self.torque:
+            # One input for each axis of the robot; an empty sum, which is 0, for axes without a torque.
+            torques = tuple(self.torque.get(axis, {}) for axis in robot.axes)
+            blocks[_TORQUE] = Sums(kind="sum", of=torques)
+        if not blocks:  # as of a flow whose only force adds up no signals
             return None
-        opened = {block: f"{name}.{block}" for block, one in self.blocks.items() if isinstance(one, Input)}
-        for block, called in opened.items():
-            opening = builder.AddNamedSystem(called, PassThrough(1))
-            site.inputs[called] = opening.get_input_port()
-            declare_output(site, name, opening.get_output_port(), "1", called=block)
-        net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
+
+        station_inputs = self._add_station_inputs(builder, site, name)
+        prefix = robot.prefix if robot else ""
+        net = _FlowNet(site, f"controllers.{name}", prefix, blocks, station_inputs)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
         site.outputs.notes[name] = {"kind": self.kind}
-        label = message(
-            "parts.block_signal_flow", "{name}\nsignal flow, {count} blocks", name=wrapped(name), count=len(self.blocks)
-        )
-        inner_blocks = net.inner_blocks if len(ports) <= _DRAWN else None
-        site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
-        shown = self.blocks if self.signals is None else self.signals
+        self._draw(site, name, robot, net)
+
+        signals = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
-            if block in shown or block in self.stops:
+            # Monitors of stops read the outputs of the station, so stops are always among them.
+            if block in signals or block in self.stops:
                 declare_output(site, name, port, "1", called=block)
-            site.edges.extend(net.blocks[block].edges)
+            site.edges.extend(blocks[block].edges)
         for stop in self.stops:
-            condition = Condition(
-                {f"{name}.{stop}": 1},
-                lambda value: 1.0 if value[0] else -1.0,
-                lambda *_, stop=stop: message("parts.stop_is_on", "{stop} is on", stop=stop),
-            )
-            add_monitor(builder if monitors else None, site, f"{name}_{stop}", Trigger(condition))
-        for place, force in self.forces.items():
-            force.apply(builder, site, place, ports)
+            trigger = Trigger(_stop_condition(name, stop))
+            add_monitor(builder if monitors else None, site, f"{name}_{stop}", trigger)
+        # Blocks of the net have given the forces their signals; here they act on bodies.
+        for force_name, force in self.forces.items():
+            force.apply(builder, site, force_name, ports)
         return ports.get(_TORQUE)
+
+    def _add_station_inputs(self, builder: DiagramBuilder, site: Site, name: str) -> dict[str, str]:
+        """Add an input of the station for each block of the kind ``input``, whose value is also an output.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the flow.
+
+        Returns:
+            The name of the input, ``<flow>.<block>``, by the name of the block.
+        """
+        station_inputs = dict[str, str]()
+        for block_name, block in self.blocks.items():
+            if not isinstance(block, Input):
+                continue
+            # The net has a single input port for all measured values. A PassThrough gives the input a port of its own.
+            input_name = f"{name}.{block_name}"
+            system = builder.AddNamedSystem(input_name, PassThrough(1))
+            site.inputs[input_name] = system.get_input_port()
+            declare_output(site, name, system.get_output_port(), "1", called=block_name)
+            station_inputs[block_name] = input_name
+        return station_inputs
+
+    def _draw(self, site: Site, name: str, robot: StationRobot | None, net: "_FlowNet") -> None:
+        """Draw the flow in the picture of the station, with its blocks unless they are too many.
+
+        Args:
+            site: the station under construction.
+            name: name of the flow.
+            robot: robot that the flow drives, or None.
+            net: the net of the flow.
+        """
+        label = message(
+            "parts.block_signal_flow",
+            "{name}\nsignal flow, {count} blocks",
+            name=wrap_label(name),
+            count=len(self.blocks),
+        )
+        inner_blocks = net.inner_blocks() if len(net.blocks) <= _MOST_DRAWN_BLOCKS else None
+        site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
+
+
+def _stop_condition(flow: str, stop: str) -> Condition:
+    """Condition that holds while the signal of a stop is not 0.
+
+    Args:
+        flow: name of the flow.
+        stop: name of the stop.
+    """
+
+    def excess(value: Vector) -> float:
+        """Excess of the condition, which holds if it is not negative."""
+        # Only the sign counts: a signal is on or off.
+        return 1.0 if value[0] else -1.0
+
+    def why(value: Vector) -> str:
+        """Reason why the run ends."""
+        return message("parts.stop_is_on", "{stop} is on", stop=stop)
+
+    return Condition({f"{flow}.{stop}": 1}, excess, why)
 
 
 def add_flows(
@@ -225,101 +364,218 @@ def add_flows(
     monitors: bool = True,
     integrated: bool = True,
 ) -> None:
-    """Add a station's signal flows, which drive its robots; raises SimrobError: no such signal, an algebraic loop.
+    """Add the signal flows of a station, and add their torques to those of the servos of its robots.
 
-    ``integrated``: whether other parts of the diagram may have continuous states.
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction.
+        flows: the flows, by name.
+        monitors: whether stops end the run in the diagram itself.
+        integrated: whether other parts of the diagram may have continuous states.
+
+    Raises:
+        SimrobError: a term names no signal, there is an algebraic loop, or the periods of blocks do not fit.
     """
-    integrated |= any(block.law.start for flow in flows.values() for block in flow.blocks.values())
-    torques: dict[str, list[OutputPort]] = {}
+    # If one flow has states, Drake integrates, and asks all flows for derivatives.
+    for flow in flows.values():
+        integrated |= any(block.law.start for block in flow.blocks.values())
+    torques = dict[str, list[OutputPort]]()  # by the name of the robot
     for name, flow in flows.items():
         torque = flow.add(builder, site, name, monitors=monitors, integrated=integrated)
         if torque is not None:
-            torques.setdefault(site.robot(flow.robot).name, []).append(torque)
-    for robot, ports in torques.items():
-        add_to(builder, site, f"{site.plant.robots[robot].prefix}feedforward", ports, name="flows")
+            robot = site.robot(flow.robot)
+            torques.setdefault(robot.name, []).append(torque)
+    for robot_name, ports in torques.items():
+        # Several flows may drive one robot: their torques are added up.
+        prefix = site.plant.robots[robot_name].prefix
+        add_to(builder, site, f"{prefix}feedforward", ports, name="flows")
 
 
-@dataclass
-class _Net:
-    """The blocks of one law, under construction; the places of values are those of a :class:`SignalNet`."""
+class _Element(NamedTuple):
+    """One number that a block reads.
 
-    site: Site | None
-    key: str
-    prefix: str
-    blocks: Mapping[str, FlowBlock]
-    opened: Mapping[str, str]
-    sources: dict[str, int] = field(default_factory=dict)
-    inner_blocks: dict[str, InnerBlock] = field(default_factory=dict)
+    Attributes:
+        owner: name of the block, or of the output of the station, whose vector contains the number; or `_ONE` or
+            `_TIME`.
+        entry: index of the number in that vector.
+        is_measured: whether the owner is an output of the station.
+    """
 
-    def add(self, builder: DiagramBuilder, place: str, *, integrated: bool = True) -> dict[str, OutputPort]:
-        """Add the blocks as one, and return the outputs of all of them by name."""
-        sums = {name: [self._elements(name, terms) for terms in block.inputs] for name, block in self.blocks.items()}
-        for name, inputs in sums.items():
-            read = dict.fromkeys(owner for of in inputs for owner, _ in of)
-            inside, outside = (tuple(owner for owner in read if owner in own) for own in (self.blocks, self.sources))
-            label = f"{wrapped(name)}\n{self.blocks[name].kind.replace('_', ' ')}"
-            self.inner_blocks[name] = InnerBlock(label, inside, outside)
-        measured = sum(self.sources.values())
-        owners = [*self.sources, *self.blocks]
-        sizes = [*self.sources.values(), *(block.size for block in self.blocks.values())]
-        starts = dict(zip(owners, accumulate(sizes, initial=2), strict=False)) | {_ONE: 0, _TIME: 1}
-        wired = {
-            name: WiredBlock(self.blocks[name].law, [[(starts[o] + i, k) for (o, i), k in of.items()] for of in inputs])
-            for name, inputs in sums.items()
-        }
+    owner: str
+    entry: int = 0
+    is_measured: bool = False
+
+
+class _Term(NamedTuple):
+    """Term of a sum that a block reads: a number with a factor."""
+
+    element: _Element
+    factor: float
+
+
+class _FlowNet:
+    """The blocks of one signal flow, which become one system of the diagram.
+
+    Attributes:
+        blocks: blocks that the net computes, by name.
+    """
+
+    def __init__(
+        self,
+        site: Site | None,
+        key: str,
+        prefix: str,
+        blocks: Mapping[str, FlowBlock],
+        station_inputs: Mapping[str, str],
+    ) -> None:
+        """Find the numbers that the blocks read.
+
+        Args:
+            site: the station under construction, or None if the blocks read no signals of a station.
+            key: key of the flow's section, for errors.
+            prefix: prefix of the columns of the flow's robot, which terms may leave out.
+            blocks: blocks that the net computes, by name.
+            station_inputs: name of the station's input for each block of the kind ``input``.
+
+        Raises:
+            SimrobError: a term names no signal.
+        """
+        self._site = site
+        self._key = key
+        self._prefix = prefix
+        self.blocks = blocks
+        self._station_inputs = station_inputs
+        self._readable_signals = [] if site is None else list(_readable_signals(site))
+
+        # Inputs of each block: each input is a list of terms.
+        self._inputs = dict[str, list[list[_Term]]]()
+        # Sizes of the outputs of the station that blocks read, in the order in which blocks first read them.
+        self._measured_sizes = dict[str, int]()
+        for name, block in blocks.items():
+            self._inputs[name] = [self._find_terms(name, terms) for terms in block.inputs]
+            for element in self._elements_read(name):
+                if element.is_measured and site is not None:
+                    self._measured_sizes[element.owner] = site.outputs[element.owner].size()
+
+    def _elements_read(self, block: str) -> list[_Element]:
+        """Numbers that a block reads, input after input; some of them perhaps several times."""
+        return [term.element for terms in self._inputs[block] for term in terms]
+
+    def add(self, builder: DiagramBuilder, system_name: str, *, integrated: bool = True) -> dict[str, OutputPort]:
+        """Add the net to the diagram.
+
+        Args:
+            builder: builder of the diagram.
+            system_name: name of the net's system, and prefix of the names of the systems around it.
+            integrated: whether the diagram may have continuous states.
+
+        Returns:
+            The port of each block's output, by the name of the block.
+
+        Raises:
+            InvalidParameter: there is an algebraic loop, or the periods of blocks have no common step.
+        """
+        measured_count = sum(self._measured_sizes.values())
         try:
-            net = signal_net(wired, measured, integrated=integrated)
+            net = signal_net(self._wired_blocks(), measured_count, integrated=integrated)
         except CycleError as problem:
+            names_of_loop = problem.args[1]
             expected = message(
                 "parts.no_algebraic_loop",
                 "no algebraic loop: something that takes time must lie in it, as an integrator",
             )
-            raise InvalidParameter(f"{self.key}.blocks", " → ".join(problem.args[1]), expected) from None
-        except ValueError as problem:
+            raise InvalidParameter(f"{self._key}.blocks", " → ".join(names_of_loop), expected) from None
+        except ValueError as problem:  # a CycleError is one, too: this clause must come second
             raise InvalidParameter(
-                f"{self.key}.blocks", str(problem), message("parts.multiples_of_step", "multiples of a common step")
+                f"{self._key}.blocks", str(problem), message("parts.multiples_of_step", "multiples of a common step")
             ) from None
-        ports = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
-        values = add_and_connect(
-            builder, place, net, *([add_multiplexer(builder, f"{place}.bus", *ports)] if ports else [])
-        )
+
+        if self._site is not None and self._measured_sizes:
+            sources = [self._site.port(builder, output) for output in self._measured_sizes]
+            bus = add_multiplexer(builder, f"{system_name}.bus", *sources)
+            outputs = add_and_connect(builder, system_name, net, bus)
+        else:
+            outputs = add_and_connect(builder, system_name, net)
+        # The output of the net holds all blocks' outputs, one after the other.
         split = Demultiplexer([block.size for block in self.blocks.values()])
-        add_and_connect(builder, f"{place}.split", split, values)
+        add_and_connect(builder, f"{system_name}.split", split, outputs)
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
 
-    def _elements(self, name: str, terms: Sum) -> dict[tuple[str, int], float]:
-        return {self._element(f"{self.key}.blocks.{name}.of", term): k for term, k in _terms(terms).items()}
+    def _wired_blocks(self) -> dict[str, WiredBlock]:
+        """Describe the blocks with their inputs, which are sums of values of the net given by their indices."""
+        # Values of a net: the constant 1, the time, the measured values, then the outputs of the blocks.
+        first_of_block = FIRST_MEASURED + sum(self._measured_sizes.values())
+        block_sizes = {name: block.size for name, block in self.blocks.items()}
+        measured_starts = _starts(self._measured_sizes, FIRST_MEASURED)
+        other_starts = _starts(block_sizes, first_of_block) | {_ONE: 0, _TIME: 1}
 
-    def _element(self, key: str, term: str) -> tuple[str, int]:
-        """Return the block or output of the station that a signal is an element of, and which one."""
+        def value_index(element: _Element) -> int:
+            """Index of a number among the values of the net."""
+            starts = measured_starts if element.is_measured else other_starts
+            return starts[element.owner] + element.entry
+
+        wired = dict[str, WiredBlock]()
+        for name, block in self.blocks.items():
+            inputs = list[list[tuple[int, float]]]()
+            for terms in self._inputs[name]:
+                inputs.append([(value_index(term.element), term.factor) for term in terms])
+            wired[name] = WiredBlock(block.law, inputs)
+        return wired
+
+    def inner_blocks(self) -> dict[str, InnerBlock]:
+        """Describe the blocks for the picture of the station: their labels, and what each of them reads."""
+        found = dict[str, InnerBlock]()
+        for name, block in self.blocks.items():
+            # Dictionaries, since they name each owner once, in the order of the inputs.
+            blocks_read = dict[str, None]()
+            outputs_read = dict[str, None]()
+            for element in self._elements_read(name):
+                if element.is_measured:
+                    outputs_read[element.owner] = None
+                elif element.owner in self.blocks:  # it is neither the constant nor the time
+                    blocks_read[element.owner] = None
+            kind = block.kind.replace("_", " ")
+            found[name] = InnerBlock(f"{wrap_label(name)}\n{kind}", tuple(blocks_read), tuple(outputs_read))
+        return found
+
+    def _find_terms(self, block: str, terms: Sum) -> list[_Term]:
+        """Find the numbers that a sum adds up, with their factors.
+
+        Args:
+            block: name of the block that reads the sum, for errors.
+            terms: the sum.
+        """
+        key = f"{self._key}.blocks.{block}.of"
+        return [_Term(self._find_element(key, term), factor) for term, factor in _factors(terms).items()]
+
+    def _find_element(self, key: str, term: str) -> _Element:
+        """Find the number that a term names.
+
+        Args:
+            key: key of the sum, for errors.
+            term: name of the constant, the time, an input of the station, a block or a column of the results.
+
+        Raises:
+            InvalidParameter: the term names an element that the block does not have.
+            UnknownName: the term names nothing that can be read.
+        """
         if term in (_ONE, _TIME):
-            return term, 0
-        if term in self.opened:
-            self.sources[self.opened[term]] = 1
-            return self.opened[term], 0
-        block, _, number = term.partition(".")
-        if block in self.blocks:
-            size = self.blocks[block].size
-            index = int(number) if number.isdecimal() else 0 if size == 1 and not number else -1
-            if not 0 <= index < size:
-                raise InvalidParameter(
-                    key,
-                    term,
-                    message("parts.output_range", "{block}.0 to {block}.{last}", block=block, last=size - 1)
-                    if size > 1
-                    else block,
-                )
-            return block, index
-        known = [*self.blocks, _ONE, _TIME]
-        outputs = {} if self.site is None else self.site.outputs
-        for signal in [] if self.site is None else self.site.outputs.signals:
-            if signal.output not in outputs or signal.role in _AT_ONCE:
-                continue
-            for column in (f"{self.prefix}{term}", term):
+            return _Element(term)
+        if term in self._station_inputs:
+            return _Element(self._station_inputs[term], is_measured=True)
+        # Names of blocks have no dots, those of columns may have. Of both, the block is meant.
+        if term.partition(".")[0] in self.blocks:
+            return self._find_block_element(key, term)
+        for signal in self._readable_signals:
+            for column in (f"{self._prefix}{term}", term):
                 if column in signal.names:
-                    self.sources[signal.output] = outputs[signal.output].size()
-                    place = signal.names.index(column)
-                    return signal.output, place if signal.entries is None else signal.entries[place]
+                    # A signal may show only some entries of its output, such as those of driven axes.
+                    index = signal.names.index(column)
+                    entry = index if signal.entries is None else signal.entries[index]
+                    return _Element(signal.output, entry, is_measured=True)
+
+        known = [*self.blocks, _ONE, _TIME]
+        for signal in self._readable_signals:
             known += signal.names
         raise UnknownName(
             message("parts.block_or_signal", "block, or signal that is measured while stepping, for {key}", key=key),
@@ -327,27 +583,85 @@ class _Net:
             known,
         )
 
+    def _find_block_element(self, key: str, term: str) -> _Element:
+        """Find the element of a block's output that a term names, as ``<block>`` or ``<block>.<index>``.
 
-def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
-    """Return sums of blocks of time alone at rising times (t,), shape (n, t); raises InvalidParameter: other blocks."""
-    made = {name: _BLOCK.validate_python(block) for name, block in blocks.items() if block["kind"] != "input"}
-    opened = Sums(kind="sum", of=({},))
-    whole = {**dict.fromkeys(blocks, opened), **made, _TORQUE: Sums(kind="sum", of=tuple(sums))}
-    builder = DiagramBuilder()
-    port = _Net(None, "flow", "", whole, {}).add(builder, "flow")[_TORQUE]
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    simulator.get_mutable_integrator().set_target_accuracy(1e-6)
-    context = simulator.get_mutable_context()
-    rows = []
-    for time in times:
-        simulator.AdvanceTo(time)
-        rows.append(port.Eval(diagram.GetSubsystemContext(port.get_system(), context)))
-    return np.transpose(rows)
+        Args:
+            key: key of the sum, for errors.
+            term: the term; its block exists.
+
+        Raises:
+            InvalidParameter: the index is missing or too large, or it is no index.
+        """
+        block, _, index_text = term.partition(".")
+        size = self.blocks[block].size
+        if size == 1 and not index_text:
+            return _Element(block)
+        if index_text.isdecimal() and int(index_text) < size:
+            return _Element(block, int(index_text))
+        expected = block
+        if size > 1:
+            expected = message("parts.output_range", "{block}.0 to {block}.{last}", block=block, last=size - 1)
+        raise InvalidParameter(key, term, expected)
 
 
+def _readable_signals(site: Site) -> Iterator[Signal]:
+    """Yield the signals of a station that a flow can read while the station is stepped."""
+    for signal in site.outputs.signals:
+        # Signals that are only computed after a run have no output.
+        if signal.output in site.outputs and signal.role not in _INSTANT_ROLES:
+            yield signal
+
+
+def _starts(sizes: Mapping[str, int], first: int) -> dict[str, int]:
+    """Index of the first value of each vector, if vectors of these sizes lie one after the other.
+
+    Args:
+        sizes: size of each vector, by name.
+        first: index of the first value of all.
+    """
+    ends = accumulate(sizes.values(), initial=first)
+    return dict(zip(sizes, ends, strict=False))  # the last end is the start of no vector
+
+
+def _factors(terms: Sum) -> Mapping[str, float]:
+    """Write a sum as factors by term: a sum may be the name of a single signal."""
+    return {terms: 1.0} if isinstance(terms, str) else terms
+
+
+# Makes a block of the class of its kind from a section.
 _BLOCK: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 
 
-def _terms(terms: Sum) -> Mapping[str, float]:
-    return {terms: 1.0} if isinstance(terms, str) else terms
+def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
+    """Compute sums of blocks that depend on time alone.
+
+    Args:
+        blocks: sections of the blocks, by name. Blocks of the kind ``input`` give 0.
+        sums: sums of the blocks' outputs.
+        times: rising times, shape (t,) [s].
+
+    Returns:
+        The value of each of the n sums at each time, shape (n, t).
+
+    Raises:
+        InvalidParameter: a block is wrong.
+    """
+    zero = Sums(kind="sum", of=({},))
+    net_blocks = dict[str, FlowBlock]()
+    for name, section in blocks.items():
+        net_blocks[name] = zero if section["kind"] == "input" else _BLOCK.validate_python(section)
+    net_blocks[_TORQUE] = Sums(kind="sum", of=tuple(sums))
+
+    builder = DiagramBuilder()
+    port = _FlowNet(None, "flow", "", net_blocks, {}).add(builder, "flow")[_TORQUE]
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.get_mutable_integrator().set_target_accuracy(1e-6)  # relative error of the states in a step [1]
+    context = simulator.get_mutable_context()
+    values_over_time = []
+    for time in times:
+        simulator.AdvanceTo(time)
+        port_context = diagram.GetSubsystemContext(port.get_system(), context)
+        values_over_time.append(port.Eval(port_context))
+    return np.transpose(values_over_time)

@@ -1,13 +1,17 @@
-r"""Two legs: a walk by footsteps, with the posture for every moment of them, and a kick.
+r"""Gaits on two legs: a walk, planned footstep by footstep, and a kick.
 
-Back there at rest, the foot gathers its speed v over a way b so that it is reached at the point, with no jerk of its
-acceleration there, and loses it over as long a way behind it:
+Both plan footholds and the zero-moment point (ZMP) in the frame of :mod:`~simrob_drake.programs.gaits.phases`: x ahead,
+y to the left, the origin in the middle of the feet at the start.
+
+The kicking foot is brought back and comes to rest there. It gathers its speed v over a distance b, so that it has this
+speed at the point that it hits, without a jump of its acceleration, and loses it over the same distance behind the
+point:
 
 .. math:: \dot s(t) = v \left(3 u^2 - 2 u^3\right), \qquad u = t / T, \quad T = 2 b / v .
 """
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.interpolate import BPoly
@@ -17,11 +21,15 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
-from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, pose_after, ramp_shares
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 
-SIDES = ("right_foot", "left_foot")  # who steps first, and who next
+FEET = ("right_foot", "left_foot")
+"""Names of the two feet, in the order in which they step."""
+
+_AXES_WITHOUT_YAW = 4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
+_ALL_AXES = 6  # a leg with so many axes can place its foot in any pose
 
 
 class BipedWalk(EvenSteps, SolvedGait):
@@ -35,77 +43,134 @@ class BipedWalk(EvenSteps, SolvedGait):
     double_support: Positive = 0.2
     """Part of a step in which both feet stand."""
     zmp_inward: Number = 0.0
-    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    """Distance of the zero-moment point from the middle of each foot towards the other foot [m]."""
     zmp_ahead: Number = 0.0
-    """How far ahead of the middle of each foot it goes [m]."""
+    """Distance of the zero-moment point ahead of the middle of each foot [m]."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
-        return planned_walk(walker, steps, self)[0]
+        """Plan the walk, see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: count of full steps.
+            amplitude: not used, since the step is scaled by it already.
+        """
+        return planned_walk(walker, steps, self).motion
 
 
-walk = BipedWalk.planned
+walk = BipedWalk.plan_by_name
 """Plan a walk; ``ramp_steps`` steps and one that brings the feet side by side come in addition to the full ones."""
 
 
-def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> tuple[JointMotion, Vector, Vector]:
-    """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
-    feet = walker.feet_called(SIDES, gait.feet, message("programs.two_feet_to_walk", "two feet, to walk so"))
+class PlannedWalk(NamedTuple):
+    """A walk and its zero-moment point.
+
+    Attributes:
+        motion: joint angles and poses of the root over m samples.
+        desired_zmp: zero-moment point of the plan, shape (m, 2) [m].
+        zmp: zero-moment point of the motion if no foot slips, shape (m, 2) [m].
+    """
+
+    motion: JointMotion
+    desired_zmp: Vector
+    zmp: Vector
+
+
+def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
+    """Plan a walk.
+
+    Args:
+        walker: the robot.
+        steps: count of full steps.
+        gait: parameters of the walk.
+
+    Raises:
+        InvalidParameter: the robot cannot perform the walk, or the count of steps is less than 1.
+        OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
+    """
+    needed = message("programs.two_feet_to_walk", "two feet, to walk so")
+    feet = walker.feet_by_name(FEET, gait.feet, needed)
     _check(walker.model.name, steps, gait, feet)
-    start = {name: np.array([0.0, foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
-    way = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
-    motion, zmp = WholeBody(walker, gait, way).solve()
-    return motion, way.zmp, zmp
+    start = {}
+    for name, foot in feet.items():
+        left = foot.home[1] + foot.side * gait.widen
+        start[name] = np.array([0.0, left, 0.0])  # x, y, turn
+    plan = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _walk_phases(steps, gait, start))
+    motion, zmp = WholeBody(walker, gait, plan).solve()
+    return PlannedWalk(motion, plan.zmp, zmp)
 
 
-def _phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase]:
-    shift = gait.double_support * gait.step_time
-    place = {name: at.copy() for name, at in start.items()}
-    pose = np.zeros(3)
+def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase]:
+    """Plan the phases of a walk: shift the weight, step with each foot in turn, and come to rest.
 
-    def under(name: str) -> Vector:
+    Args:
+        steps: count of full steps.
+        gait: parameters of the walk.
+        start: foothold (3,) of each foot at the start.
+    """
+    transfer_time = gait.double_support * gait.step_time
+    full_step = np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
+    footholds = {name: foothold.copy() for name, foothold in start.items()}
+    pose = np.zeros(3)  # of the middle of the feet: x, y, turn
+
+    def zmp_under(name: str) -> Vector:
+        """Zero-moment point while only this foot stands, shape (2,) [m]."""
         inward = -np.sign(start[name][1]) * gait.zmp_inward
-        return on_path(place[name], gait.zmp_ahead, inward)[:2]
+        return pose_after(footholds[name], gait.zmp_ahead, inward)[:2]
 
-    phases = [Phase(gait.settle, under(SIDES[1]), gait.settle)]
+    # The weight goes to the foot that stands during the first step.
+    first_standing = FEET[1]
+    phases = [Phase(duration=gait.settle, zmp=zmp_under(first_standing), transfer=gait.settle)]
     for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
-        swinging, standing = SIDES[number % 2], SIDES[(number + 1) % 2]
-        move = share * np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
-        pose = on_path(pose, *move)
-        goal = on_path(pose, left=start[swinging][1])
-        delay = shift if number else 0.0  # at first the weight is on the standing foot already
-        step = Phase(gait.step_time, under(standing), delay, {swinging: goal}, gait.lift, delay, heading=pose[2])
+        swinging = FEET[number % 2]
+        standing = FEET[(number + 1) % 2]
+        pose = pose_after(pose, *(share * full_step))
+        landing = pose_after(pose, left=start[swinging][1])
+        # Before the first step the weight is on the standing foot already.
+        delay = transfer_time if number else 0.0
+        step = Phase(
+            duration=gait.step_time,
+            zmp=zmp_under(standing),
+            transfer=delay,
+            swing={swinging: landing},
+            lift=gait.lift,
+            delay=delay,
+            heading=pose[2],
+        )
         phases.append(step)
-        place[swinging] = goal
-    middle = on_path(pose, gait.zmp_ahead)[:2]
-    phases.append(Phase(gait.settle, middle, gait.settle, heading=pose[2]))
+        footholds[swinging] = landing
+    middle = pose_after(pose, gait.zmp_ahead)[:2]
+    phases.append(Phase(duration=gait.settle, zmp=middle, transfer=gait.settle, heading=pose[2]))
     if gait.rest > 0:
-        phases.append(Phase(gait.rest, middle, 0.0, heading=pose[2]))
+        phases.append(Phase(duration=gait.rest, zmp=middle, transfer=0.0, heading=pose[2]))
     return phases
 
 
-_AXES_OF_LEG_WITHOUT_YAW = 4  # such a leg has no yaw at the hip and no roll at the ankle
-
-
 def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
-    """Check that a walk has steps, that each has a part on one foot, and that the legs can turn if it does.
+    """Check the parameters of a walk.
 
     Raises:
-        InvalidParameter: with the parameter that cannot be.
+        InvalidParameter: the count of steps is less than 1, no part of a step is on one foot, or the walk turns or goes
+            sideways on legs that cannot.
     """
     check_steps(steps)
     if not gait.double_support < 1:
         raise InvalidParameter(
             "double_support", gait.double_support, message("programs.part_of_step", "a part of the step, less than 1")
         )
-    if any(len(foot.axes) == _AXES_OF_LEG_WITHOUT_YAW for foot in feet.values()) and (gait.turn_deg or gait.sideways):
-        raise InvalidParameter(
-            "turn_deg, sideways",
-            (gait.turn_deg, gait.sideways),
-            message(
-                "programs.legs_cannot_turn", "0, since the legs of {robot} cannot turn or roll their feet", robot=robot
-            ),
+    has_leg_without_yaw = any(len(foot.axes) == _AXES_WITHOUT_YAW for foot in feet.values())
+    if has_leg_without_yaw and (gait.turn_deg or gait.sideways):
+        expected = message(
+            "programs.legs_cannot_turn", "0, since the legs of {robot} cannot turn or roll their feet", robot=robot
         )
+        raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways), expected)
+
+
+class _Roles(NamedTuple):
+    """The foot that kicks and the foot that stands."""
+
+    kicking: Foot
+    standing: Foot
 
 
 class Kick(SolvedGait):
@@ -115,68 +180,117 @@ class Kick(SolvedGait):
     usual: ClassVar[str] = "kick"
 
     foot: str | None = None
-    """Which foot kicks; the nearer one to a ball, the right one without."""
+    """Name of the foot that kicks. If it is not set, the foot nearer to the ball, or the right one without a ball."""
     speed: Positive = 0.6
-    """Of its tip at the point [m/s]."""
+    """Speed of the foot's tip at the point that it hits [m/s]."""
     point: tuple[Number, Number] | None = None
-    """Which its tip goes through: ahead and to the left of the middle of the feet [m]; before the foot unless given."""
+    """Point that the tip goes through: ahead and to the left of the middle of the feet [m]. If it is not set, in front
+    of the foot."""
     toward_deg: Number = 0.0
-    """Where to, counterclockwise from ahead [deg]."""
+    """Direction of the kick, counterclockwise from ahead [deg]."""
     swing: Positive = 0.08
-    """The way on which it gathers its speed, and loses it [m]."""
+    """Distance over which the foot gathers its speed, and loses it [m]."""
     lift: Positive = 0.03
-    """Height of its sole meanwhile [m]."""
+    """Height of the sole during the kick [m]."""
     zmp_inward: Number = 0.0
-    """How far inside of the middle of the standing foot the zero-moment point goes [m]."""
+    """Distance of the zero-moment point from the middle of the standing foot towards the other foot [m]."""
     zmp_ahead: Number = 0.0
-    """How far ahead of it [m]."""
+    """Distance of the zero-moment point ahead of the middle of the standing foot [m]."""
     settle: Pace = 1.0
     """Time to shift the weight to one foot, and to both again [s]."""
     raising: Pace = 0.6
     """Time to bring the foot up and back, and down again [s]."""
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
-        feet = self._feet(walker)
-        start = {foot.name: self._home(foot) for foot in feet.values()}
-        kicking, standing = self._kicking_and_standing(feet)
-        over = start[standing.name][:2] + np.array([self.zmp_ahead, -standing.side * self.zmp_inward])
-        times, knots = self._way(kicking)
-        phases = [
-            Phase(self.settle, over, self.settle),
-            Phase(times[-1], over, 0.0),
-            Phase(self.settle + self.rest, np.array([self.zmp_ahead, 0.0]), self.settle),
-        ]
-        way = gait_plan(start, np.array([self.zmp_ahead, 0.0]), phases)
-        swung = BPoly.from_derivatives(times, knots)(np.clip(way.times - self.settle, 0.0, times[-1]))
-        motion = replace(way, feet={**way.feet, kicking.name: swung})
-        return WholeBody(walker, self, motion).solve()[0]
+        """Plan the kick, see :meth:`Gait.plan`.
 
-    def aimed(
-        self, walker: Walker, root: Vector, angles: Vector, *, ball: Vector, radius: float, toward: Vector | None
-    ) -> dict[str, Any]:
-        """Return the parameters with which it hits a ball of a radius [m] at a place (2,) [m] in its middle.
-
-        The robot's root has a pose (4, 4) in the world, its axes angles (n,) [rad]. The ball shall go ``toward`` (2,)
-        [m], where the standing foot looks unless given.
+        Args:
+            walker: the robot.
+            steps: not used.
+            amplitude: not used.
         """
-        feet = self._feet(walker)
-        poses = {name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()}
-        near = min(feet, key=lambda name: abs(_seen(poses[name], ball)[1]))
-        kicking, standing = self._kicking_and_standing(feet, near)
-        pose = poses[standing.name]
-        place = _seen(pose, ball)
-        way = np.array([1.0, 0.0]) if toward is None else _seen(pose, toward) - place
-        turn = float(np.arctan2(way[1], way[0]))
-        point = place + self._home(standing)[:2] - radius * np.array([np.cos(turn), np.sin(turn)])
-        aim = {"foot": kicking.name, "toward_deg": float(np.rad2deg(turn)), "point": point.tolist()}
-        return aim if radius <= kicking.over else {**aim, "lift": radius - kicking.over}
+        feet = self._check_feet(walker)
+        roles = self._assign_roles(feet)
+        start = {foot.name: self._start_foothold(foot) for foot in feet.values()}
+        standing_zmp = np.array([self.zmp_ahead, -roles.standing.side * self.zmp_inward])
+        over_standing = start[roles.standing.name][:2] + standing_zmp
+        between_feet = np.array([self.zmp_ahead, 0.0])
+        times = self._knot_times()
+        phases = [
+            Phase(duration=self.settle, zmp=over_standing, transfer=self.settle),
+            Phase(duration=times[-1], zmp=over_standing, transfer=0.0),
+            Phase(duration=self.settle + self.rest, zmp=between_feet, transfer=self.settle),
+        ]
+        plan = gait_plan(start, between_feet, phases)
+        # No phase swings the kicking foot; its path replaces the one on which it stands.
+        path = BPoly.from_derivatives(times, self._knots(roles.kicking))
+        kick_times = np.clip(plan.times - self.settle, 0.0, times[-1])
+        paths = {**plan.feet, roles.kicking.name: path(kick_times)}
+        return WholeBody(walker, self, replace(plan, feet=paths)).solve()[0]
 
-    def _feet(self, walker: Walker) -> dict[str, Foot]:
-        feet = walker.feet_called(SIDES, self.feet, message("programs.two_feet_to_kick", "two, to kick"))
+    def aim(
+        self,
+        walker: Walker,
+        root: Vector,
+        angles: Vector,
+        *,
+        ball: Vector,
+        radius: float,
+        toward: Vector | None,
+    ) -> dict[str, Any]:
+        """Compute the parameters with which the kick hits a ball in its middle.
+
+        Args:
+            walker: the robot.
+            root: pose of its root link in the world, shape (4, 4).
+            angles: angles of its n axes, shape (n,) [rad].
+            ball: horizontal position of the ball in the world, shape (2,) [m].
+            radius: radius of the ball [m].
+            toward: position in the world to which the ball shall go, shape (2,) [m]. If it is None, the ball goes where
+                the standing foot looks.
+
+        Returns:
+            Values of the parameters `foot`, `toward_deg` and `point`, and of `lift` if the ball is so large that
+            the foot has to be raised to its middle.
+        """
+        feet = self._check_feet(walker)
+        poses = {name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()}
+        # The foot that has the ball most straight ahead kicks, unless the gait names one.
+        sideways = {name: abs(_seen_from(pose, ball)[1]) for name, pose in poses.items()}
+        nearest = min(feet, key=lambda name: sideways[name])
+        roles = self._assign_roles(feet, nearest)
+
+        # The plan begins with the standing foot at its home, turned ahead: the ball is seen from there.
+        standing_pose = poses[roles.standing.name]
+        position = _seen_from(standing_pose, ball)
+        direction = np.array([1.0, 0.0])
+        if toward is not None:
+            direction = _seen_from(standing_pose, toward) - position
+        turn = float(np.arctan2(direction[1], direction[0]))
+        # The tip hits the ball's surface opposite to where the ball shall go.
+        ball_in_plan = position + self._start_foothold(roles.standing)[:2]
+        point = ball_in_plan - radius * np.array([np.cos(turn), np.sin(turn)])
+        aim = {
+            "foot": roles.kicking.name,
+            "toward_deg": float(np.rad2deg(turn)),
+            "point": point.tolist(),
+        }
+        if radius > roles.kicking.over:
+            aim["lift"] = radius - roles.kicking.over
+        return aim
+
+    def _check_feet(self, walker: Walker) -> dict[str, Foot]:
+        """Find the two feet of the robot by name.
+
+        Raises:
+            InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
+            UnknownName: the foot that shall kick is none of them.
+        """
+        feet = walker.feet_by_name(FEET, self.feet, message("programs.two_feet_to_kick", "two, to kick"))
         if self.foot is not None and self.foot not in feet:
             raise UnknownName(message("programs.foot_of", "foot of {model}", model=walker.model.name), self.foot, feet)
-        if self.toward_deg and any(len(foot.axes) < 6 for foot in feet.values()):
+        can_turn = all(len(foot.axes) >= _ALL_AXES for foot in feet.values())
+        if self.toward_deg and not can_turn:
             expected = message(
                 "programs.legs_cannot_turn_feet",
                 "0, since the legs of {model} cannot turn their feet",
@@ -185,31 +299,55 @@ class Kick(SolvedGait):
             raise InvalidParameter("toward_deg", self.toward_deg, expected)
         return feet
 
-    def _kicking_and_standing(self, feet: dict[str, Foot], near: str = SIDES[0]) -> tuple[Foot, Foot]:
-        kicking = self.foot or near
-        (standing,) = (foot for name, foot in feet.items() if name != kicking)
-        return feet[kicking], standing
+    def _assign_roles(self, feet: dict[str, Foot], nearest: str = FEET[0]) -> _Roles:
+        """Determine which foot kicks and which one stands.
 
-    def _home(self, foot: Foot) -> Vector:
-        """Return where a foot stands before and after, ahead and to the left of the middle, and turned, shape (3,)."""
+        Args:
+            feet: the two feet by name.
+            nearest: name of the foot that kicks unless the gait names one.
+        """
+        kicking = self.foot or nearest
+        (standing,) = (foot for name, foot in feet.items() if name != kicking)
+        return _Roles(feet[kicking], standing)
+
+    def _start_foothold(self, foot: Foot) -> Vector:
+        """Foothold before and after the kick: x [m], y [m] and turn [rad], shape (3,)."""
         return np.array([0.0, foot.home[1] + foot.side * self.widen, 0.0])
 
-    def _way(self, foot: Foot) -> tuple[Vector, list[Vector]]:
-        """Return times (5,) [s] of the foot's way, and place, velocity and acceleration at each, (3, 4) [m, rad, s]."""
-        turn, home = np.deg2rad(self.toward_deg), self._home(foot)
-        ahead = np.array([np.cos(turn), np.sin(turn), 0.0, 0.0])
-        hit = np.array([*home[:2], self.lift, turn]) + self.swing * ahead
+    def _knot_times(self) -> Vector:
+        """Times of the knots of the kicking foot's path since its lift-off, shape (5,) [s]; see :meth:`_knots`."""
+        stroke = 2.0 * self.swing / self.speed  # T of the module
+        return np.cumsum([0.0, self.raising, stroke, stroke, self.raising])
+
+    def _knots(self, foot: Foot) -> list[Vector]:
+        """Compute the knots of the kicking foot's path: lift-off, back, hit, front, touchdown.
+
+        Returns:
+            For each of the 5 knots position, velocity and acceleration (rows) of x, y, height [m] and turn [rad]
+            (columns), shape (3, 4). The quintic between two knots then has the speed of the module's equation.
+        """
+        turn = np.deg2rad(self.toward_deg)
+        home = self._start_foothold(foot)
+        direction = np.array([np.cos(turn), np.sin(turn), 0.0, 0.0])
+        hit = np.array([*home[:2], self.lift, turn]) + self.swing * direction
         if self.point is not None:
-            hit[:2] = self.point - foot.half[0] * ahead[:2]
+            # The tip is half the foot's length ahead of its middle.
+            hit[:2] = self.point - foot.half[0] * direction[:2]
         knots = np.zeros((5, 3, 4))
         knots[[0, 4], 0] = [*home[:2], 0.0, home[2]]
-        knots[1:4, 0] = hit + np.outer([-self.swing, 0.0, self.swing], ahead)
-        knots[2, 1] = self.speed * ahead
-        stroke = 2.0 * self.swing / self.speed
-        return np.cumsum([0.0, self.raising, stroke, stroke, self.raising]), list(knots)
+        knots[1:4, 0] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
+        knots[2, 1] = self.speed * direction
+        return list(knots)
 
 
-def _seen(foot: Vector, place: Vector) -> Vector:
-    """Return a place of the floor, shape (2,) [m], seen from a foot's pose, shape (4, 4): ahead and to the left."""
-    ahead = foot[:2, 0] / np.linalg.norm(foot[:2, 0])
-    return np.array([[ahead[0], ahead[1]], [-ahead[1], ahead[0]]]) @ (place - foot[:2, 3])
+def _seen_from(foot_pose: Vector, position: Vector) -> Vector:
+    """Compute a horizontal position in the frame of a foot: ahead and to the left, shape (2,) [m].
+
+    Args:
+        foot_pose: pose of the foot in the world, shape (4, 4).
+        position: the position in the world, shape (2,) [m].
+    """
+    # The foot may be tilted: only the horizontal part of its x axis counts.
+    ahead = foot_pose[:2, 0] / np.linalg.norm(foot_pose[:2, 0])
+    to_foot = np.array([[ahead[0], ahead[1]], [-ahead[1], ahead[0]]])
+    return to_foot @ (position - foot_pose[:2, 3])

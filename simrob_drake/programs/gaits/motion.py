@@ -1,4 +1,10 @@
-"""What every kind of gait declares, and what it plans: joint angles over time, and where the robot begins."""
+"""Base classes of gaits that are planned before they begin, and the motion that a gait plans.
+
+A robot's file ``gaits.yaml`` has one section for each kind of gait, such as ``walks`` or ``trots``, with the gaits of
+this kind by name. A subclass of :class:`Gait` is such a kind: its fields are the parameters that the file sets, and its
+method :meth:`Gait.plan` computes a :class:`JointMotion`: joint angles over time and the pose in which the robot begins.
+The servos of a dynamic station then follow these angles.
+"""
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
@@ -26,24 +32,28 @@ from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
 from simrob_drake.walking.parameters import REACTING, Bearing
 
 MAX_STEP = 0.005
-"""Of the scheme `cenic` [s]: references stand still over a step. Steps of this length are as good as longer ones with
-error control, which work out each step thrice, and take half to three quarters of their time."""
-_FLOOR_AROUND = 1.0  # floor beyond the way that a motion goes [m]
+"""Longest step of the scheme `cenic` under a planned motion [s].
+
+`cenic` holds references constant over a step. Steps of this length are as accurate as longer ones with error control,
+which compute each step three times, and they take half to three quarters of the time.
+"""
+
+_FLOOR_AROUND = 1.0  # floor that has to remain around the path of a motion [m]
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """A planned motion of a robot.
+    """A planned motion of a robot, sampled at m times.
 
     Attributes:
-        model: of the robot.
-        feet: the kind of feet it is planned for; the default one if None.
-        times: shape (m,) [s].
-        positions: of the axes, shape (m, n) [rad].
-        root: planned poses of the root in the world, shape (m, 4, 4).
-        servo: gains of the servos for it, in place of the station's: kp, kd.
-        feed_velocity: whether the servos are told the reference's velocity, too.
-        falls: whether it ends on the floor, as it shall.
+        model: the robot.
+        feet: kind of feet for which the motion is planned. If it is None, the robot's default kind.
+        times: times of the samples, shape (m,) [s].
+        positions: positions of the n axes, shape (m, n) [rad].
+        root: planned poses of the root link in the world, shape (m, 4, 4).
+        servo: gains of the servos that replace those of the station, by the keys kp and kd.
+        feed_velocity: whether the servos get the velocity of the reference as well.
+        falls: whether the motion ends with the robot lying on the floor, as intended.
     """
 
     model: RobotModel
@@ -57,26 +67,31 @@ class JointMotion:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration of the motion [s]."""
         return float(self.times[-1])
 
     @property
     def velocities(self) -> Vector:
-        """Of the axes, shape (m, n) [rad/s]; zero at both ends."""
+        """Velocities of the axes, shape (m, n) [rad/s]. They are zero at both ends."""
         rates = np.gradient(self.positions, self.times, axis=0)
         rates[[0, -1]] = 0.0
         return np.asarray(rates)
 
     def trajectory(self) -> Trajectory:
-        """Return the angles as a smooth curve through the samples (cubics with their velocities)."""
+        """Smooth trajectory through the samples: cubic polynomials with the velocities at each sample."""
         return hermite(self.times, self.positions, self.velocities)
 
-    def station(self, overrides: Mapping[str, Any] | None = None, *, name: str | None = None) -> StationConfig:
-        """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
+    def station(
+        self,
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        name: str | None = None,
+    ) -> StationConfig:
+        """Load the robot's dynamic station, set to begin this motion. :meth:`trajectory` is the reference for it.
 
         Args:
-            overrides: further changes, as of ``load_station``; what they say is not adapted to the motion.
-            name: of the station; ``<robot>_dynamic`` unless given.
+            overrides: further changes, as for ``load_station``. The keys that they set are not adapted to the motion.
+            name: name of the station. If it is None, ``<robot>_dynamic``.
         """
         settings: dict[str, Any] = {
             "robot.base": poses_from_matrices(self.root)[0].tolist(),
@@ -86,56 +101,85 @@ class JointMotion:
         }
         if self.feet is not None:
             settings["robot.feet"] = self.feet
-        if self.model.folder != models_root() / self.model.name:
+        # A robot that is not one of the package is loaded from its own folder.
+        is_of_package = self.model.folder == models_root() / self.model.name
+        if not is_of_package:
             settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
         changes = overrides or {}
         config = load_station(name or f"{self.model.name}_dynamic", {**settings, **changes})
-        nested = {f"{key}.{inner}" for key, value in changes.items() if isinstance(value, Mapping) for inner in value}
-        return self.adapted(config, ONLY_ROBOT, changed={*changes, *nested})
 
-    def adapted(
-        self, config: StationConfig, robot: str, *, start: float = 0.0, changed: Collection[str] = ()
+        # An override may be nested, {"floor": {"size": 8}}: its dotted key "floor.size" counts as set, too.
+        keys = set(changes)
+        for key, value in changes.items():
+            if isinstance(value, Mapping):
+                keys |= {f"{key}.{inner}" for inner in value}
+        return self.adapt_station(config, ONLY_ROBOT, changed=keys)
+
+    def adapt_station(
+        self,
+        config: StationConfig,
+        robot: str,
+        *,
+        start: float = 0.0,
+        changed: Collection[str] = (),
     ) -> StationConfig:
-        """Return a station on which a robot can perform the motion; a kinematic one is as it was.
+        """Make a copy of a station on which a robot can perform this motion.
 
-        Its servos have the motion's gains, and are told the velocity if it feeds it; the floor is large enough
-        wherever the robot goes; steps of `cenic` are short enough for servos to follow, and of one length unless
-        the station says `error_control` itself. If the robot shall fall, no monitor of its fall is left.
+        In the copy:
+
+        * the servos have the gains of the motion, and get the velocity of the reference if the motion feeds it;
+        * the floor is large enough wherever the robot goes;
+        * steps of `cenic` are short enough for the servos to follow, and of one length unless the station sets
+          `error_control` itself;
+        * no monitor watches for a fall of the robot if the motion ends in one.
+
+        A kinematic station, in which nothing moves by forces, is returned unchanged.
 
         Args:
             config: the station.
-            robot: who performs.
-            start: how far from the world's origin [m].
-            changed: dotted keys of what stays as it is.
+            robot: name of the robot that performs the motion.
+            start: distance of the robot from the world's origin at the start [m].
+            changed: dotted keys of the station, such as ``floor.size``, that are not adapted.
         """
         if not config.engine.moves_by_forces:
             return config
         gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in changed}
-        servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **gains})
-        entry = config.robots[robot].model_copy(update={"servo": servo})
-        changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
+        station_gains = config.servo_of(robot).model_dump(exclude_unset=True)
+        servo = ServoConfig(**{**station_gains, **gains})
+        robot_entry = config.robots[robot].model_copy(update={"servo": servo})
+        changes: dict[str, Any] = {"robots": {**config.robots, robot: robot_entry}}
         if config.floor is not None and "floor.size" not in changed:
-            way = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1).max()
-            size = max(config.floor.size, float(np.ceil(2.0 * (start + way + _FLOOR_AROUND))))
+            # The floor is a square around the origin; the robot may go in any direction.
+            distances = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1)
+            needed = 2.0 * (start + distances.max() + _FLOOR_AROUND)
+            size = max(config.floor.size, float(np.ceil(needed)))
             changes["floor"] = config.floor.model_copy(update={"size": size})
         if self.feed_velocity and "inputs" not in changed:
-            changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
+            inputs = (*config.inputs, "reference_velocity")
+            changes["inputs"] = tuple(dict.fromkeys(inputs))  # each input once
         if self.falls and "monitors" not in changed:
-            changes["monitors"] = unwatched(config, robot)
-        return config.model_copy(update={**changes, "solver": short_steps(config.solver, changed)})
+            changes["monitors"] = monitors_without_fall(config, robot)
+        changes["solver"] = short_steps(config.solver, changed)
+        return config.model_copy(update=changes)
 
 
-def unwatched(config: StationConfig, robot: str) -> dict[str, Any]:
-    """Return the monitors of a station without those of a robot's fall, by name."""
-    return {
-        name: each
-        for name, each in config.monitors.items()
-        if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
-    }
+def monitors_without_fall(config: StationConfig, robot: str) -> dict[str, Any]:
+    """Monitors of a station by name, without those that end a run when a robot falls.
+
+    Args:
+        config: the station.
+        robot: name of the robot that may fall.
+    """
+    monitors = {}
+    for name, monitor in config.monitors.items():
+        watches_fall = isinstance(monitor, Fall) and monitor.faller(config.only_robot) == robot
+        if not watches_fall:
+            monitors[name] = monitor
+    return monitors
 
 
 def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverConfig:
-    """Shorten the steps of a solver so that servos can follow references, which it holds over a step.
+    """Shorten the steps of a solver that holds references constant over a step, so that servos can follow them.
 
     Args:
         solver: the solver. One that sees references within its steps, unlike ``cenic``, is returned unchanged.
@@ -146,34 +190,36 @@ def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverCo
     steps: dict[str, Any] = {}
     if "solver.max_step" not in changed:
         steps["max_step"] = min(solver.max_step, MAX_STEP)
+    # Steps that short need no error control, unless the station asks for it.
     if "solver.accuracy" not in changed and "error_control" not in solver.model_fields_set:
         steps["error_control"] = False
     return solver.model_copy(update=steps)
 
 
-Pace = Annotated[Number, Field(gt=0, le=100)]  # time of a step, or of a part of one [s]
+Pace = Annotated[Number, Field(gt=0, le=100)]
+"""Type of a parameter that is the duration of a step, or of a part of a step [s]."""
 
 
 class ArmBearing(Bearing):
-    """How a robot carries itself, its arms included."""
+    """Posture of a robot while it walks, with the motion of its arms."""
 
     lean_arms_deg: AxisValues = 0.0
-    """Per axis, for a lean to the right of one degree: arms as counterweights where the ankles do not roll [deg]."""
+    """Change of each axis per degree of lean to the right [deg]: arms are counterweights if ankles cannot roll."""
     swing_arms_deg: AxisValues = 0.0
-    """Per axis, for a left foot that is a metre ahead of the right one [deg]."""
+    """Change of each axis per metre that the left foot is ahead of the right one [deg]."""
 
 
 class Gait(Strict):
-    """A gait of a robot, one of those under the section of its kind in ``gaits.yaml``.
+    """A gait of a robot. A subclass is a kind of gait, and has a section in ``gaits.yaml``.
 
     Attributes:
-        section: of the file, in which gaits of this kind stand by their names.
-        steps: whether it goes steps: it is then told how many, and how large they are (``amplitude``).
-        on_feet: whether it is for a robot that stands on the feet that it is made for.
-        scaled: parameters that an amplitude scales.
-        pace: the parameter that is the time of a step; empty if there is none.
-        usual: name of the gait that :meth:`planned` takes.
-        one_step: changes with which a single step has its full length.
+        section: name of the section with the gaits of this kind.
+        steps: whether the gait consists of steps. It is then planned for a count of steps and an amplitude.
+        on_feet: whether the robot stands on its feet, so that it has to have feet for which the gait is made.
+        scaled: names of the parameters that an amplitude multiplies.
+        pace: name of the parameter that is the time of one step. It is empty if the kind has none.
+        usual: name of the gait that :meth:`plan_by_name` takes if none is named.
+        one_step: changes of parameters with which a single step has its full length.
     """
 
     section: ClassVar[str]
@@ -185,24 +231,33 @@ class Gait(Strict):
     one_step: ClassVar[Mapping[str, Any]] = {}
 
     feet: str | None = None
-    """Kind of feet that it is made for; the robot's default one unless given."""
+    """Kind of feet for which the gait is made. If it is not set, the robot's default kind."""
     rest: NotNegative = 1.0
     """Time to stand at the end [s]."""
 
     @classmethod
     def of(cls, walker: Walker, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Self:
-        """Return a robot's gait of this kind by name, with ``changes`` of parameters, steps scaled by an amplitude.
+        """Read a gait of this kind from a robot's ``gaits.yaml``.
 
-        Raises UnknownName: no such gait there; tells what there is, in other sections if this one is empty;
-        InvalidConfig: a parameter that cannot be.
+        Args:
+            walker: the robot.
+            name: name of the gait in the section of this kind.
+            changes: values of parameters that replace those of the file.
+            amplitude: factor of the parameters in :attr:`scaled`, such as the step length.
+
+        Raises:
+            UnknownName: the robot has no such gait. The message lists the gaits of the section, or those of all other
+                sections if this section is empty.
+            InvalidConfig: a parameter has an invalid value.
         """
         file = walker.gaits
-        known = file.section(cls.section)
-        if name not in known:
-            sections = [section for section in file.sections if section != REACTING]
+        gaits = file.section(cls.section)
+        if name not in gaits:
+            # Walks that react to measurements are no gaits that are planned before they begin.
             others = [
                 compound("{other} ({section})", other=other, section=section)
-                for section in sections
+                for section in file.sections
+                if section != REACTING
                 for other in file.section(section)
             ]
             raise UnknownName(
@@ -213,15 +268,29 @@ class Gait(Strict):
                     section=cls.section,
                 ),
                 name,
-                known or others,
+                gaits or others,
             )
-        found = validated(cls, dict(known[name]), f"{file.file}: {cls.section}.{name}")
-        return found.changed(changes, amplitude, name)
+        gait = validated(cls, dict(gaits[name]), f"{file.file}: {cls.section}.{name}")
+        return gait.with_changes(changes, amplitude, name)
 
-    def changed(self, changes: Mapping[str, Any], amplitude: float, name: str) -> Self:
-        """Return it with changes, scaled by an amplitude; raises InvalidParameter, InvalidConfig: what cannot be."""
-        amplitude = number(amplitude, "amplitude")
-        scaled = {key: amplitude * value for key in self.scaled if (value := getattr(self, key, 0.0))}
+    def with_changes(self, changes: Mapping[str, Any], amplitude: float, name: str) -> Self:
+        """Make a copy of the gait with other parameters.
+
+        Args:
+            changes: new values of parameters. They are not scaled.
+            amplitude: factor of the parameters in :attr:`scaled`.
+            name: name of the gait, for error messages.
+
+        Raises:
+            InvalidParameter: the amplitude is not a finite number.
+            InvalidConfig: a parameter has an invalid value.
+        """
+        factor = number(amplitude, "amplitude")
+        scaled = {}
+        for key in self.scaled:
+            value = getattr(self, key, 0.0)
+            if value:  # a parameter that is zero stays unset
+                scaled[key] = factor * value
         return validated(
             type(self),
             {**self.model_dump(exclude_unset=True), **scaled, **changes},
@@ -229,47 +298,74 @@ class Gait(Strict):
         )
 
     @classmethod
-    def planned(
-        cls, robot: str | RobotModel | Walker, steps: int, name: str = "", *, amplitude: float = 1.0, **changes: Any
+    def plan_by_name(
+        cls,
+        robot: str | RobotModel | Walker,
+        steps: int,
+        name: str = "",
+        *,
+        amplitude: float = 1.0,
+        **changes: Any,
     ) -> JointMotion:
-        """Plan a gait of this kind, by its name in the robot's ``gaits.yaml``, that of the kind unless given.
+        """Plan a gait of this kind.
 
-        A robot is its name, its model, or a :class:`Walker` that tells what it carries and on what slope; ``steps`` are
-        full ones, or legs that swing; the amplitude scales the steps: :attr:`scaled` parameters, or how far joints go
-        from the first posture; ``changes`` are of parameters of the kind. Raises OutOfReach: steps that are too long or
-        too high for the legs; InvalidParameter: a robot that cannot go so, too few steps, or an amplitude that cannot
-        be; InvalidConfig: a parameter that cannot be; UnknownName: no such gait, axis or foot.
+        Args:
+            robot: name or model of the robot, or a :class:`Walker` with its load and its slope.
+            steps: count of full steps; for a crawl, of legs that swing.
+            name: name of the gait in the robot's ``gaits.yaml``. If it is empty, the usual one of this kind.
+            amplitude: factor of the parameters in :attr:`scaled`; for a march, of how far joints move from the first
+                posture.
+            **changes: values of parameters that replace those of the file.
+
+        Raises:
+            OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
+            InvalidParameter: the robot cannot perform this kind of gait, the count of steps is less than 1, or the
+                amplitude is invalid.
+            InvalidConfig: a parameter has an invalid value.
+            UnknownName: there is no such robot, gait, axis or foot.
         """
         walker = Walker.of(robot)
         return cls.of(walker, name or cls.usual, changes, amplitude).plan(walker, steps, amplitude)
 
     @abstractmethod
     def plan(self, walker: Walker, steps: int, amplitude: float) -> JointMotion:
-        """Return its motion in so many steps, :attr:`scaled` parameters scaled by now; raises SimrobError: why not."""
+        """Plan the motion.
+
+        Args:
+            walker: the robot.
+            steps: count of full steps. Kinds without steps ignore it.
+            amplitude: factor of the motion. The parameters in :attr:`scaled` are already multiplied by it.
+
+        Raises:
+            SimrobError: the robot cannot perform the gait.
+        """
 
     @property
     def hangs(self) -> bool:
-        """Whether it is for a robot that is held by its trunk."""
+        """Whether the gait is for a robot that is held by its trunk, such as a swimming stroke."""
         return False
 
     def made_for(self, model: RobotModel) -> str | None:
-        """Return the kind of feet that it is made for: what it names, else the robot's default one."""
+        """Kind of feet for which the gait is made: the one it names, or the robot's default one.
+
+        Returns None if the robot has no feet.
+        """
         return self.feet or (model.feet.default if model.feet else None)
 
 
 class SolvedGait(Gait):
-    """A gait whose legs are solved for."""
+    """A gait that plans paths of the feet, for which the joint angles of the legs are solved."""
 
     bearing: ArmBearing
-    """How the trunk is carried."""
+    """Posture of the trunk and of the arms."""
     widen: Number = 0.0
-    """How much further out each foot stands than with straight legs, or below its hip [m]."""
+    """Distance of each foot, to its own side, from where it is with straight legs, or from below its hip [m]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo gains for it, in place of the station's: kp, kd."""
+    """Gains of the servos that replace those of the station: kp, kd."""
 
 
 class EvenSteps(Strict):
-    """What gaits in equal steps have, on a straight line or a circle."""
+    """Parameters of gaits whose full steps are equal, on a straight line or a circle."""
 
     steps: ClassVar[bool] = True
     scaled: ClassVar[tuple[str, ...]] = ("step_length", "sideways", "turn_deg")
@@ -277,14 +373,14 @@ class EvenSteps(Strict):
     one_step: ClassVar[Mapping[str, Any]] = {"ramp_steps": 0}
 
     step_time: Pace
-    """From one footfall, of a foot or a pair, to the next [s]."""
+    """Time from one touchdown, of a foot or of a pair of feet, to the next [s]."""
     step_length: Number = 0.0
-    """How far each step brings the robot ahead; negative walks backward [m]."""
+    """Distance that each step brings the robot ahead [m]. A negative one walks backward."""
     sideways: Number = 0.0
-    """How far each step brings it to the left [m]."""
+    """Distance that each step brings the robot to the left [m]."""
     turn_deg: Number = 0.0
-    """How far each step turns it to the left [deg]."""
+    """Angle by which each step turns the robot to the left [deg]."""
     ramp_steps: Integer = Field(default=3, ge=0)
-    """Number of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
+    """Count of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
     settle: Pace = 0.6
     """Time to shift the weight at the start and at the end [s]."""

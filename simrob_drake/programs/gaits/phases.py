@@ -1,4 +1,12 @@
-"""Phases of a gait: who swings where, and where the zero-moment point goes meanwhile; and the steps of all walks."""
+"""Phases of a planned gait, and the sampled plan that they add up to.
+
+A gait whose motion is planned before it begins is a sequence of phases. In each :class:`Phase` some feet swing to their
+next foothold, while the zero-moment point (ZMP) moves over the feet that stand. :func:`gait_plan` puts phases one after
+the other and samples the paths of feet, ZMP and trunk at equal steps of time: the result is a :class:`GaitPlan`.
+
+Positions are in the frame of the ground from which the robot starts: x ahead, y to the left, the origin in the middle
+of the feet. A foothold is a vector (3,): x [m], y [m] and the foot's turn to the left [rad].
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,35 +20,58 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import smooth
 
-SAMPLE = 0.01  # time between the samples of a plan [s]
-_LONGEST, _MOST_STEPS = 1000.0, 10_000  # of a plan [s], which takes 50 ms of the processor for a second of it
+SAMPLE = 0.01
+"""Time between the samples of a plan [s]."""
+
+# Limits of a plan. A second of a plan takes 50 ms to compute, so the longest one takes about a minute.
+_LONGEST = 1000.0  # duration [s]
+_MOST_STEPS = 10_000  # count of steps
+
+_ROUNDING = 1e-9  # error of a sum of times that is no fault of the user [s]
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of time in which the same feet stand."""
+    """A part of a gait during which the same feet swing, and all others stand.
 
-    duration: float  # of the phase [s]
-    zmp: Vector  # where the zero-moment point rests at the end, shape (2,) [m]
-    transfer: float  # time that it takes to get there, from the start of the phase on [s]
-    # feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad]
+    Attributes:
+        duration: duration of the phase [s].
+        zmp: zero-moment point at the end of the phase, shape (2,) [m].
+        transfer: time from the start of the phase in which the ZMP moves there, at a constant speed [s].
+        swing: foothold (3,) on which each swinging foot lands, by the foot's name.
+        lift: largest height of the swinging feet [m].
+        delay: time from the start of the phase until the feet lift off [s].
+        rest: time from the touchdown until the end of the phase [s].
+        heading: turn of the trunk at the end of the phase, to the left [rad].
+        hold: time that the swinging feet stay at their largest height [s]. If it is 0, they only pass through it.
+    """
+
+    duration: float
+    zmp: Vector
+    transfer: float
     swing: Mapping[str, Vector] = field(default_factory=dict)
-    lift: float = 0.0  # height of the swinging feet half-way [m]
-    delay: float = 0.0  # time before the feet lift [s]
-    rest: float = 0.0  # time that they stand before the phase ends [s]
-    heading: float = 0.0  # of the trunk at the end [rad]
-    # how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest
+    lift: float = 0.0
+    delay: float = 0.0
+    rest: float = 0.0
+    heading: float = 0.0
     hold: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the times; raises InvalidParameter: a phase without duration, or with more in it than it lasts."""
+        """Check the times.
+
+        Raises:
+            InvalidParameter: the duration is not positive, or the parts of the phase take longer than the phase.
+        """
         if not self.duration > 0:
             raise InvalidParameter(
                 message("programs.duration_of_phase", "duration of a phase"),
                 self.duration,
                 message("programs.positive_time", "positive [s]"),
             )
-        if self.transfer > self.duration + 1e-9 or self.delay + self.rest + self.hold >= self.duration:
+        is_transfer_too_long = self.transfer > self.duration + _ROUNDING
+        # Some time has to be left in which the feet rise and sink.
+        is_swing_too_short = self.delay + self.rest + self.hold >= self.duration
+        if is_transfer_too_long or is_swing_too_short:
             raise InvalidParameter(
                 "phase",
                 repr(self),
@@ -50,63 +81,119 @@ class Phase:
 
 @dataclass(frozen=True)
 class GaitPlan:
-    """What feet, trunk and zero-moment point do, at m equal steps of time."""
+    """Paths of the feet, the trunk and the zero-moment point, sampled at m equal steps of time.
 
-    times: Vector  # shape (m,) [s]
-    feet: dict[str, Vector]  # places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad]
-    zmp: Vector  # shape (m, 2) [m]
-    heading: Vector  # of the trunk, shape (m,) [rad]
-    ground: Vector | float = 0.0  # height over which the trunk is carried, shape (m,) [m]
-    # when feet stand, by foot, shape (m,); where they are at the height 0, unless it is given
+    Attributes:
+        times: times of the samples, shape (m,) [s].
+        feet: path of each sole by the foot's name, shape (m, 4): x, y, height [m] and turn to the left [rad].
+        zmp: desired zero-moment point, shape (m, 2) [m].
+        heading: turn of the trunk to the left, shape (m,) [rad].
+        ground: height of the ground over which the trunk is carried, shape (m,), or one number [m].
+        standing: whether each foot stands, by the foot's name, shape (m,). If it is empty, a foot stands
+            while the height of its sole is 0.
+    """
+
+    times: Vector
+    feet: dict[str, Vector]
+    zmp: Vector
+    heading: Vector
+    ground: Vector | float = 0.0
     standing: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
 
     def stands(self, foot: str) -> npt.NDArray[np.bool_]:
-        """Return when a foot stands, shape (m,)."""
+        """Whether a foot stands at each sample, shape (m,)."""
         return self.standing[foot] if self.standing else self.feet[foot][:, 2] <= 0
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:
-    """Lay phases end to end, from where feet (3,) [m, m, rad] and zero-moment point (2,) [m] are at the start.
+    """Put phases one after the other, and sample them.
 
-    Raises UnknownName: a phase swings a foot that is none; InvalidParameter: no phase at all.
+    Args:
+        feet: foothold (3,) of every foot at the start, by the foot's name.
+        zmp: zero-moment point at the start, shape (2,) [m].
+        phases: the phases, which swing no other feet than those of `feet`.
+
+    Raises:
+        InvalidParameter: there is no phase, or the phases take longer than the longest plan.
     """
     if not phases:
         raise InvalidParameter("phases", "empty", message("programs.at_least_one", "at least one"))
-    ends = np.cumsum([phase.duration for phase in phases])
+    ends = np.cumsum([phase.duration for phase in phases])  # time at which each phase ends [s]
     times = samples(float(ends[-1]))
-    paths = {name: np.tile([*place[:2], 0.0, place[2]], (len(times), 1)) for name, place in feet.items()}
-    point, heading = np.tile(zmp, (len(times), 1)), np.zeros(len(times))
+    count = len(times)
+    paths = {}
+    for name, foothold in feet.items():
+        pose = [*foothold[:2], 0.0, foothold[2]]  # x, y, height 0, turn
+        paths[name] = np.tile(pose, (count, 1))
+    zmps = np.tile(zmp, (count, 1))
+    headings = np.zeros(count)
     for phase, end in zip(phases, ends, strict=True):
-        since = times - (end - phase.duration)
-        later = since > 0
-        reached = _ratio(since[later], phase.transfer)[:, np.newaxis]
-        point[later] = point[later] + reached * (phase.zmp - point[later])
-        heading[later] += smooth(_ratio(since[later], phase.duration)) * (phase.heading - heading[later])
-        length = phase.duration - phase.delay - phase.rest
-        for name, place in phase.swing.items():
-            share = _ratio(since[later] - phase.delay, length)
-            path = paths[name][later]
-            path[:, [0, 1, 3]] += smooth(share)[:, np.newaxis] * (place - path[:, [0, 1, 3]])
-            path[:, 2] = phase.lift * _bump(share * length, length, phase.hold)
-            paths[name][later] = path
-    return GaitPlan(times, paths, point, heading)
+        # Each phase changes all samples after its start, not only its own: the next phase continues where it ended.
+        elapsed = times - (end - phase.duration)
+        later = elapsed > 0
+        elapsed = elapsed[later]
+        # Every value moves from where it is to its goal: v + share (goal - v), where the share grows from 0 to 1.
+        transferred = _linear_share(elapsed, phase.transfer)[:, np.newaxis]
+        zmps[later] += transferred * (phase.zmp - zmps[later])
+        turned = smooth(_linear_share(elapsed, phase.duration))
+        headings[later] += turned * (phase.heading - headings[later])
+        for name, landing in phase.swing.items():
+            paths[name][later] = _swing_path(paths[name][later], elapsed, landing, phase)
+    return GaitPlan(times, paths, zmps, headings)
 
 
-def _bump(since: Vector, length: float, hold: float) -> Vector:
-    """Return a swing's height, from 0 to 1 and back to 0, with level stretches of ``hold`` at the top."""
-    rise = (length - hold) / 2
+def _swing_path(path: Vector, elapsed: Vector, landing: Vector, phase: Phase) -> Vector:
+    """Compute the path of a foot that swings in a phase, and of the time after that phase.
+
+    Args:
+        path: path of the foot without this swing, shape (k, 4): x, y, height [m] and turn [rad].
+        elapsed: times since the start of the phase, shape (k,) [s].
+        landing: foothold on which the foot lands, shape (3,).
+        phase: the phase.
+    """
+    swing_time = phase.duration - phase.delay - phase.rest
+    share = _linear_share(elapsed - phase.delay, swing_time)
+    level = [0, 1, 3]  # indices of x, y and turn
+    result = path.copy()
+    result[:, level] += smooth(share)[:, np.newaxis] * (landing - result[:, level])
+    result[:, 2] = phase.lift * _swing_height(share * swing_time, swing_time, phase.hold)
+    return result
+
+
+def _swing_height(elapsed: Vector, swing_time: float, hold: float) -> Vector:
+    """Compute the height of a swinging foot as a part of its largest height: from 0 to 1 and back to 0.
+
+    Args:
+        elapsed: times since the lift-off, shape (k,) [s].
+        swing_time: time from the lift-off to the touchdown [s].
+        hold: time that the height stays 1 [s].
+    """
     if hold > 0:
-        return smooth(np.clip(since / rise, 0, 1)) - smooth(np.clip((since - rise - hold) / rise, 0, 1))
-    share = np.clip(since / length, 0, 1)
+        rise_time = (swing_time - hold) / 2  # as long as the foot takes to sink
+        risen = smooth(np.clip(elapsed / rise_time, 0, 1))
+        sunk = smooth(np.clip((elapsed - rise_time - hold) / rise_time, 0, 1))
+        return risen - sunk
+    # 64 s³ (1 - s)³ is 1 at s = 1/2. Its velocity and acceleration are zero at both ends, so a touchdown is soft.
+    share = np.clip(elapsed / swing_time, 0, 1)
     return np.asarray(64.0 * (share * (1.0 - share)) ** 3)
 
 
-def _ratio(part: Vector, whole: float) -> Vector:
-    return np.clip(part / whole, 0.0, 1.0) if whole > 0 else np.asarray(part >= 0, dtype=float)
+def _linear_share(elapsed: Vector, duration: float) -> Vector:
+    """Part of a duration [s] that has elapsed, between 0 and 1. A duration of 0 has elapsed at time 0."""
+    if duration > 0:
+        return np.clip(elapsed / duration, 0.0, 1.0)
+    return np.asarray(elapsed >= 0, dtype=float)
 
 
 def samples(duration: float) -> Vector:
-    """Return times of a plan's samples (m,) [s]; raises InvalidParameter: no time, or more than is planned at once."""
+    """Times of the samples of a plan, from 0 on, shape (m,) [s].
+
+    Args:
+        duration: duration of the plan [s].
+
+    Raises:
+        InvalidParameter: the duration is not positive, or longer than the longest plan.
+    """
     if not 0 < duration <= _LONGEST:
         raise InvalidParameter(
             "gait",
@@ -117,22 +204,45 @@ def samples(duration: float) -> Vector:
 
 
 def check_steps(steps: int) -> None:
-    """Check that a gait goes some steps; raises InvalidParameter: it does not, or more than are planned at once."""
+    """Check the count of steps of a gait.
+
+    Raises:
+        InvalidParameter: the count is no integer, less than 1, or more than one plan may have.
+    """
     whole(steps, "steps", 1, _MOST_STEPS)
 
 
-def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
-    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
+def pose_after(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
+    """Compute the pose after a move that is given in the frame of the pose before.
+
+    Args:
+        pose: pose before the move, shape (3,): x [m], y [m] and turn to the left [rad].
+        ahead: how far the move goes ahead [m].
+        left: how far the move goes to the left [m].
+        turn: how far the move turns to the left [rad].
+    """
+    cosine = np.cos(pose[2])
+    sine = np.sin(pose[2])
+    move = np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn])
+    return np.asarray(pose + move)
 
 
 def ramp_shares(steps: int, ramp_steps: int) -> Vector:
-    """Return how much of the full step each footfall goes ahead: rising, level, falling, the last one 0.
+    """Length of each step of a walk as a part of the full step length.
 
-    All together they go as far as so many full steps: one footfall is added for each step of a ramp, which is no longer
-    than the way, and one that brings the feet together.
+    The step length grows at the start and shrinks at the end; the last step has the length 0 and brings the feet side
+    by side. The walk goes as far as `steps` full steps. For this, one step is added for each step of a ramp, and one
+    that brings the feet together.
+
+    Args:
+        steps: count of full steps that would go as far.
+        ramp_steps: count of steps in which the step length grows. It is at most `steps`; a larger one is reduced.
+
+    Returns:
+        Shares between 0 and 1, shape (steps + ramp + 1,). Their sum is `steps`.
     """
     ramp = min(ramp_steps, steps)
     number = np.arange(steps + ramp + 1, dtype=float)
-    return np.asarray(np.minimum(1.0, np.minimum(number + 1, steps + ramp - number) / (ramp + 1)))
+    from_start = number + 1
+    to_end = steps + ramp - number
+    return np.asarray(np.minimum(1.0, np.minimum(from_start, to_end) / (ramp + 1)))

@@ -1,4 +1,8 @@
-"""Walking on four legs: the trot, the crawl, and standing on three."""
+"""Gaits on four legs: the trot, the crawl, and standing on three feet.
+
+All of them plan footholds and the zero-moment point (ZMP) in the frame of :mod:`~simrob_drake.programs.gaits.phases`:
+x ahead, y to the left, the origin in the middle of the feet at the start.
+"""
 
 from typing import Any, ClassVar
 
@@ -10,53 +14,86 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
-from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, pose_after, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
 
 PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
-"""Feet that a trot swings together."""
+"""Pairs of feet that a trot swings at the same time."""
 CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_right_foot")
-"""Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
+"""Order in which a crawl swings the feet.
+
+Each hind foot swings before the fore foot of its side: so three feet always stand around the trunk.
+"""
+
+# Times of standing on three feet [s]: before and after the weight is shifted, and to raise or lower the foot.
+_BEFORE = 0.5
+_SHIFT = 1.0
+_RAISE = 0.6
+
+_INSIDE_TOLERANCE = 1e-9  # how far outside a point may be to count as on the line, for rounding errors [m]
 
 
 class Trot(EvenSteps, SolvedGait):
-    """A gait on four legs, diagonal pairs in turn."""
+    """A gait on four legs that swings diagonal pairs of feet in turn."""
 
     section: ClassVar[str] = "trots"
     usual: ClassVar[str] = "trot"
 
     ramp_steps: Integer = Field(default=4, ge=0)
-    """Number of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
+    """Count of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
-    """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
+    """Distance of the trunk ahead of the middle of its feet, as a part of the step."""
     all_stand: Positive = 0.1
     """Part of a step in which all feet stand."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
+        """Plan the trot, see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: count of full steps, of a pair of feet each.
+            amplitude: not used, since the step is scaled by it already.
+        """
         check_steps(steps)
-        start = _stance(walker, self)
-        phases, pose = [Phase(self.settle, np.zeros(2), 0.0)], np.zeros(3)
-        move = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
-        stand = self.all_stand * self.step_time
+        start = _start_footholds(walker, self)
+        origin = np.zeros(2)
+        phases = [Phase(duration=self.settle, zmp=origin, transfer=0.0)]
+        pose = np.zeros(3)  # of the middle of the feet: x, y, turn
+        full_step = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
         for number, share in enumerate(ramp_shares(steps, self.ramp_steps)):
-            landing = on_path(pose, *(share * move))
-            between = on_path((pose + landing) / 2, *(share * self.lead * move))  # of pairs that stand and that land
-            goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
-            *over, heading = between
-            time = self.step_time
-            phases.append(Phase(time, np.array(over), time, goals, lift=self.lift, rest=stand, heading=heading))
+            landing = pose_after(pose, *(share * full_step))
+            # The trunk goes over the middle between the pair that stands and the pair that lands, and leads it.
+            between = pose_after((pose + landing) / 2, *(share * self.lead * full_step))
+            swing = {foot: pose_after(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
+            phases.append(
+                Phase(
+                    duration=self.step_time,
+                    zmp=between[:2],
+                    transfer=self.step_time,
+                    swing=swing,
+                    lift=self.lift,
+                    rest=self.all_stand * self.step_time,
+                    heading=between[2],
+                )
+            )
             pose = landing
-        phases.append(Phase(self.settle + self.rest, pose[:2], self.settle, heading=pose[2]))
-        return _solved(walker, self, start, phases)
+        phases.append(
+            Phase(
+                duration=self.settle + self.rest,
+                zmp=pose[:2],
+                transfer=self.settle,
+                heading=pose[2],
+            )
+        )
+        return _motion_of_phases(walker, self, start, phases)
 
 
 class Crawl(SolvedGait):
-    """A gait on four legs, one leg at a time."""
+    """A gait on four legs that swings one leg at a time."""
 
     section: ClassVar[str] = "crawls"
     steps: ClassVar[bool] = True
@@ -64,113 +101,197 @@ class Crawl(SolvedGait):
     pace: ClassVar[str] = "leg_time"
 
     inside: Positive = 0.04
-    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+    """Least distance of the zero-moment point from the sides of the triangle of the three standing feet [m]."""
     leg_time: Pace
-    """From one leg's footfall to the next one's [s]."""
+    """Time from the touchdown of one leg to that of the next one [s]."""
     stride: Number = 0.0
-    """How far each leg goes when its turn comes [m]."""
+    """Distance that each leg swings ahead [m]."""
     lift: Positive = 0.04
     """Height of the swinging foot [m]."""
     shift: Positive = 0.6
-    """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
+    """Part of the leg's time in which all feet stand, while the trunk moves over the next three standing feet."""
     settle: Pace = 0.8
     """Time to stand before the first leg and after the last one [s]."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
+        """Plan the crawl, see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: count of legs that swing, one after the other.
+            amplitude: not used, since the stride is scaled by it already.
+        """
         check_steps(steps)
-        start = _stance(walker, self)
-        place = {foot: at.copy() for foot, at in start.items()}
-        shift = self.shift * self.leg_time
-        phases = [Phase(self.settle, np.zeros(2), 0.0)]
+        start = _start_footholds(walker, self)
+        footholds = {foot: foothold.copy() for foot, foothold in start.items()}
+        shift_time = self.shift * self.leg_time
+        phases = [Phase(duration=self.settle, zmp=np.zeros(2), transfer=0.0)]
         for number in range(steps):
             swinging = CRAWL_ORDER[number % 4]
-            triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
-            middle = np.mean([at[:2] for at in place.values()], axis=0)
-            goal, over = on_path(place[swinging], self.stride), moved_inside(middle, triangle, self.inside)
-            phases.append(Phase(self.leg_time, over, shift, {swinging: goal}, lift=self.lift, delay=shift))
-            place[swinging] = goal
-        end = np.mean([at[:2] for at in place.values()], axis=0)
-        phases.append(Phase(self.settle + self.rest, end, self.settle))
-        return _solved(walker, self, start, phases)
+            triangle = np.array([footholds[foot][:2] for foot in footholds if foot != swinging])
+            over = nearest_inside(_middle_of(footholds), triangle, self.inside)
+            landing = pose_after(footholds[swinging], self.stride)
+            # The foot lifts off only when the trunk is over the other three.
+            phases.append(
+                Phase(
+                    duration=self.leg_time,
+                    zmp=over,
+                    transfer=shift_time,
+                    swing={swinging: landing},
+                    lift=self.lift,
+                    delay=shift_time,
+                )
+            )
+            footholds[swinging] = landing
+        end = _middle_of(footholds)
+        phases.append(Phase(duration=self.settle + self.rest, zmp=end, transfer=self.settle))
+        return _motion_of_phases(walker, self, start, phases)
 
 
 class Stand(SolvedGait):
-    """Standing on three legs."""
+    """Standing on three of four legs."""
 
     section: ClassVar[str] = "stands"
 
     inside: Positive = 0.04
-    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+    """Least distance of the zero-moment point from the sides of the triangle of the three standing feet [m]."""
     foot: str
-    """Which foot is up."""
+    """Name of the foot that is raised."""
     height: Positive = 0.03
-    """How high [m]."""
+    """Height of the raised foot [m]."""
     seconds: Pace = 5.0
-    """How long it stays there [s]."""
+    """Time that the foot stays at this height [s]."""
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
-        start, foot = _stance(walker, self), self.foot
-        if foot not in start:
-            raise UnknownName(message("programs.foot_of", "foot of {model}", model=walker.model.name), foot, start)
-        triangle = np.array([at[:2] for other, at in start.items() if other != foot])
-        over = moved_inside(np.zeros(2), triangle, self.inside)
-        rise = 0.6
+        """Plan to shift the weight, raise the foot, lower it and shift the weight back; see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: not used.
+            amplitude: not used.
+        """
+        start = _start_footholds(walker, self)
+        if self.foot not in start:
+            what = message("programs.foot_of", "foot of {model}", model=walker.model.name)
+            raise UnknownName(what, self.foot, start)
+        origin = np.zeros(2)
+        triangle = np.array([start[foot][:2] for foot in start if foot != self.foot])
+        over = nearest_inside(origin, triangle, self.inside)
+        raising = Phase(
+            duration=self.seconds + 2 * _RAISE,
+            zmp=over,
+            transfer=0.0,
+            swing={self.foot: start[self.foot]},  # it lands where it was
+            lift=self.height,
+            hold=self.seconds,
+        )
         phases = [
-            Phase(0.5, np.zeros(2), 0.0),
-            Phase(1.0, over, 1.0),
-            Phase(self.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=self.height, hold=self.seconds),
-            Phase(1.0 + self.rest, np.zeros(2), 1.0),
+            Phase(duration=_BEFORE, zmp=origin, transfer=0.0),
+            Phase(duration=_SHIFT, zmp=over, transfer=_SHIFT),
+            raising,
+            Phase(duration=_SHIFT + self.rest, zmp=origin, transfer=_SHIFT),
         ]
-        return _solved(walker, self, start, phases)
+        return _motion_of_phases(walker, self, start, phases)
 
 
-trot = Trot.planned
+trot = Trot.plan_by_name
 """Plan a trot; ``ramp_steps`` steps and one that brings the feet under the hips come in addition to the full ones."""
 
 
 def crawl(
-    robot: str | RobotModel | Walker, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker,
+    legs: int,
+    name: str = "crawl",
+    *,
+    amplitude: float = 1.0,
+    **changes: Any,
 ) -> JointMotion:
-    """Plan a crawl in which so many legs swing, a multiple of four to end as it began; see :meth:`Gait.planned`."""
-    return Crawl.planned(robot, legs, name, amplitude=amplitude, **changes)
+    """Plan a crawl, see :meth:`Gait.plan_by_name`.
+
+    Args:
+        robot: name or model of the robot, or a :class:`Walker`.
+        legs: count of legs that swing. After a multiple of four the feet stand as at the start.
+        name: name of the crawl in the robot's ``gaits.yaml``.
+        amplitude: factor of the stride.
+        **changes: values of parameters that replace those of the file.
+    """
+    return Crawl.plan_by_name(robot, legs, name, amplitude=amplitude, **changes)
 
 
 def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any) -> JointMotion:
-    """Plan to lift one foot, the parameter ``foot``, and stand on the other three; see :meth:`Gait.planned`."""
-    return Stand.planned(robot, 0, name, **changes)
+    """Plan to raise one foot, the parameter `foot`, and to stand on the other three; see :meth:`Gait.plan_by_name`."""
+    return Stand.plan_by_name(robot, 0, name, **changes)
 
 
-def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
-    """Return the place nearest to a point (2,) that lies in a triangle (3, 2) by a margin [m].
+def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
+    """Find the position nearest to a point whose distance from all sides of a triangle is at least a margin.
+
+    Args:
+        point: the point, shape (2,) [m].
+        triangle: corners of the triangle in either sense of rotation, shape (3, 2) [m].
+        margin: least distance from each side, inside the triangle [m].
+
+    Returns:
+        The position, shape (2,) [m]. It is the point itself if that is far enough inside.
 
     Raises:
-        InvalidParameter: the triangle is too small for the margin.
+        InvalidParameter: no position in the triangle has this distance from all sides.
     """
-    corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
+    is_counterclockwise = np.linalg.det(triangle[1:] - triangle[0]) > 0
+    corners = triangle if is_counterclockwise else triangle[::-1]
+    # A position p is allowed if n p >= d for each side, with the unit normal n that points inside.
     sides = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]
+    lengths = np.linalg.norm(sides, axis=1)[:, np.newaxis]
+    normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / lengths
     offsets = np.einsum("kx,kx->k", normals, corners) + margin
+    # The nearest position is the point, its projection on a side that is moved inside, or a corner of such sides.
     candidates = [np.asarray(point, dtype=float)]
-    candidates += [point + (offset - normal @ point) * normal for normal, offset in zip(normals, offsets, strict=True)]
-    candidates += [np.linalg.solve(normals[[a, b]], offsets[[a, b]]) for a, b in ((0, 1), (1, 2), (2, 0))]
-    inside = [place for place in candidates if (normals @ place >= offsets - 1e-9).all()]
-    if not inside:
+    for normal, offset in zip(normals, offsets, strict=True):
+        candidates.append(point + (offset - normal @ point) * normal)
+    candidates += [np.linalg.solve(normals[pair], offsets[pair]) for pair in ([0, 1], [1, 2], [2, 0])]
+    allowed = [position for position in candidates if (normals @ position >= offsets - _INSIDE_TOLERANCE).all()]
+    if not allowed:
         raise InvalidParameter(
             "inside",
             margin,
             message("programs.within_triangle", "smaller than what the triangle of three feet has room for [m]"),
         )
-    return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
+    return min(allowed, key=lambda position: float(np.linalg.norm(position - point)))
 
 
-def _stance(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
-    """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
-    feet = walker.feet_called(CRAWL_ORDER, gait.feet, message("programs.four_feet_to_walk", "four feet, to walk so"))
-    return {name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
+def _middle_of(footholds: dict[str, Vector]) -> Vector:
+    """Mean position of the feet, shape (2,) [m], from their footholds (3,)."""
+    return np.asarray(np.mean([foothold[:2] for foothold in footholds.values()], axis=0))
 
 
-def _solved(walker: Walker, gait: SolvedGait, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
-    way = gait_plan(start, np.zeros(2), phases)
-    return WholeBody(walker, gait, way).solve()[0]
+def _start_footholds(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
+    """Footholds of the four feet at the start, by foot: x [m], y [m] and turn [rad], shape (3,) each.
+
+    Raises:
+        InvalidParameter: the robot has other feet.
+    """
+    needed = message("programs.four_feet_to_walk", "four feet, to walk so")
+    feet = walker.feet_by_name(CRAWL_ORDER, gait.feet, needed)
+    footholds = {}
+    for name, foot in feet.items():
+        left = foot.home[1] + foot.side * gait.widen
+        footholds[name] = np.array([foot.home[0], left, 0.0])
+    return footholds
+
+
+def _motion_of_phases(
+    walker: Walker,
+    gait: SolvedGait,
+    start: dict[str, Vector],
+    phases: list[Phase],
+) -> JointMotion:
+    """Solve the motion of a gait from its phases.
+
+    Args:
+        walker: the robot.
+        gait: the gait.
+        start: foothold (3,) of each foot at the start.
+        phases: the phases, one after the other.
+    """
+    plan = gait_plan(start, np.zeros(2), phases)
+    return WholeBody(walker, gait, plan).solve()[0]

@@ -1,7 +1,11 @@
-"""All kinds of gaits, and the gaits of a robot by name.
+"""Kinds of gaits that are planned before they begin, and the gaits of a robot by name.
 
-A new kind of the core is a file in this folder and a name in the list `_CORE`. Installed extensions add further kinds.
-Each gait is made for one kind of feet; a robot can use it on other feet that are about as large.
+A kind of gait is a class such as `BipedWalk`; a gait is an entry in a robot's file ``gaits.yaml``, which has a section
+for each kind. A new kind of the core is a file in this folder and a name in the list `_CORE`; installed extensions add
+further kinds.
+
+A robot may have several kinds of feet, such as spheres and soles. Each gait is made for one kind; a robot can use it on
+other feet that are about as large.
 """
 
 from collections.abc import Mapping
@@ -31,24 +35,27 @@ _CORE: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, K
 _POINT = "gaits"
 """Extension point at which extensions add kinds of gaits."""
 register_core_names(_POINT, lambda: [kind.section for kind in _CORE])
-_AS_LARGE = 0.8
-"""Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""
+_LEAST_SIZE = 0.8
+"""Least length and width of other feet over those of the feet that a gait is made for [1].
+
+Gaits keep the zero-moment point about so far inside the feet.
+"""
 
 
 class _Gaits(Strict):
-    """All gaits of a robot."""
+    """Gaits of a robot."""
 
     facing_deg: Number
-    """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
+    """Direction in which the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
     reacting: WalkingParameters | None = None
-    """The walk that is made while it goes: controllers of kind `walk`."""
+    """Parameters of the walk that reacts to measurements: of controllers of kind `walk`."""
     get_up: GettingUp | None = None
-    """How it gets up where it has fallen: moves and controllers of kind `get_up`."""
+    """Parameters of getting up after a fall: of moves and controllers of kind `get_up`."""
 
 
 @cache
 def gait_kinds() -> tuple[type[Gait], ...]:
-    """Return all kinds of gaits that are planned before they begin, those of installed extensions last."""
+    """Kinds of gaits that are planned before they begin: those of the core, then those of installed extensions."""
     return (*_CORE, *classes_of_extensions(_POINT, Gait, named_by="section").values())
 
 
@@ -66,19 +73,26 @@ def gaits_model() -> type[Strict]:
 
 
 def load_gaits(robot: str | RobotModel) -> Any:
-    """Return all gaits of a robot, checked: ``walks``, ``trots`` ... by name.
+    """Read and check all gaits of a robot.
+
+    Args:
+        robot: name or model of the robot.
+
+    Returns:
+        An object of :func:`gaits_model`: its attributes, such as ``walks``, are dicts of gaits by name.
 
     Raises:
-        UnknownName: no such robot; proposes the nearest.
-        InvalidParameter: a robot without gaits.
-        InvalidConfig: its file has a wrong entry.
-        BrokenExtension: its file has a section of a kind that an extension adds, and that cannot be used.
+        UnknownName: there is no such robot. The message proposes the nearest name.
+        InvalidParameter: the robot has no gaits.
+        InvalidConfig: its file of gaits has a wrong entry.
+        BrokenExtension: its file has a section of a kind that an extension adds, and this extension cannot be used.
     """
-    found = gaits_file(robot)
-    for section in found.sections:
+    file = gaits_file(robot)
+    for section in file.sections:
+        # A section that no kind has may belong to an extension that failed to load: that error explains more.
         if section not in gaits_model().model_fields:
             check_usable(_POINT, section, Gait, named_by="section")
-    return validated(gaits_model(), dict(found.content), found.file)
+    return validated(gaits_model(), dict(file.content), file.file)
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
@@ -94,11 +108,11 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
         InvalidConfig: its file of gaits has a wrong entry.
     """
     gaits = load_gaits(robot)
-    found: dict[str, Gait] = {}
+    by_name: dict[str, Gait] = {}
     for kind in gait_kinds():
         if kind.steps == steps:
-            found |= getattr(gaits, kind.section)
-    return found
+            by_name |= getattr(gaits, kind.section)
+    return by_name
 
 
 def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
@@ -111,33 +125,54 @@ def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
 
 
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
-    """Tell whether a gait that is made for one kind of feet carries on the kind that is worn: the same, or as large."""
+    """Check whether a robot can use a gait on its feet: on those for which it is made, or on others about as large.
+
+    Args:
+        model: the robot.
+        worn: kind of feet that the robot has in its station, or None if it has no feet.
+        made: kind of feet for which the gait is made, or None if it needs no feet.
+    """
     if worn == made or worn is None or made is None:
         return worn == made
-    ours, theirs = _sizes(model, worn), _sizes(model, made)
-    return ours.keys() == theirs.keys() and all((ours[link] >= _AS_LARGE * theirs[link]).all() for link in ours)
+    worn_sizes = _foot_sizes(model, worn)
+    made_sizes = _foot_sizes(model, made)
+    if worn_sizes.keys() != made_sizes.keys():
+        return False
+    return all((worn_sizes[link] >= _LEAST_SIZE * made_sizes[link]).all() for link in worn_sizes)
 
 
 def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -> str:
-    """Return the first gait for the feet worn, or for others it has; raises InvalidParameter: none; tells of feet."""
-    made = {name: gait.made_for(model) for name, gait in known.items()}
-    fitting = [name for name in made if made[name] == worn] or [
-        name for name in made if carries(model, worn, made[name])
-    ]
-    if not fitting:
-        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or message(
-            "programs.another_robot", "another robot"
-        )
-        raise InvalidParameter(
-            message("programs.feet_of", "feet of {model}", model=model.name),
-            str(worn),
-            message("programs.feet_with_gait", "some that it has a gait for: {kinds} (robot.feet)", kinds=kinds),
-        )
-    return fitting[0]
+    """Find the name of the first gait for the feet that a robot has.
+
+    Gaits that are made for these feet come before those that are made for others about as large.
+
+    Args:
+        model: the robot.
+        worn: kind of feet that the robot has in its station, or None if it has no feet.
+        known: gaits to choose from, by name.
+
+    Raises:
+        InvalidParameter: there is no gait for these feet. The message names the feet for which there is one.
+    """
+    made_for = {name: gait.made_for(model) for name, gait in known.items()}
+    exact = [name for name, made in made_for.items() if made == worn]
+    fitting = exact or [name for name, made in made_for.items() if carries(model, worn, made)]
+    if fitting:
+        return fitting[0]
+    kinds = ", ".join(dict.fromkeys(str(made) for made in made_for.values()))  # each kind once
+    raise InvalidParameter(
+        message("programs.feet_of", "feet of {model}", model=model.name),
+        str(worn),
+        message(
+            "programs.feet_with_gait",
+            "some that it has a gait for: {kinds} (robot.feet)",
+            kinds=kinds or message("programs.another_robot", "another robot"),
+        ),
+    )
 
 
-def _sizes(model: RobotModel, kind: str) -> dict[str, Vector]:
-    """Return length and width of what each foot stands on, by link, shape (2,) [m]."""
-    assert model.feet is not None  # it has a kind of feet
+def _foot_sizes(model: RobotModel, kind: str) -> dict[str, Vector]:
+    """Length and width of the contact of each foot of a kind, by link, shape (2,) [m]."""
+    assert model.feet is not None  # a robot with a kind of feet has feet
     contact = model.feet.kind(kind)
     return {link: np.ptp(contact.support_points(link)[:, :2], axis=0) for link in contact.links}

@@ -1,8 +1,15 @@
-"""Postures one after the other: the thesis's step and march, bows, waves, swimming strokes, as data."""
+"""Gaits that are sequences of postures: a march as in the thesis, bows, waves, swimming strokes.
 
-from collections.abc import Mapping, Sequence
+A posture is given by the angles of the axes, not by footholds; nothing keeps the robot in balance. The root link is
+planned to stay where the robot stands in the first posture.
+
+"The thesis" is the work on a humanoid for which the original of this toolbox, SimRob, was written: it joined postures
+by straight lines and gave the servos positions only.
+"""
+
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -18,13 +25,28 @@ from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.parts.references import Waypoint
 from simrob_drake.programs.gaits.motion import Gait, JointMotion, Pace
 from simrob_drake.programs.gaits.phases import check_steps, samples
-from simrob_drake.programs.gaits.walker import Walker, mirrored
+from simrob_drake.programs.gaits.walker import Walker, exchange_sides
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 
+Ramps = Literal["smooth", "linear"]
+"""How two postures are joined: with rest in each of them, or by straight lines."""
+
+
+class _Knots(NamedTuple):
+    """Postures, and the times at which the robot is in them.
+
+    Attributes:
+        times: times in ascending order, the first is 0 [s].
+        postures: angles of the n axes at these times, shape (n,) each [rad].
+    """
+
+    times: list[float]
+    postures: list[Vector]
+
 
 class March(Gait):
-    """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
+    """A walk on two legs by joint angles that are joined by straight lines, as in the thesis."""
 
     section: ClassVar[str] = "marches"
     usual: ClassVar[str] = "march"
@@ -32,31 +54,40 @@ class March(Gait):
     pace: ClassVar[str] = "move_time"
 
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo gains for it, in place of the station's: kp, kd."""
+    """Gains of the servos that replace those of the station: kp, kd."""
     move_time: Pace = 1.0
-    """Of each sub-move [s]."""
+    """Time from one posture to the next [s]."""
     start_deg: AxisValues
     """Posture at the start and at the end [deg]."""
     left: Annotated[tuple[AxisValues, ...], Field(min_length=2)]
-    """Postures of a step with the left foot; axes that are left out are as at the start. The right one mirrors them."""
+    """Postures of a step with the left foot [deg]. Axes that are left out are as at the start. The right one mirrors
+    them."""
     feed_velocity: Boolean = False
-    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion; the amplitude scales how far all joints go from the posture at the start."""
+        """Plan the march, see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: count of full steps. One more is added, because the first and the last one are half as long.
+            amplitude: factor of how far all joints move from the posture at the start.
+        """
         check_steps(steps)
         positive(amplitude, "amplitude", "1")
         model = walker.model
-        start = _vector(model, self.start_deg, np.zeros(len(model.axes)))
-        left = [_vector(model, posture, start) for posture in self.left]
-        moves = {0: left, 1: [mirrored(model, posture) for posture in left]}
+        start = _posture(model, self.start_deg, np.zeros(len(model.axes)))
+        left_step = [_posture(model, posture, start) for posture in self.left]
+        right_step = [exchange_sides(model, posture) for posture in left_step]
         postures = [start]
-        for step in range(steps + 1):
-            share = amplitude * (0.5 if step == 0 else 1.0)
-            sub_moves = moves[step % 2] if step < steps else [*moves[step % 2][:-1], start]
-            postures += [start + share * (posture - start) for posture in sub_moves]
-        times = np.arange(len(postures)) * self.move_time
-        motion = _motion(walker, self.feet, list(times), postures, "linear", self.rest)
+        for number in range(steps + 1):
+            step = right_step if number % 2 else left_step
+            if number == steps:
+                step = [*step[:-1], start]  # the last step ends in the posture at the start
+            share = amplitude * (0.5 if number == 0 else 1.0)  # the first step is half as long
+            postures += [start + share * (posture - start) for posture in step]
+        times = [float(time) for time in np.arange(len(postures)) * self.move_time]
+        motion = _join_postures(walker, self.feet, _Knots(times, postures), "linear", self.rest)
         return replace(motion, servo=self.servo, feed_velocity=self.feed_velocity)
 
 
@@ -69,82 +100,126 @@ class Posing(Gait):
     start_deg: AxisValues = 0.0
     """Posture at the start [deg]."""
     targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
-    """Postures, and when to be there; axes that are left out stay."""
+    """Postures, each with the time at which the robot is in it. Axes that are left out stay where they are."""
     repeat: Integer = Field(default=1, ge=1, le=1000)
-    """How often to go through the targets."""
+    """Count of times that the targets are repeated."""
     held: Boolean = False
-    """Whether it is for a robot that is held by its trunk."""
-    ramps: Literal["smooth", "linear"] = "smooth"
+    """Whether the sequence is for a robot that is held by its trunk."""
+    ramps: Ramps = "smooth"
     """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
     feed_velocity: Boolean = True
-    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
     falls: Boolean = False
-    """Whether it ends on the floor: monitors of the robot's fall do not watch it then."""
+    """Whether the robot ends on the floor. Monitors of a fall do not watch it then."""
 
     @property
     def hangs(self) -> bool:
-        """Whether it is for a robot that is held by its trunk."""
+        """Whether the sequence is for a robot that is held by its trunk."""
         return self.held
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion."""
-        model = walker.model
-        start = _vector(model, self.start_deg, np.zeros(len(model.axes)))
-        times, postures = [0.0], [start]
-        for number in range(self.repeat):
-            begun = number * self.targets[-1].time
-            for target in self.targets:
-                times.append(begun + target.time)
-                postures.append(_vector(model, target.target_deg, postures[-1]))
-        if (np.diff(times) <= 0).any():
+        """Plan the sequence, see :meth:`Gait.plan`.
+
+        Args:
+            walker: the robot.
+            steps: not used.
+            amplitude: not used.
+        """
+        knots = self._knots(walker.model)
+        if (np.diff(knots.times) <= 0).any():
             raise InvalidParameter(
                 "targets",
                 message("programs.at_times", "at {times} s", times=[target.time for target in self.targets]),
                 message("programs.one_after_other", "one after the other"),
             )
-        motion = _motion(walker, self.feet, times, postures, self.ramps, self.rest)
+        motion = _join_postures(walker, self.feet, knots, self.ramps, self.rest)
         return replace(motion, feed_velocity=self.feed_velocity, falls=self.falls)
+
+    def _knots(self, model: RobotModel) -> _Knots:
+        """Compute the postures of all repetitions, and their times."""
+        times = [0.0]
+        postures = [_posture(model, self.start_deg, np.zeros(len(model.axes)))]
+        for repetition in range(self.repeat):
+            start_time = repetition * self.targets[-1].time
+            for target in self.targets:
+                times.append(start_time + target.time)
+                postures.append(_posture(model, target.target_deg, postures[-1]))
+        return _Knots(times, postures)
 
 
 def posing(robot: str | RobotModel | Walker, name: str, **changes: Any) -> JointMotion:
-    """Return one of a robot's sequences of postures, whose targets' times rise; see :meth:`Gait.planned`."""
-    return Posing.planned(robot, 0, name, **changes)
+    """Plan one of a robot's sequences of postures; see :meth:`Gait.plan_by_name`."""
+    return Posing.plan_by_name(robot, 0, name, **changes)
 
 
-march = March.planned
-"""Plan a walk by joint angles in the thesis's manner; the first and the last step are half as long, so one is added."""
+march = March.plan_by_name
+"""Plan a walk by joint angles as in the thesis; the first and the last step are half as long, so one is added."""
 
 
 def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:
-    """Return how high the root of a robot is while its lowest foot touches the floor [m]."""
+    """Compute the height of the root link at which the lowest foot of a robot touches the floor [m].
+
+    Args:
+        skeleton: links, joints and masses of the robot.
+        angles: angles of its n axes, shape (n,) [rad].
+        feet: kind of feet. If it is None, the default one.
+
+    Returns:
+        The height, at least 0. It is 0 if the robot has no feet.
+    """
     if skeleton.model.feet is None:
         return 0.0
-    frames, contact = skeleton.frames(angles[np.newaxis]), skeleton.model.feet.kind(feet)
-    lowest = [contact.lowest_points(link, skeleton.link_poses(link, frames))[0, :, 2].min() for link in contact.links]
-    return -min(0.0, *map(float, lowest))
+    frames = skeleton.frames(angles[np.newaxis])  # with the root at the height 0
+    contact = skeleton.model.feet.kind(feet)
+    lowest = 0.0
+    for link in contact.links:
+        points = contact.lowest_points(link, skeleton.link_poses(link, frames))[0]
+        lowest = min(lowest, float(points[:, 2].min()))
+    return -lowest
 
 
-def _vector(model: RobotModel, values: AxisValues, otherwise: Vector) -> Vector:
-    return np.deg2rad(model.axis_vector(values, "target_deg", np.rad2deg(otherwise)))
+def _posture(model: RobotModel, values: AxisValues, default: Vector) -> Vector:
+    """Convert the angles of a posture from degrees.
+
+    Args:
+        model: the robot.
+        values: angles of some axes [deg].
+        default: angles of the axes that are left out, shape (n,) [rad].
+
+    Returns:
+        Angles of all axes, shape (n,) [rad].
+    """
+    return np.deg2rad(model.axis_vector(values, "target_deg", np.rad2deg(default)))
 
 
-def _motion(
+def _join_postures(
     walker: Walker,
     feet: str | None,
-    times: Sequence[float],
-    postures: Sequence[Vector],
-    ramps: Literal["smooth", "linear"],
+    knots: _Knots,
+    ramps: Ramps,
     rest: float,
 ) -> JointMotion:
-    """Join postures, by straight lines or at rest in each."""
-    at = samples(times[-1] + rest)
-    piece = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    starts, ends = np.array(times)[piece], np.array(times)[piece + 1]
-    share = np.clip((at - starts) / (ends - starts), 0.0, 1.0)
+    """Plan the motion through postures.
+
+    Args:
+        walker: the robot.
+        feet: kind of its feet. If it is None, the default one.
+        knots: the postures and their times.
+        ramps: ``smooth`` comes to rest in each posture, ``linear`` goes from one to the next at a constant speed.
+        rest: time to stay in the last posture [s].
+    """
+    sample_times = samples(knots.times[-1] + rest)
+    count = len(sample_times)
+    times = np.array(knots.times)
+    postures = np.array(knots.postures)
+    # Index of the posture before each sample. The last interval goes on while the robot rests.
+    before = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, len(times) - 2)
+    starts = times[before]
+    ends = times[before + 1]
+    share = np.clip((sample_times - starts) / (ends - starts), 0.0, 1.0)
     if ramps == "smooth":
         share = smooth(share)
-    table = np.array(postures)
-    positions = table[piece] + share[:, np.newaxis] * (table[piece + 1] - table[piece])
-    count, height = len(at), standing_height(walker.skeleton, table[0], feet)
+    positions = postures[before] + share[:, np.newaxis] * (postures[before + 1] - postures[before])
+    height = standing_height(walker.skeleton, postures[0], feet)
     root = stacked(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
-    return JointMotion(walker.model, feet, at, positions, root)
+    return JointMotion(walker.model, feet, sample_times, positions, root)

@@ -1,7 +1,11 @@
-r"""A robot as its gaits are planned for it: skeleton, parameters of its gaits, and its feet in walking direction.
+r"""A robot as planners of gaits see it: skeleton, parameters of its gaits, and its feet in the walking direction.
 
-Feet that are balls roll while they stand: their middle moves over the floor as the leg turns. A ball of radius r that
-turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
+Planners let every robot walk along x, with y to its left, in the frame of the ground. A robot whose own link frames
+look elsewhere is turned by :func:`facing_rotation`. Each :class:`Foot` has a point in the middle of its contact, whose
+pose is the identity rotation while the foot stands flat and looks ahead.
+
+A foot is either a sole or a ball. Balls roll while they stand, so that their middle moves over the floor as the leg
+turns. A ball of radius r that turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
 """
 
 from collections.abc import Collection
@@ -24,26 +28,51 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GaitsFile, gaits_file
 
 UP = np.array([0.0, 0.0, 1.0])
+"""Normal of the ground, in its own frame."""
 
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot, in the frame in which the robot walks along x and has y at its left."""
+    """A foot and the leg that carries it, in a frame in which the robot walks along x and has y to its left.
 
-    name: str  # such as left_foot
-    link: str  # the frame of its link
-    axes: tuple[int, ...]  # of the leg, the hip first
-    # these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead
+    Attributes:
+        name: name of the foot, such as ``left_foot``.
+        link: name of the link's frame.
+        axes: indices of the axes of the leg, from the hip down.
+        leg: kinematic chain of these axes from the root to `point`. Its last frame is that of the world when
+            the foot stands flat and looks ahead.
+        point: middle of the contact, in the link, shape (3,) [m]. That of a sole is half-way between its bottom and
+            its top, that of spheres is between their middles.
+        over: height of the point over the floor when the foot stands [m]. It is the radius of a ball.
+        upright: rotation of the link when the foot stands flat and looks ahead, shape (3, 3).
+        home: position of the point seen from the root when all axes are zero, shape (3,) [m].
+        half: half the length and half the width of the contact, shape (2,) [m]. Both are 0 for a ball.
+    """
+
+    name: str
+    link: str
+    axes: tuple[int, ...]
     leg: Chain
-    point: Vector  # middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom
-    over: float  # height of the point over the floor when the foot stands [m]
-    upright: Vector  # rotation of the link when the foot stands flat and looks ahead, shape (3, 3)
-    home: Vector  # the point when all axes are zero, seen from the root [m]
-    half: Vector  # half of the contact's length and width, from the middle [m]; zeros for a ball
+    point: Vector
+    over: float
+    upright: Vector
+    home: Vector
+    half: Vector
 
     def poses(self, angles: Vector, root: Vector) -> Vector:
-        """Return the poses of the point, turned from flat and ahead, for angles (m, n) of all axes: (m, 4, 4)."""
-        return self.leg.tool_poses(self.leg.frames(angles[:, list(self.axes)], root))
+        """Compute the poses of the foot's point, shape (m, 4, 4).
+
+        Args:
+            angles: angles of all n axes of the robot, shape (m, n) [rad].
+            root: poses of the root link, shape (m, 4, 4).
+        """
+        leg_angles = angles[:, list(self.axes)]
+        return self.leg.tool_poses(self.leg.frames(leg_angles, root))
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether the foot is a ball, which rolls, and not a sole."""
+        return not self.half.any()
 
     @property
     def side(self) -> float:
@@ -52,28 +81,40 @@ class Foot:
 
 
 def rotations_about(direction: Vector, angles: Vector) -> Vector:
-    """Return rotations about one unit vector (3,) by many angles (m,) [rad], shape (m, 3, 3)."""
+    """Rotations about one unit vector (3,) by m angles (m,) [rad], shape (m, 3, 3)."""
     return np.asarray(Rotation.from_rotvec(np.outer(angles, direction)).as_matrix())
 
 
-def upright(gravity: Vector) -> Vector:
-    """Return the rotation, (3, 3), that brings the z axis to the opposite of gravity (3,), about a horizontal axis."""
-    about = np.cross(UP, -gravity)
-    sine = float(np.linalg.norm(about))
+def upright_rotation(gravity: Vector) -> Vector:
+    """Rotation (3, 3) about a horizontal axis that turns the z axis against gravity (3,)."""
+    axis = np.cross(UP, -gravity)
+    sine = float(np.linalg.norm(axis))  # times |gravity|, which cancels in the arc tangent
     if sine == 0:
         return np.eye(3)
-    return np.asarray(rotations_about(about / sine, np.array([np.arctan2(sine, -gravity[2])]))[0])
+    angle = np.arctan2(sine, -gravity[2])
+    return np.asarray(rotations_about(axis / sine, np.array([angle]))[0])
 
 
 def facing_rotation(facing_deg: float) -> Vector:
-    """Return the rotation (3, 3) of a root that looks along x, if unturned it looks so far from there [deg]."""
+    """Rotation (3, 3) of the root link with which the robot looks along x.
+
+    Args:
+        facing_deg: direction in which the robot looks while its root is not turned, counterclockwise from x [deg].
+    """
     return np.asarray(rotations_about(UP, np.array([-np.deg2rad(facing_deg)]))[0])
 
 
 def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> list[Foot]:
-    """Return the feet of a kind, of the default one unless given, of a robot that looks as in :func:`facing_rotation`.
+    """Find the feet of a robot.
 
-    Raises InvalidParameter: a robot without feet; UnknownName: no such kind.
+    Args:
+        skeleton: links, joints and masses of the robot.
+        facing_deg: direction in which the robot looks, see :func:`facing_rotation`.
+        kind: kind of feet of the robot's model, such as ``soles``. If it is None, the default one.
+
+    Raises:
+        InvalidParameter: the robot has no feet.
+        UnknownName: the robot has no feet of this kind.
     """
     model = skeleton.model
     if model.feet is None:
@@ -83,25 +124,30 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             message("programs.legged_robot", "a legged one, to walk"),
         )
     contact = model.feet.kind(kind)
-    turn = facing_rotation(facing_deg)
-    names = {frame: tool for tool, frame in model.tools.items()}
+    facing = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
-        body, home = skeleton.links[link]
-        home = stacked(np.zeros((1, 3)), turn[np.newaxis])[0] @ home
+        home = facing @ skeleton.links[link][1]  # pose of the link when all axes are zero
         upright = home[:3, :3]
         if link in contact.boxes:
-            point, over = np.array(contact.boxes[link].centre), contact.boxes[link].size[2] / 2
+            sole = contact.boxes[link]
+            point = np.array(sole.centre)
+            over = sole.size[2] / 2
         else:
-            around = np.array(contact.points[link]) @ upright.T
-            middle = (around.min(axis=0) + around.max(axis=0)) / 2
-            point, over = upright.T @ middle, contact.surface(link).radius
-        spread = (contact.support_points(link) - point) @ upright.T
-        axes, leg = skeleton.limb(link, stacked(point[np.newaxis], upright.T[np.newaxis])[0])
-        sole = next((names[f] for f in names if skeleton.links[f][0] == body and names[f].endswith("foot")), link)
+            # The middle of the spheres is taken along the axes of the walking direction, not those of the link.
+            spheres = np.array(contact.points[link]) @ upright.T
+            middle = (spheres.min(axis=0) + spheres.max(axis=0)) / 2
+            point = upright.T @ middle
+            over = contact.surface(link).radius
+        support = (contact.support_points(link) - point) @ upright.T
+        # The tool frame looks ahead when the foot does: it undoes the rotation of the link.
+        tool = stacked(point[np.newaxis], upright.T[np.newaxis])[0]
+        limb = skeleton.limb(link, tool)
+        axes = limb[0]
+        leg = limb[1]
         feet.append(
             Foot(
-                name=sole,
+                name=_foot_name(skeleton, link),
                 link=link,
                 axes=axes,
                 leg=leg,
@@ -109,55 +155,91 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
                 over=over,
                 upright=upright,
                 home=home[:3, 3] + upright @ point,
-                half=np.ptp(spread[:, :2], axis=0) / 2,
+                half=np.ptp(support[:, :2], axis=0) / 2,
             )
         )
     return feet
 
 
-def rolled(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
-    """Return how far the middle of a ball of a radius r [m] has rolled since it landed: ahead, left (m, 2) [m].
+def _foot_name(skeleton: Skeleton, link: str) -> str:
+    """Name of the foot that a link belongs to.
 
-    Its rotations are (m, 3, 3), ``standing`` (m,) tells when it stands; in the air it goes back to zero, where the next
-    landing is planned.
+    It is the name of the robot's tool on the same body whose name ends in "foot", such as ``left_foot``. If there is
+    none, it is the name of the link.
     """
-    turned = rotation[1:] @ rotation[:-1].transpose(0, 2, 1)
-    about = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1) / 2  # x, y
+    body = skeleton.links[link][0]
+    # A frame that has several tools is called by the last of them.
+    tool_of_frame = {frame: tool for tool, frame in skeleton.model.tools.items()}
+    for frame, tool in tool_of_frame.items():
+        if skeleton.links[frame][0] == body and tool.endswith("foot"):
+            return tool
+    return link
+
+
+def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
+    """Compute how far a foot that is a ball has rolled since its touchdown.
+
+    While the foot is in the air, the distance goes back to zero, because the next touchdown is planned without it.
+
+    Args:
+        rotation: rotations of the ball, shape (m, 3, 3).
+        standing: whether the ball stands, shape (m,).
+        radius: radius of the ball [m].
+
+    Returns:
+        Displacement of the middle of the ball ahead and to the left, shape (m, 2) [m].
+    """
+    # For a small rotation R from one sample to the next, the rotation vector is (R - R^T)^v / 2.
+    change = rotation[1:] @ rotation[:-1].transpose(0, 2, 1)
+    twice_about_x = change[:, 2, 1] - change[:, 1, 2]
+    twice_about_y = change[:, 0, 2] - change[:, 2, 0]
+    about = np.stack([twice_about_x, twice_about_y], axis=1) / 2
+    # Rolling without slip: dc = (rotation vector) x (r e_z) = r (about y, -about x).
     move = radius * np.column_stack([about[:, 1], -about[:, 0]])
-    both = standing[1:] & standing[:-1]
-    way = np.vstack([np.zeros((1, 2)), np.cumsum(move * both[:, np.newaxis], axis=0)])
+    stays_down = standing[1:] & standing[:-1]
+    path = np.vstack([np.zeros((1, 2)), np.cumsum(move * stays_down[:, np.newaxis], axis=0)])
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
-    edges = [0, *changes, len(standing)]
-    result, last = np.zeros((len(standing), 2)), np.zeros(2)
+    edges = [0, *changes, len(standing)]  # the foot stands, or is in the air, from one edge to the next
+    result = np.zeros((len(standing), 2))
+    at_liftoff = np.zeros(2)
     for start, end in pairwise(edges):
         if standing[start]:
-            result[start:end] = way[start:end] - way[start]
-            last = result[end - 1]
+            result[start:end] = path[start:end] - path[start]
+            at_liftoff = result[end - 1]
         else:
+            # From the distance at lift-off back to zero, without reaching either: those are the samples around.
             share = np.arange(1, end - start + 1) / (end - start + 1)
-            result[start:end] = np.outer(1.0 - smooth(share), last)
+            result[start:end] = np.outer(1.0 - smooth(share), at_liftoff)
     return result
-
-
-_SIDES = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, eq=False)
 class Walker:
-    """What planners know of a robot."""
+    """A robot for which gaits are planned, and the conditions under which it walks.
 
-    skeleton: Skeleton  # the robot, with what it carries
+    Attributes:
+        skeleton: links, joints and masses of the robot, with what it carries.
+        gaits: the robot's file ``gaits.yaml``.
+        gravity: gravity in the frame of the ground in which the robot looks along x, shape (3,) [m/s²].
+        is_loaded_or_inclined: whether the robot carries something or stands on a slope. Its gaits are made for neither.
+    """
+
+    skeleton: Skeleton
     gaits: GaitsFile
     gravity: Vector = field(default_factory=LEVEL.copy)
-    """In the frame of the ground, the robot looking along x, shape (3,) [m/s²]."""
-    differs: bool = False  # whether it carries something or stands on a slope, which its gaits are not made for
+    is_loaded_or_inclined: bool = False
 
     @classmethod
     def of(cls, robot: "str | RobotModel | Walker") -> "Walker":
-        """Return what planners know of a robot with a ``gaits.yaml``: of its name, its model, or what is known already.
+        """Prepare a robot for planning, without a load and on level ground.
 
-        Raises UnknownName: no such robot; InvalidParameter: one without gaits, or with joints that do not turn;
-        InvalidConfig: a file with a wrong entry.
+        Args:
+            robot: name or model of a robot with a ``gaits.yaml``. A Walker is returned unchanged.
+
+        Raises:
+            UnknownName: there is no such robot.
+            InvalidParameter: the robot has no gaits, or a joint that is not revolute.
+            InvalidConfig: its file of gaits has a wrong entry.
         """
         if isinstance(robot, Walker):
             return robot
@@ -166,15 +248,27 @@ class Walker:
 
     @property
     def model(self) -> RobotModel:
-        """The robot's model."""
+        """Model of the robot."""
         return self.skeleton.model
 
     def feet(self, kind: str | None = None) -> list[Foot]:
-        """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""
+        """Find the feet of a kind, such as ``soles``, or of the default kind if it is None; see :func:`feet_of`."""
         return feet_of(self.skeleton, self.gaits.facing_deg, kind)
 
-    def feet_called(self, names: Collection[str], kind: str | None, needed: str) -> dict[str, Foot]:
-        """Return the feet of a kind by their names; raises InvalidParameter: they are others; names what is needed."""
+    def feet_by_name(self, names: Collection[str], kind: str | None, needed: str) -> dict[str, Foot]:
+        """Find the feet of a robot that has exactly those that a gait is made for.
+
+        Args:
+            names: names of the feet that the gait moves.
+            kind: kind of feet. If it is None, the default one.
+            needed: description of the feet for the error message, such as "two feet, to walk so".
+
+        Returns:
+            The feet by name, in the order of the robot's model.
+
+        Raises:
+            InvalidParameter: the robot has other feet.
+        """
         feet = {foot.name: foot for foot in self.feet(kind)}
         if sorted(feet) != sorted(names):
             raise InvalidParameter(
@@ -185,12 +279,27 @@ class Walker:
         return feet
 
 
-def mirrored(model: RobotModel, values: Vector) -> Vector:
-    """Return per-axis values (n,) with left and right exchanged; turns to a side change their sense."""
+_OTHER_SIDE = {"left": "right", "right": "left"}
+
+
+def exchange_sides(model: RobotModel, values: Vector) -> Vector:
+    """Exchange left and right in values of all axes, such as the angles of a posture.
+
+    The sides are the first words of the axes' names. Angles of yaw axes change their sign as well.
+
+    Args:
+        model: the robot.
+        values: one value for each axis, shape (n,).
+
+    Returns:
+        Values of the mirror image, shape (n,).
+    """
     names = list(model.axes)
     result = np.empty_like(values)
-    for place, name in enumerate(names):
+    for index, name in enumerate(names):
         side, _, rest = name.partition("_")
-        other = names.index(f"{_SIDES[side]}_{rest}") if side in _SIDES else place
-        result[place] = -values[other] if name.endswith("yaw") else values[other]
+        other = index
+        if side in _OTHER_SIDE:
+            other = names.index(f"{_OTHER_SIDE[side]}_{rest}")
+        result[index] = -values[other] if name.endswith("yaw") else values[other]
     return result

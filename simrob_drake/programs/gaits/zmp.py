@@ -1,21 +1,23 @@
-r"""The zero-moment point of a whole robot in motion, and the motion of the centre of mass that gives it.
+r"""The zero-moment point of a whole robot in motion, and the motion of the centre of mass that has a desired one.
 
-For mass points :math:`m_i` at :math:`(x_i, y_i, z_i)` over a floor at :math:`z = 0` (Vukobratović 1972), with gravity
-:math:`(g_x, g_y, -g)` in the frame of the floor,
+The zero-moment point (ZMP) is the point of the floor about which the ground's forces have no level moment. As long as
+it is inside the area that the standing feet span, these feet stay flat. For mass points :math:`m_i` at
+:math:`(x_i, y_i, z_i)` over a floor at :math:`z = 0`, with gravity :math:`(g_x, g_y, -g)` in the frame of the floor, it
+is (Vukobratović 1972)
 
 .. math::
     p_x = \frac{\sum m_i \left[(\ddot z_i + g)\, x_i - (\ddot x_i - g_x)\, z_i\right]}{\sum m_i (\ddot z_i + g)} ,
 
-and the same for y. Where it lies inside of the area that the feet span, the feet stay flat.
+and the same for y.
 
-The linear inverted pendulum tells how the centre of mass moves so that this point is where it shall be. With the
-centre of mass :math:`c` at constant height :math:`z` the zero-moment point is (Kajita 2003)
+The linear inverted pendulum replaces the robot by its centre of mass :math:`c` at a constant height :math:`z`. Its
+zero-moment point is (Kajita 2003)
 
 .. math::
     p = c - \frac{z}{g}\,\ddot c .
 
-Read as an equation for :math:`c` it has one solution that stays bounded for a given :math:`p(t)`, which looks ahead by
-some :math:`\sqrt{z/g}`. It is found as a boundary value problem: at rest over :math:`p` at the start and at the end.
+For a given :math:`p(t)` this equation has only one solution :math:`c(t)` that stays bounded. It looks ahead by about
+:math:`\sqrt{z/g}`. It is found as a boundary value problem: at rest over :math:`p` at the start and at the end.
 """
 
 import numpy as np
@@ -27,41 +29,88 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.skeleton import Skeleton
 
-LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])  # gravity over a level floor [m/s²]
-_CHUNK = 1000  # postures at a time, so that memory stays small
+LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+"""Gravity over a level floor, shape (3,) [m/s²]."""
+
+_CHUNK = 1000  # count of postures that are computed at once; more would need much memory
 
 
-def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float, gravity: Vector = LEVEL) -> Vector:
-    """Return a motion's zero-moment point (m, 2) [m]; at its ends, taken as rest, that is below the centre of mass.
+def whole_body_zmp(
+    skeleton: Skeleton,
+    root: Vector,
+    angles: Vector,
+    step: float,
+    gravity: Vector = LEVEL,
+) -> Vector:
+    """Compute the zero-moment point of a motion from all masses of the robot.
 
-    Poses of the root are (m, 4, 4), angles (m, n) [rad], ``step`` [s] apart; gravity (3,) [m/s²] is in the frame of the
-    poses, whose z axis is the normal of the floor.
+    The robot is taken to rest at both ends of the motion.
+
+    Args:
+        skeleton: links, joints and masses of the robot.
+        root: poses of the root link, shape (m, 4, 4). The z axis of their frame is the normal of the floor.
+        angles: angles of all n axes, shape (m, n) [rad].
+        step: time between two postures [s].
+        gravity: gravity in the frame of the poses, shape (3,) [m/s²].
+
+    Returns:
+        Zero-moment point at each posture, shape (m, 2) [m].
     """
-    result = np.empty((len(angles), 2))
-    for start in range(0, len(angles), _CHUNK):
-        first, last = max(start - 1, 0), min(start + _CHUNK + 1, len(angles))
+    count = len(angles)
+    result = np.empty((count, 2))
+    for start in range(0, count, _CHUNK):
+        # One more posture on each side, because the acceleration is a central difference.
+        end = min(start + _CHUNK, count)
+        first = max(start - 1, 0)
+        last = min(start + _CHUNK + 1, count)
         frames = skeleton.frames(angles[first:last], root[first:last])
-        inside = slice(start - first, start - first + min(_CHUNK, len(angles) - start))
         points = skeleton.mass_points(frames)
-        result[start : start + _CHUNK] = _of_points(points, skeleton.point_masses, step, gravity)[inside]
+        zmp = _zmp_of_points(points, skeleton.point_masses, step, gravity)
+        result[start:end] = zmp[start - first : end - first]
     return result
 
 
-def _of_points(points: Vector, masses: Vector, step: float, gravity: Vector) -> Vector:
+def _zmp_of_points(points: Vector, masses: Vector, step: float, gravity: Vector) -> Vector:
+    """Compute the zero-moment point of moving mass points, by the first equation of the module.
+
+    Args:
+        points: positions of k mass points at m times, shape (m, k, 3) [m].
+        masses: masses of the points, shape (k,) [kg].
+        step: time between two positions [s].
+        gravity: gravity, shape (3,) [m/s²].
+
+    Returns:
+        Zero-moment point, shape (m, 2) [m].
+    """
+    # Acceleration without gravity: the central difference, and zero at both ends, where the robot rests.
     acceleration = np.zeros_like(points)
     acceleration[1:-1] = (points[2:] - 2.0 * points[1:-1] + points[:-2]) / step**2
     acceleration -= gravity
-    lifting = masses * acceleration[..., 2]
-    turning = masses * points[..., 2]
-    moment = np.einsum("mk,mkx->mx", lifting, points[..., :2]) - np.einsum("mk,mkx->mx", turning, acceleration[..., :2])
-    return np.asarray(moment / lifting.sum(axis=1, keepdims=True))
+    vertical_forces = masses * acceleration[..., 2]  # m (z'' + g), shape (m, k) [N]
+    heights = masses * points[..., 2]  # m z, shape (m, k) [kg m]
+    upright_moment = np.einsum("mk,mkx->mx", vertical_forces, points[..., :2])
+    tilting_moment = np.einsum("mk,mkx->mx", heights, acceleration[..., :2])
+    moment = upright_moment - tilting_moment
+    return np.asarray(moment / vertical_forces.sum(axis=1, keepdims=True))
 
 
 def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY) -> Vector:
-    """Return the bounded motion c (m, k) [m] of the centre of mass under a zero-moment point p (m, k) [m], ends at p.
+    r"""Compute the bounded motion of the centre of mass c whose zero-moment point is p.
 
-    The second derivative is the central difference, so the error is of the order of ``step**2`` [s²]; ``height`` is z
-    [m], ``gravity`` g [m/s²]. Raises InvalidParameter: fewer than three samples, or a parameter that is not positive.
+    The second derivative of :math:`p = c - (z/g)\,\ddot c` is replaced by the central difference, with an error of the
+    order of ``step**2``. At both ends c is p.
+
+    Args:
+        zmp: zero-moment point p, shape (m, k) [m], with m > 2.
+        step: time between two samples [s].
+        height: height z of the centre of mass [m].
+        gravity: g [m/s²].
+
+    Returns:
+        Centre of mass c, shape (m, k) [m].
+
+    Raises:
+        InvalidParameter: there are fewer than three samples, or a parameter is not positive.
     """
     for name, value in (("step", step), ("height", height), ("gravity", gravity)):
         if not (np.isfinite(value) and value > 0):
@@ -72,10 +121,12 @@ def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = ST
             message("programs.of_shape", "of shape {shape}", shape=zmp.shape),
             message("programs.of_shape_m_k", "(m, k) with m > 2"),
         )
+    # -a c[i-1] + (1 + 2a) c[i] - a c[i+1] = p[i], with a = z / (g step²): a tridiagonal system.
+    # The rows of `bands` are the diagonals above, on and below the main one, as solve_banded expects them.
     off_diagonal = -height / gravity / step**2
     bands = np.zeros((3, len(zmp)))
     bands[0, 2:] = off_diagonal
     bands[1] = 1.0 - 2.0 * off_diagonal
     bands[2, :-2] = off_diagonal
-    bands[1, [0, -1]] = 1.0
+    bands[1, [0, -1]] = 1.0  # c = p at both ends
     return np.asarray(solve_banded((1, 1), bands, zmp))

@@ -1,19 +1,34 @@
-"""A piece that is taken, or hung on something else (SimRob's PegarEn), and one that is let go."""
+"""Moves that attach a piece to a robot or to another piece (SimRob's PegarEn), and that release it.
 
-from typing import Annotated, ClassVar
+An attached piece moves with its *parent*: a robot's tool or link, another piece, or the world.
+"""
+
+from typing import Annotated, ClassVar, NamedTuple
 
 from simrob_drake.base.sections import Boolean, Pose
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.grasps import let_go
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.grasps import release_piece
+from simrob_drake.programs.model import StationModel, reparent_piece
 from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Run, Stage, naming
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.stations.config import StationConfig
 
 
+class Mount(NamedTuple):
+    """The thing to which a piece is attached.
+
+    Attributes:
+        parent: name of a robot or a piece, or ``world``.
+        frame: name of the parent's frame, tool or link. If it is None, its tool centre point.
+    """
+
+    parent: str
+    frame: str | None
+
+
 class AttachMove(Move):
-    """A piece that is taken; it takes no time."""
+    """Attach a piece. This takes no time."""
 
     key: ClassVar[str] = "attach"
     says: ClassVar[str] = "attach {it.piece}"
@@ -21,52 +36,63 @@ class AttachMove(Move):
     takes_time: ClassVar[bool] = False
 
     piece: Annotated[str, NameOf("pieces")]
-    """Which."""
+    """Name of the piece."""
     tool: Annotated[str | None, NameOf("tools")] = None
-    """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
+    """Tool or link of the robot, or a piece that it carries, which takes the piece. By default the first tool."""
     pose: Pose | None = None
-    """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
+    """Pose of the piece in the frame of the tool. If it is not set, the piece stays where it is."""
     parent: str | None = None
-    """Instead of a tool of the robot anything else that it is to hang on: `world`, a robot, another piece."""
+    """Parent instead of a tool of the robot: `world`, a robot or another piece."""
     frame: str | None = None
-    """A frame of that piece, instead of its tool centre point; or a tool or link of that robot."""
+    """Frame of a parent piece, instead of its tool centre point; or tool or link of a parent robot."""
     robot: str | None = None
-    """Which robot of the station takes it; that of the program unless given."""
+    """Robot of the station that takes the piece. If it is not set, that of the program."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Take it: an arm with the tool that it has now, unless another parent or tool is named."""
-        who = self.robot or robot
+        """Attach the piece: to the current tool of an arm, unless the move names another tool or a parent."""
+        own_robot = self.robot or robot
         if self.parent is None and self.tool is None:
-            cell.take(self.piece, who, frame=self.frame, pose=self.pose)
+            cell.take(self.piece, own_robot, frame=self.frame, pose=self.pose)
             return
-        parent, frame = self.mount(cell.config, who or "" if self.parent else cell.robot_name(who))
-        cell.attach(self.piece, parent, frame=frame, pose=self.pose)
+        # A named parent needs no robot; otherwise the station has to have a robot that is meant.
+        name = (own_robot or "") if self.parent else cell.robot_name(own_robot)
+        mount = self.mount(cell.config, name)
+        cell.attach(self.piece, mount.parent, frame=mount.frame, pose=self.pose)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Return the stage in which a robot with legs takes it, however far away it is now."""
-        parent, frame = self.mount(outlook.station, self.robot or robot.name)
+        """Return the stage in which a robot with legs takes the piece, however far away the piece is now.
+
+        The outlook gets the station with the attached piece.
+        """
+        mount = self.mount(outlook.station, self.robot or robot.name)
         model = StationModel(outlook.station)
-        outlook.station = reparented(model, self.piece, parent, frame=frame, pose=self.pose)
+        outlook.station = reparent_piece(model, self.piece, mount.parent, frame=mount.frame, pose=self.pose)
         outlook.changed = True
 
-        def take(robot: LeggedGeometry) -> None:
+        def run_stage(robot: LeggedGeometry) -> None:
+            """Attach the piece."""
             with naming(name):
-                parent, frame = self.mount(robot.cell.config, self.robot or robot.name)
-                robot.cell.attach(self.piece, parent, frame=frame, pose=self.pose)
+                mount = self.mount(robot.cell.config, self.robot or robot.name)
+                robot.cell.attach(self.piece, mount.parent, frame=mount.frame, pose=self.pose)
 
-        return take
+        return run_stage
 
-    def mount(self, station: StationConfig, robot: str) -> tuple[str, str | None]:
-        """Return what it is hung on, and with which frame: a piece that a robot carries, or itself with a tool."""
+    def mount(self, station: StationConfig, robot: str) -> Mount:
+        """Find the parent of the piece: another piece that a robot carries, or the robot itself.
+
+        Args:
+            station: the station.
+            robot: name of the robot that takes the piece.
+        """
         if self.parent is not None:
-            return self.parent, self.frame
+            return Mount(self.parent, self.frame)
         if self.tool is not None and self.tool in station.pieces:
-            return self.tool, self.frame
-        return robot, self.tool or self.frame
+            return Mount(self.tool, self.frame)
+        return Mount(robot, self.tool or self.frame)
 
 
 class ReleaseMove(Move):
-    """A piece that is let go; it takes no time."""
+    """Release a piece. This takes no time."""
 
     key: ClassVar[str] = "release"
     says: ClassVar[str] = "release {it.piece}"
@@ -74,26 +100,30 @@ class ReleaseMove(Move):
     takes_time: ClassVar[bool] = False
 
     piece: Annotated[str, NameOf("pieces")]
-    """Which."""
+    """Name of the piece."""
     parent: str = WORLD
-    """Where it is then: the world, or another piece that it hangs on."""
+    """New parent of the piece: the world, or another piece."""
     fixed: Boolean = False
-    """Hang it in the world, too, instead of letting it fall."""
+    """Whether a piece whose parent is the world stays where it is instead of falling."""
     frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its tool centre point."""
+    """Frame of a parent that is a piece, instead of its tool centre point."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Let it go."""
+        """Release the piece."""
         cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Return the stage in which a robot with legs lets it go."""
+        """Return the stage in which a robot with legs releases the piece.
+
+        The outlook gets the station with the released piece.
+        """
         model = StationModel(outlook.station)
-        outlook.station = let_go(model, self.piece, self.parent, frame=self.frame, fixed=self.fixed)
+        outlook.station = release_piece(model, self.piece, self.parent, frame=self.frame, fixed=self.fixed)
         outlook.changed = True
 
-        def release(robot: LeggedGeometry) -> None:
+        def run_stage(robot: LeggedGeometry) -> None:
+            """Release the piece."""
             with naming(name):
                 robot.cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 
-        return release
+        return run_stage

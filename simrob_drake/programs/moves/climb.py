@@ -1,8 +1,13 @@
-"""Over stairs, gaps and thresholds, stride by stride."""
+"""Move a robot with legs over stairs, gaps and thresholds, stride by stride.
+
+A stride brings all feet ahead once. Its footholds are chosen on the ground as the station has it, and it is planned
+from where the feet stand after the stride before. The frame of the climb has its origin in the middle of the feet at
+the start and its x axis in the direction in which they look.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict
@@ -11,8 +16,9 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
-from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.biped import FEET
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.climb_footholds import BallFootholds, Footholds, FootPositions, SoleFootholds
 from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -23,11 +29,12 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-_FARTHEST = 100.0  # m
+_FARTHEST = 100.0  # longest distance of one move [m]
+_ALIKE_DECIMALS = 3  # decimals to which two strides have to agree to count as alike [m]
 
 
 class ClimbMove(Move):
-    """Ahead over ground that rises and falls; keys beside these are parameters of the gait in place of its own.
+    """Go ahead over ground that rises and falls. Further keys are parameters of the gait, and replace the gait's own.
 
     Footholds are chosen on the ground as the station has it, and each stride is planned from where the feet stand.
     """
@@ -38,31 +45,33 @@ class ClimbMove(Move):
     of_arms: ClassVar[bool] = False
 
     distance: Positive
-    """How far ahead of where it stands [m]."""
+    """Distance of the goal ahead of where the robot stands [m]."""
     gait: str = Climb.usual
-    """One of the climbs of the robot's `gaits.yaml`."""
+    """Name of one of the climbs in the robot's `gaits.yaml`."""
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Return the keys that the move may have for a robot of a station, without the parameters of its gait.
+        """Keys of the move without the parameters of its gait, see :meth:`Move.possible_keys`.
 
-        Returns:
-            None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
+        Returns None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
         """
         worn = config.robots[robot].feet
         possible = has_gait(model, Climb, Climb.usual) and _has_edges(model, worn)
         return frozenset(cls.model_fields) if possible else None
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can stride so on level ground, and return the stage that looks for footholds then."""
-        own = self.model_extra or {}
+        """Check that the robot can stride on level ground, and return the stage that climbs.
+
+        The ground is not checked before the stage begins, because earlier moves decide where the robot stands then.
+        """
+        changes = self.model_extra or {}
         if self.distance > _FARTHEST:
             raise InvalidParameter(
                 "distance",
                 compound("{distance:g} m", distance=self.distance),
                 message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
             )
-        planned_gait(robot, self.gait, own, station=outlook.station)
+        planned_gait(robot, self.gait, changes, station=outlook.station)
         worn = robot.worn_feet
         if not _has_edges(robot.model, worn):
             expected = message(
@@ -74,20 +83,26 @@ class ClimbMove(Move):
             )
         outlook.changed = True
 
-        def go(robot: LeggedGeometry) -> SimulationResult | None:
+        def run_stage(robot: LeggedGeometry) -> SimulationResult | None:
+            """Climb from where the robot stands. Returns None if it is at the goal already."""
             with naming(name):
-                path = ClimbPath.of(robot, Climb.of(Walker.of(robot.model), self.gait, own), self.distance)
-                for place, aim in path.foreseen(robot).items():
-                    with naming(message("programs.place_ahead", "{place:.2f} m ahead", place=place)):
-                        planned_gait(robot, self.gait, {**own, **aim}, bends=True)
+                gait = Climb.of(Walker.of(robot.model), self.gait, changes)
+                path = ClimbPath.of(robot, gait, self.distance)
+                # Plan all strides before the first one, so that an impossible one is found at once.
+                for position, stride in path.expected_strides(robot).items():
+                    with naming(message("programs.place_ahead", "{place:.2f} m ahead", place=position)):
+                        planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
             runs = list[SimulationResult]()
-            while not (runs and runs[-1].ending != "completed") and (aim := path.aim(*path.seen(robot))):
+            while not runs or runs[-1].ending == "completed":
+                stride = path.next_stride(path.current_stance(robot))
+                if not stride:
+                    break
                 with naming(name):
-                    motion = planned_gait(robot, self.gait, {**own, **aim}, bends=True)
+                    motion = planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
                 runs.append(perform(robot, motion))
             return replace(joined(runs), did=self.caption()) if runs else None
 
-        return go
+        return run_stage
 
 
 def _has_edges(model: RobotModel, worn: str | None) -> bool:
@@ -95,89 +110,162 @@ def _has_edges(model: RobotModel, worn: str | None) -> bool:
 
     Args:
         model: the robot; it has feet.
-        worn: the kind of feet that it wears; None for its usual ones.
+        worn: kind of feet that the robot has in its station. If it is None, the default one.
     """
-    assert model.feet is not None  # or it had no gait
+    assert model.feet is not None  # a robot without feet has no climb
     feet = model.feet.kind(worn)
-    return len(feet.links) != len(SIDES) or bool(feet.boxes)
+    return len(feet.links) != len(FEET) or bool(feet.boxes)
+
+
+class ClimbStance(NamedTuple):
+    """Positions of the feet and the trunk in the frame of a climb.
+
+    Attributes:
+        feet: ahead [m], left [m] and turn [rad] of each foot, by its name, shape (3,).
+        trunk_turn: turn of the trunk to the left [rad].
+    """
+
+    feet: FootPositions
+    trunk_turn: float
+
+
+StrideParameters = dict[str, Any]
+"""Parameters of the gait for one stride: `start`, `goals`, `over` and `turned`. It is empty at the goal."""
 
 
 @dataclass(frozen=True)
 class ClimbPath:
-    """The way of a climb: where it begins, where it leads, and the ground there."""
+    """The straight path of a climb.
+
+    Attributes:
+        gait: parameters of the climb.
+        feet: feet of the robot by name.
+        facing: direction in which the robot looks while its root is not turned, from the world's x [rad].
+        origin: middle of the feet at the start in the world, shape (2,) [m].
+        heading: direction of the path, from the world's x [rad].
+        footholds: choice of the footholds on the ground ahead.
+    """
 
     gait: Climb
     feet: Mapping[str, Foot]
-    facing: float  # of the root, where it is not turned, from the world's x [rad]
-    origin: Vector  # between the feet in the world, shape (2,) [m]
-    heading: float  # from the world's x [rad]
+    facing: float
+    origin: Vector
+    heading: float
     footholds: Footholds
 
     @classmethod
     def of(cls, robot: LeggedGeometry, gait: Climb, distance: float) -> "ClimbPath":
-        """Return the way ahead of a robot that stands; raises InvalidParameter: it leads to no foothold."""
+        """Lay the path ahead of a robot from where it stands.
+
+        Args:
+            robot: the robot.
+            gait: parameters of the climb.
+            distance: distance of the goal [m].
+        """
         walker = Walker.of(robot.model)
         feet = {foot.name: foot for foot in walker.feet(gait.feet)}
-        poses = [foot.poses(robot.position[np.newaxis], _root(robot))[0] for foot in feet.values()]
+        poses = [foot.poses(robot.position[np.newaxis], _root_pose(robot))[0] for foot in feet.values()]
+        origin = np.mean([pose[:2, 3] for pose in poses], axis=0)
         ahead = np.mean([pose[:2, 0] for pose in poses], axis=0)
-        origin, heading = np.mean([pose[:2, 3] for pose in poses], axis=0), float(np.arctan2(ahead[1], ahead[0]))
-        turn, ground = _turn(heading), resolve(robot.cell.config).ground
-        high = float(robot.base_pose.translation()[2])
+        heading = float(np.arctan2(ahead[1], ahead[0]))
+        to_world = _rotation(heading)
+        ground = resolve(robot.cell.config).ground
+        trunk_height = float(robot.base_pose.translation()[2])
 
-        def height(places: Vector) -> Vector:
-            return ground.beneath(np.column_stack([origin + places @ turn.T, np.full(len(places), high)]))
+        def height(positions: Vector) -> Vector:
+            """Height of the ground below the trunk's height, at positions in the frame of the climb."""
+            in_world = origin + positions @ to_world.T
+            return ground.beneath(np.column_stack([in_world, np.full(len(positions), trunk_height)]))
 
         facing = np.deg2rad(walker.gaits.facing_deg)
-        kind = SoleFootholds if len(feet) == len(SIDES) else BallFootholds
-        return cls(gait, feet, facing, origin, heading, kind(gait, feet, height, distance))
+        kind = SoleFootholds if len(feet) == len(FEET) else BallFootholds
+        footholds = kind(gait, feet, height, distance)
+        return cls(gait, feet, facing, origin, heading, footholds)
 
-    def seen(self, robot: LeggedGeometry) -> tuple[Places, float]:
-        """Return where the soles stand, and how the trunk is turned [rad]."""
-        turn, places = _turn(self.heading), {}
+    def current_stance(self, robot: LeggedGeometry) -> ClimbStance:
+        """Compute where the feet and the trunk of the robot are in the frame of the climb."""
+        to_world = _rotation(self.heading)
+        positions = {}
         for name, foot in self.feet.items():
-            pose = foot.poses(robot.position[np.newaxis], _root(robot))[0]
-            own = float(np.arctan2(pose[1, 0], pose[0, 0])) - self.heading
-            places[name] = np.array([*((pose[:2, 3] - self.origin) @ turn), own])
+            pose = foot.poses(robot.position[np.newaxis], _root_pose(robot))[0]
+            turn = float(np.arctan2(pose[1, 0], pose[0, 0])) - self.heading
+            # For a row vector, the product with the rotation turns from the world into the frame of the climb.
+            horizontal = (pose[:2, 3] - self.origin) @ to_world
+            positions[name] = np.array([*horizontal, turn])
         root = robot.base_pose.rotation().matrix()
-        return places, float(np.arctan2(root[1, 0], root[0, 0])) + self.facing - self.heading
+        trunk_turn = float(np.arctan2(root[1, 0], root[0, 0])) + self.facing - self.heading
+        return ClimbStance(positions, trunk_turn)
 
-    def aim(self, places: Places, turned: float = 0.0) -> dict[str, Any]:
-        """Return the parameters of the stride from places of the soles and a turn of the trunk; none at the goal."""
-        stride = self.footholds.next(places)
+    def next_stride(self, stance: ClimbStance) -> StrideParameters:
+        """Compute the parameters of the next stride.
+
+        Args:
+            stance: where the feet and the trunk are.
+
+        Returns:
+            Parameters of the gait. It is empty if the robot is at the goal.
+
+        Raises:
+            InvalidParameter: the ground ahead has no foothold.
+        """
+        stride = self.footholds.next(stance.feet)
         if stride is None:
             return {}
-        start = {name: self.footholds.height(place) for name, place in places.items()}
-        low = min(start.values())
+        # The gait counts heights from the lowest foot.
+        heights = {name: self.footholds.height(position) for name, position in stance.feet.items()}
+        lowest = min(heights.values())
+        start = {}
+        for name, position in stance.feet.items():
+            start[name] = (*position[:2], heights[name] - lowest, _within_half_turn(position[2]))
+        goals = {}
+        for name, goal in stride.goals.items():
+            goals[name] = (*goal[:2], stride.heights[name] - lowest, 0.0)
         return {
-            "start": {name: (*place[:2], start[name] - low, _within(place[2])) for name, place in places.items()},
-            "goals": {name: (*goal[:2], stride.heights[name] - low, 0.0) for name, goal in stride.goals.items()},
-            "over": max(stride.over - low, 0.0),
-            "turned": _within(turned),
+            "start": start,
+            "goals": goals,
+            "over": max(stride.over - lowest, 0.0),
+            "turned": _within_half_turn(stance.trunk_turn),
         }
 
-    def foreseen(self, robot: LeggedGeometry) -> dict[float, dict[str, Any]]:
-        """Return the strides to the goal if feet land where they shall, by where they begin [m], alike ones once."""
-        (places, turned), seen, found = self.seen(robot), set[tuple[float, ...]](), dict[float, dict[str, Any]]()
-        while aim := self.aim(places, turned):
-            start, goals = ({name: np.array(each) for name, each in aim[key].items()} for key in ("start", "goals"))
-            change = [goals[name][axis] - start[name][axis] for name in goals for axis in (0, 2)]
-            kind = tuple(np.round([*change, aim["over"]], 3).tolist())
-            if kind not in seen:
-                found[float(np.mean([place[0] for place in places.values()]))] = aim
-            seen.add(kind)
-            places, turned = {name: goal[[0, 1, 3]] for name, goal in goals.items()}, 0.0
-        return found
+    def expected_strides(self, robot: LeggedGeometry) -> dict[float, StrideParameters]:
+        """Compute the strides to the goal if every foot lands where it is planned to.
+
+        Strides that are alike, such as those on level ground, are returned only once.
+
+        Returns:
+            Parameters of the strides, by the position ahead where each begins [m].
+        """
+        stance = self.current_stance(robot)
+        known = set[tuple[float, ...]]()
+        strides = dict[float, StrideParameters]()
+        while stride := self.next_stride(stance):
+            start = {name: np.array(pose) for name, pose in stride["start"].items()}
+            goals = {name: np.array(pose) for name, pose in stride["goals"].items()}
+            # Two strides are alike if each foot goes as far ahead and up, and over ground of the same height.
+            changes = []
+            for name, goal in goals.items():
+                changes += [goal[0] - start[name][0], goal[2] - start[name][2]]
+            likeness = tuple(np.round([*changes, stride["over"]], _ALIKE_DECIMALS).tolist())
+            if likeness not in known:
+                begin = float(np.mean([position[0] for position in stance.feet.values()]))
+                strides[begin] = stride
+            known.add(likeness)
+            without_height = [0, 1, 3]
+            landed = {name: goal[without_height] for name, goal in goals.items()}
+            stance = ClimbStance(landed, trunk_turn=0.0)
+        return strides
 
 
-def _root(robot: LeggedGeometry) -> Vector:
+def _root_pose(robot: LeggedGeometry) -> Vector:
+    """Pose of the root link in the world, shape (1, 4, 4)."""
     return np.asarray(robot.base_pose.GetAsMatrix4())[np.newaxis]
 
 
-def _turn(heading: float) -> Vector:
-    """Return the rotation (2, 2) of the floor by a heading [rad]."""
+def _rotation(heading: float) -> Vector:
+    """Rotation of the plane by a heading [rad], shape (2, 2): from the frame of the climb to the world."""
     return np.asarray(rotations_about(UP, np.array([heading]))[0, :2, :2])
 
 
-def _within(turn: float) -> float:
-    """Return a turn as one between half turns to both sides [rad]."""
+def _within_half_turn(turn: float) -> float:
+    """Add whole turns to an angle so that it is between -pi and pi [rad]."""
     return float(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)

@@ -7,7 +7,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.get_up import STANDS, Attempts, GetUp
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.programs.gaits.motion import short_steps, unwatched
+from simrob_drake.programs.gaits.motion import monitors_without_fall, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import Move, Outlook, Stage
 from simrob_drake.results.result import SimulationResult
@@ -15,13 +15,13 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
-_LONGEST = 30.0  # that an attempt takes, with all that is waited for [s]
+_LONGEST = 30.0  # longest duration of one attempt, with the times in which the robot comes to rest [s]
 
 
 class GetUpMove(Move):
     """Get up from the belly or the back, by the postures under `get_up` in the robot's `gaits.yaml`.
 
-    It ends when the robot has stood for a second, at once where it has not fallen.
+    The move ends when the robot has stood for a second. If the robot has not fallen, it ends at once.
     """
 
     key: ClassVar[str] = "get_up"
@@ -29,11 +29,14 @@ class GetUpMove(Move):
     of_arms: ClassVar[bool] = False
 
     attempts: Attempts = 5
-    """How often it tries."""
+    """Largest count of attempts."""
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find the keys; None for a robot without postures to get up by, or on a kinematic station."""
+        """Keys of the move, see :meth:`Move.possible_keys`.
+
+        Returns None if the robot has no postures for getting up, or if the station is kinematic.
+        """
         try:
             cls().station(config, robot)
         except SimrobError:
@@ -41,31 +44,49 @@ class GetUpMove(Move):
         return frozenset(cls.model_fields)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can, and return the stage in which it does."""
+        """Check that the robot can get up, and return the stage in which it does."""
         self.station(outlook.station, robot.name)
         outlook.changed = True
-        return self._got_up
+        return self._get_up
 
     def station(self, config: StationConfig, robot: str) -> StationConfig:
-        """Return a station in which a robot gets up, without its other loops and what watches for its fall.
+        """Make a copy of a station in which a robot gets up.
 
-        Raises SimrobError: a robot that cannot, or does not stand on feet of its own; a station that is kinematic.
+        A controller for getting up replaces the robot's other controllers, and no monitor watches for its fall.
+
+        Args:
+            config: the station.
+            robot: name of the robot.
+
+        Raises:
+            SimrobError: the robot cannot get up or does not stand on feet of its own, or the station is kinematic.
         """
 
-        def rests(one: object) -> bool:
-            return isinstance(one, LoopSection) and (one.robot or config.only_robot) == robot and not one.uppermost
+        def is_replaced(section: object) -> bool:
+            """Whether a controller acts on the robot. Those above all others, such as an operator's, stay."""
+            if not isinstance(section, LoopSection) or section.uppermost:
+                return False
+            return (section.robot or config.only_robot) == robot
 
-        others = {name: one for name, one in config.controllers.items() if not rests(one)}
-        section = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
-        changes = {"controllers": {**others, self.key: section}, "monitors": unwatched(config, robot)}
-        changed = config.model_copy(update={**changes, "solver": short_steps(config.solver)})
+        controllers = {name: section for name, section in config.controllers.items() if not is_replaced(section)}
+        controllers[self.key] = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
+        changes = {
+            "controllers": controllers,
+            "monitors": monitors_without_fall(config, robot),
+            "solver": short_steps(config.solver),
+        }
+        changed = config.model_copy(update=changes)
         check_parts(resolve(changed))
         return changed
 
-    def _got_up(self, robot: LeggedGeometry) -> SimulationResult:
-        """Let a robot get up, and return the run."""
-        station, held = self.station(robot.cell.config, robot.name), {robot.name: hold(robot.reference)}
-        result = robot.cell.follow_as(station, held, self.attempts * _LONGEST, forget=self.key)
+    def _get_up(self, robot: LeggedGeometry) -> SimulationResult:
+        """Run the controller until the robot stands, or until its attempts are over."""
+        station = self.station(robot.cell.config, robot.name)
+        references = {robot.name: hold(robot.reference)}
+        longest = self.attempts * _LONGEST
+        # The controller's state is forgotten afterwards, so that the next move of this kind begins anew.
+        result = robot.cell.follow_as(station, references, longest, forget=self.key)
         if STANDS in result.message:
+            # The controller ends the run when the robot stands: for the move this is no early end.
             result = replace(result, ending="completed", stopped_by=None)
         return replace(result, did=self.caption())

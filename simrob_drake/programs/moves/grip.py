@@ -1,6 +1,7 @@
-"""What tools do: another one for an arm (SimRob's Tool), and fingers that close on a piece or open.
+"""Moves of tools: change the tool of an arm (SimRob's Tool), close its fingers on a piece, and open them.
 
-They hold it by friction alone.
+Fingers hold a piece by friction alone. The *stroke* of a gripper describes how its fingers meet: how far they are open
+at a width, and which torque or force (the *effort*) of a finger's motor makes it press with a force of 1 N.
 """
 
 from dataclasses import replace
@@ -26,7 +27,7 @@ from simrob_drake.stations.servos import servo_gains
 
 
 class ToolMove(Move):
-    """A robot uses another tool; it takes no time."""
+    """Change the tool of a robot. This takes no time."""
 
     key: ClassVar[str] = "tool"
     brief: ClassVar[bool] = True
@@ -34,50 +35,59 @@ class ToolMove(Move):
     of_legs: ClassVar[bool] = False
 
     name: Annotated[str | None, NameOf("tools")] = None
-    """A tool of the robot, or a piece that it carries."""
+    """Name of a tool of the robot, or of a piece that it carries."""
     pose: Pose | None = None
-    """Or its pose in the frame of the tool that the robot has now."""
+    """Pose of the new tool in the frame of the present one, instead of a name."""
     robot: str | None = None
-    """Which robot of the station; that of the program unless given."""
+    """Robot of the station. If it is not set, that of the program."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
+        """Check that the tool is given in exactly one way."""
         if (self.name is None) == (self.pose is None):
             raise ValueError(message("programs.name_or_pose", "a tool is given by one of name and pose"))
         return self
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Use it."""
+        """Change the tool of the robot; see :meth:`Move.perform`."""
         tool = self.name if self.pose is None else self.pose
-        assert tool is not None  # one of them is given
+        assert tool is not None  # the validator checked that one of them is set
         cell.tool(cell.robot_name(self.robot or robot), tool)
 
 
-_SHORTEST = 0.5  # s
-_EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
-_ALIKE = 1e-6  # parts of an effort
-_USUAL = 100.0  # N: many files know no limit of a hand's motors, and have one that crushes what it holds
+_SHORTEST = 0.5  # shortest default duration of a move [s]
+# Default duration over the time at full speed [1]. The peak of a smooth move is at most 1.9 times its mean speed.
+_EASY = 2.2
+_ALIKE = 1e-6  # relative difference of two efforts that are the same [1]
+# Default of the largest force of a finger [N]. Many files have no limit for a gripper's motors, or one that would crush
+# what the fingers hold.
+_USUAL_FORCE = 100.0
+_WIDTH_ROUNDING = 1 + 1e-9  # factor by which a width may be too large because of rounding errors
 
 
 class FingerMove(Move):
-    """What closing and opening have in common."""
+    """A move of the fingers of a robot. Its other axes stay.
+
+    Attributes:
+        opens: whether the fingers open, if no width is set.
+    """
 
     brief: ClassVar[bool] = True
     of_legs: ClassVar[bool] = False
     opens: ClassVar[bool]
 
     width: NotNegative | None = None
-    """How far the inner faces of the fingers are to be apart [m]; all the way unless given."""
+    """Distance of the inner faces of the fingers at the end [m]. If it is not set, they move as far as they can."""
     duration: Duration | None = None
-    """Of the move [s]; as their speed allows unless given."""
+    """Duration of the move [s]. If it is not set, as short as their speed allows."""
     robot: str | None = None
-    """Whose; that of the program unless given."""
+    """Robot of the station. If it is not set, that of the program."""
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find the keys that fingers can be given.
+        """Keys of the move, see :meth:`Move.possible_keys`. Returns None if the robot has no fingers.
 
-        A kinematic station has no forces, and fingers whose shapes do not meet have no width.
+        A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
         """
         if not model.fingers:
             return None
@@ -89,8 +99,17 @@ class FingerMove(Move):
         return frozenset(keys)
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
-        robot, row = planning.model, planning.start.copy()
+        """Plan the move of the fingers.
+
+        Args:
+            planning: the start of the move.
+
+        Raises:
+            InvalidParameter: the robot has no fingers, or they do not open to the width.
+            Unsuitable: a width is set, and the shapes of the fingers do not determine one.
+        """
+        robot = planning.model
+        posture = planning.start.copy()
         if not robot.fingers:
             raise InvalidParameter(
                 "robot",
@@ -101,20 +120,27 @@ class FingerMove(Move):
                     advice=gripper_advice(robot),
                 ),
             )
-        part = float(self.opens) if self.width is None else self._part(robot, self.width)
-        for place, (closed, opened) in robot.fingers.items():
-            row[place] = closed + part * (opened - closed)
-        speed_limits = planning.rate_limits[0]
-        shortest = float((np.abs(row - planning.start) / speed_limits).max())
-        time = self.duration or max(_SHORTEST, _EASY * shortest)
-        way = joint_way(planning.chain, planning.start, row)
-        plan = planning.checked([joint_segment(way, points=POINTS)], {"duration": time, "check": "limits"}, POINTS)
-        return replace(plan, entry={self.key: self.model_copy(update={"robot": planning.robot}).entry()[self.key]})
+        opening = float(self.opens) if self.width is None else self._opening_at(robot, self.width)
+        for axis, (closed, opened) in robot.fingers.items():
+            posture[axis] = closed + opening * (opened - closed)
+        time_at_full_speed = float((np.abs(posture - planning.start) / planning.rate_limits.speeds).max())
+        duration = self.duration or max(_SHORTEST, _EASY * time_at_full_speed)
+        way = joint_way(planning.chain, planning.start, posture)
+        segment = joint_segment(way, points=POINTS)
+        # Collisions are not checked: the fingers shall touch the piece.
+        plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
+        named_move = self.model_copy(update={"robot": planning.robot})  # also if the file leaves the robot out
+        return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
-    def _part(self, robot: RobotModel, width: float) -> float:
-        """Return which part of their way the fingers are open at a width [m]."""
-        stroke = _known(stroke_of(robot), robot, "width", width)
-        if width > stroke.widest * (1 + 1e-9):
+    def _opening_at(self, robot: RobotModel, width: float) -> float:
+        """Opening of the fingers at a width [m]: 0 if they are closed, 1 if they are open.
+
+        Raises:
+            InvalidParameter: the fingers do not open so far.
+            Unsuitable: the shapes of the fingers do not determine a width.
+        """
+        stroke = _require_stroke(stroke_of(robot), robot, "width")
+        if width > stroke.widest * _WIDTH_ROUNDING:
             raise InvalidParameter(
                 "width",
                 width,
@@ -128,48 +154,60 @@ class FingerMove(Move):
         return stroke.opening(width)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Move the fingers with their force: as what turns presses where it begins, and then as where it stopped."""
+        """Move the fingers with a limited force, which stays their limit afterwards; see :meth:`Move.perform`.
+
+        The torque of a turning finger that gives this force depends on how far the finger is open. During the move the
+        limit is that of its start, afterwards that of its end.
+        """
         planning = cell.planning(self.robot or robot)
-        name, model = planning.robot, planning.model
-        plan, stroke = self.plan(planning), stroke_of(model)
-        force = None if not cell.config.engine.moves_by_forces else self._force(model, stroke)
+        name = planning.robot
+        model = planning.model
+        plan = self.plan(planning)
+        stroke = stroke_of(model)
+        force = self._force(model, stroke) if cell.config.engine.moves_by_forces else None
         if force is None:
             return run([plan], None)
-        known = _known(stroke, model, "force", force)
-        effort = force * known.effort(_open_part(model, cell.position(name)))
-        self._press(cell, planning, effort)
+        known_stroke = _require_stroke(stroke, model, "force")
+        effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
+        self._limit_efforts(cell, planning, effort)
         result = run([plan], None)
-        last = force * known.effort(_open_part(model, cell.position(name)))
-        if not np.isclose(last, effort, rtol=_ALIKE):
-            self._press(cell, planning, last)
+        last_effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
+        if not np.isclose(last_effort, effort, rtol=_ALIKE):
+            self._limit_efforts(cell, planning, last_effort)
         return result
 
-    def _press(self, cell: StatefulStation, planning: Planning, effort: float) -> None:
-        """Let the motor of each finger give so much at most from now on [N·m or N]."""
+    def _limit_efforts(self, cell: StatefulStation, planning: Planning, effort: float) -> None:
+        """Limit the torque or force of each finger's motor from now on [N·m or N]."""
         axes = list(planning.model.axes)
-        cell.limit_efforts(planning.robot, {axes[place]: effort for place in planning.model.fingers})
+        cell.limit_efforts(planning.robot, {axes[axis]: effort for axis in planning.model.fingers})
 
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
-        """Return the largest force of each finger from now on [N]; None: as its motor has it."""
+        """Largest force of each finger from now on [N]. If it is None, the motors have their own limits."""
         return None if robot.gripper is None else robot.gripper.force
 
 
 class GripMove(FingerMove):
-    """Fingers that close, until something is between them or all the way."""
+    """Close the fingers, until a piece is between them or as far as they can."""
 
     key: ClassVar[str] = "grip"
     opens: ClassVar[bool] = False
 
     force: Positive | None = None
-    """With which each finger presses from then on [N]; the gripper's own unless given, or its motors' up to 100 N."""
+    """Force of each finger from then on [N]. If it is not set, the gripper's own, or its motors' up to 100 N."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Check that the fingers can press so, and close them."""
+        """Check that the fingers can press with the force, and close them; see :meth:`Move.perform`."""
         if self.force is not None:
             self._check_force(cell.planning(self.robot or robot), cell.config, self.force)
         return super().perform(cell, robot, run)
 
     def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
+        """Check that the fingers can press with a force [N].
+
+        Raises:
+            Unsuitable: the station has no forces, or the shapes of the fingers do not determine one.
+            InvalidParameter: the motors, or the gains of their servos, are too weak.
+        """
         if not config.engine.moves_by_forces:
             raise Unsuitable(
                 "force",
@@ -177,7 +215,7 @@ class GripMove(FingerMove):
                 message("programs.attach_holds", "leave it out; attach() holds pieces there"),
             )
         robot = planning.model
-        stroke = _known(stroke_of(robot), robot, "force", force)
+        stroke = _require_stroke(stroke_of(robot), robot, "force")
         most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
         if force > most:
             raise InvalidParameter(
@@ -187,32 +225,49 @@ class GripMove(FingerMove):
             )
         servo = config.servo_of(planning.robot)
         gains = servo_gains(robot, servo)
-        for place, (closed, opened) in robot.fingers.items():
-            # of one that is wide open; a piece leaves less
-            pressing = gains.kp[place] * abs(opened - closed) / stroke.effort(1.0)
-            if servo.law == "pid" and gains.ki[place] == 0 and pressing < force:
+        for axis, (closed, opened) in robot.fingers.items():
+            # Without an integral part a servo presses by its position error, which is at most the whole way of a finger
+            # that a piece holds wide open. A smaller piece leaves less.
+            pressing = gains.kp[axis] * abs(opened - closed) / stroke.effort(1.0)
+            presses_by_error = servo.law == "pid" and gains.ki[axis] == 0
+            if presses_by_error and pressing < force:
                 expected = message(
                     "programs.pressing_wide_open",
                     "at most {pressing:.3g}, as servo.kp of {axis} presses with wide open",
                     pressing=pressing,
-                    axis=list(robot.axes)[place],
+                    axis=list(robot.axes)[axis],
                 )
                 raise InvalidParameter("force", force, expected)
 
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
+        """Largest force of each finger from now on [N]: that of the move, of the gripper, or of its motors.
+
+        It is None if the shapes of the fingers do not determine the force of the motors.
+        """
         own = self.force or super()._force(robot, stroke)
-        return own if own or stroke is None else min(_motors_force(robot, stroke), _USUAL)
+        if own or stroke is None:
+            return own
+        return min(_motors_force(robot, stroke), _USUAL_FORCE)
 
 
 class OpenMove(FingerMove):
-    """Fingers that open."""
+    """Open the fingers."""
 
     key: ClassVar[str] = "open"
     opens: ClassVar[bool] = True
 
 
-def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> Stroke:
-    """Return how fingers close, which ``key`` asks for; raises InvalidParameter: their shapes do not tell."""
+def _require_stroke(stroke: Stroke | None, robot: RobotModel, key: str) -> Stroke:
+    """Check that the stroke of a gripper is known.
+
+    Args:
+        stroke: the stroke, or None if the shapes of the fingers do not determine where they meet.
+        robot: the robot.
+        key: key of the move that needs the stroke.
+
+    Raises:
+        Unsuitable: the stroke is not known.
+    """
     if stroke is None:
         raise Unsuitable(
             key,
@@ -226,11 +281,12 @@ def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> 
 
 
 def _motors_force(robot: RobotModel, stroke: Stroke) -> float:
-    """Return with how many newtons each finger can press wide open, as its weakest motor lets it."""
-    return min(float(robot.efforts[place]) for place in robot.fingers) / stroke.effort(1.0)
+    """Force with which each finger can press when it is wide open, by the weakest motor [N]."""
+    weakest = min(float(robot.efforts[axis]) for axis in robot.fingers)
+    return weakest / stroke.effort(1.0)
 
 
-def _open_part(robot: RobotModel, position: Vector) -> float:
-    """Return which part of their way the fingers are open in a posture (n,) [rad or m], in the middle of them."""
-    parts = [(position[place] - closed) / (opened - closed) for place, (closed, opened) in robot.fingers.items()]
-    return float(np.clip(np.mean(parts), 0.0, 1.0))
+def _mean_opening(robot: RobotModel, position: Vector) -> float:
+    """Mean opening of the fingers in a posture (n,) [rad or m]: 0 if they are closed, 1 if they are open."""
+    openings = [(position[axis] - closed) / (opened - closed) for axis, (closed, opened) in robot.fingers.items()]
+    return float(np.clip(np.mean(openings), 0.0, 1.0))

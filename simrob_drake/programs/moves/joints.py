@@ -1,4 +1,4 @@
-"""Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
+"""Moves of axes to targets, all at the same time (SimRob's TestMove and AddMove)."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -12,7 +12,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, make_move
 from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.plan import CHECKED, Check
 from simrob_drake.programs.stateful_station import StatefulStation
@@ -21,19 +21,19 @@ from simrob_drake.stations.coupled_references import with_partners
 from simrob_drake.stations.servos import passive_axis
 
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
-"""Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
+"""Targets of axes by name or alias [deg, or m for a prismatic axis]. Axes that are left out stay."""
 
 
 class JointMove(Move):
-    """Axes that go to their targets at the same time; as a reference, a cell that lasts until they are there."""
+    """Axes go to their targets at the same time. As a reference of an automatic program, until they are there."""
 
     key: ClassVar[str] = "target_deg"
-    says: ClassVar[str] = ""  # moves of joints that follow each other are one run
+    says: ClassVar[str] = ""  # no caption: moves of joints that follow each other are one run
 
     target_deg: Targets
     """Absolute positions at the end."""
     duration: Duration = MOVE_TIME
-    """Time that it takes [s]."""
+    """Duration of the move [s]."""
     check: Check | None = CHECKED
     """What an arm checks before the move in addition to its targets; `limits` leaves collisions out, and null does the
     same. Robots with legs check the targets alone."""
@@ -44,13 +44,13 @@ class JointMove(Move):
         return self.model_dump(mode="json", exclude=left_out)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Move an arm there, straight in the joints, with the axes that are coupled to those that are named."""
+        """Move an arm to the targets, straight in the joints. Axes that are coupled to them move as well."""
         planning = cell.planning(robot)
         posture = planning.start.copy()
         targets = targets_on(planning.model, self.target_deg, message("programs.the_target", "the target"))
         check_motors_of(cell, planning.robot, targets)
-        for place, position in targets.items():
-            posture[place] = position
+        for index, position in targets.items():
+            posture[index] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
         plan = plan_move_abs_j(planning, posture, duration=self.duration, check=self.check)
         return run([replace(plan, written_as=self.key)], None)
@@ -103,31 +103,51 @@ def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int])
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
-    """Return a checked move of a user's; raises InvalidParameter: no axis, no finite angle, no positive duration."""
-    return checked(JointMove, target_deg=target_deg, duration=duration)
+    """Make a move from arguments of a user.
+
+    Args:
+        target_deg: target of each axis by name or alias [deg, or m for a prismatic axis].
+        duration: duration of the move [s].
+
+    Raises:
+        InvalidParameter: there is no axis, an angle is not finite, or the duration is not positive.
+    """
+    return make_move(JointMove, target_deg=target_deg, duration=duration)
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
-    """Return the targets of a move on one robot, by axis name or alias: places of axes, and their positions [rad or m].
+    """Convert the targets of a move to SI units, and check them.
 
-    Messages call the move ``where``, with its ``time`` [s]. Raises UnknownName: no such axis, proposes the nearest;
-    InvalidParameter: one under two names; JointLimitExceeded: beyond an axis' limits, tells by how much.
+    Args:
+        model: the robot.
+        target_deg: target of each axis by name or alias [deg, or m for a prismatic axis].
+        where: name of the move for messages.
+        time: time of the target for messages [s].
+
+    Returns:
+        Target position by the index of the axis [rad or m].
+
+    Raises:
+        UnknownName: there is no such axis. The message proposes the nearest name.
+        InvalidParameter: an axis has two targets, under two of its names.
+        JointLimitExceeded: a target is beyond a limit of its axis.
     """
-    names, units = list(model.axes), model.user_units
-    found: dict[int, float] = {}
+    names = list(model.axes)
+    units = model.user_units
+    targets: dict[int, float] = {}
     for axis, value in target_deg.items():
-        place = model.axis_index(axis, where)
-        if place in found:
+        index = model.axis_index(axis, where)
+        if index in targets:
             raise InvalidParameter(
                 compound("{where}: {axis}", where=where, axis=axis),
                 message("programs.other_name_of_axis", "another name of an axis that it moves, too"),
                 message("programs.named_once", "named once"),
             )
-        found[place] = float(value * units[place])
+        targets[index] = float(value * units[index])
 
-    places = list(found)
-    positions = np.array(list(found.values()))
-    limits = model.limits.of_axes(places)
+    indices = list(targets)
+    positions = np.array(list(targets.values()))
+    limits = model.limits.of_axes(indices)
     violation = limits.find_violation(positions[np.newaxis])
     if violation is not None:
         unit = violation.unit
@@ -139,6 +159,8 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
             excess=violation.excess,
             limit=violation.limit,
         )
-        name, value = names[places[violation.axis]], float(positions[violation.axis])
+        name = names[indices[violation.axis]]
+        value = float(positions[violation.axis])
         raise JointLimitExceeded(where, name, point=1, time=time, value=value, shown=shown)
-    return dict(zip(places, limits.clamp(positions, where).tolist(), strict=True))
+    # A target beyond a limit only by rounding is moved to the limit.
+    return dict(zip(indices, limits.clamp(positions, where).tolist(), strict=True))

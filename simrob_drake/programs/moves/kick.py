@@ -1,4 +1,4 @@
-"""A kick of a ball, which flies by the contact alone."""
+"""Kick a ball. The ball flies by the forces of the contact alone."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,59 +24,75 @@ from simrob_drake.stations.resolve import resolve
 
 
 class KickMove(Move):
-    """A foot that swings through a ball; keys beside these are parameters of the gait in place of the gait's own."""
+    """A foot that swings through a ball. Further keys are parameters of the gait, and replace the gait's own."""
 
     model_config = ConfigDict(extra="allow")
     key: ClassVar[str] = "kick"
     of_arms: ClassVar[bool] = False
 
     ball: Annotated[str | None, NameOf("pieces")] = None
-    """The piece to hit in its middle, seen when the kick begins; unless given the foot swings through the air."""
+    """Piece to hit in its middle, where it is when the kick begins. If it is not set, the foot hits nothing."""
     toward: tuple[Number, Number] | None = None
-    """The place in the world to which the ball shall go [m]; where the robot looks unless given."""
+    """Position in the world to which the ball shall go [m]. If it is not set, it goes where the robot looks."""
     speed: Positive | None = None
-    """Of the foot when it meets the ball [m/s]; the gait's own unless given."""
+    """Speed of the foot when it hits the ball [m/s]. If it is not set, that of the gait."""
     gait: str = Kick.usual
-    """One of the kicks of the robot's `gaits.yaml`."""
+    """Name of one of the kicks in the robot's `gaits.yaml`."""
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find the keys; None for a robot without the usual kick in its `gaits.yaml`."""
+        """Keys of the move, see :meth:`Move.possible_keys`.
+
+        Returns None if the robot's `gaits.yaml` has no kick of the usual name.
+        """
         return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
-        """Return which ball."""
+        """Caption with the name of the ball."""
         return f"kick {self.ball}" if self.ball else "kick"
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can swing its foot so, and return the stage that aims it when its turn comes."""
+        """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks."""
         self.swing(robot, outlook.station, {})
         if self.ball is not None:
-            self._radius(outlook.station)
+            self._radius(outlook.station)  # a check only
 
-        def go(robot: LeggedGeometry) -> SimulationResult:
+        def run_stage(robot: LeggedGeometry) -> SimulationResult:
+            """Kick the ball where it is now."""
             with naming(name):
                 motion = self.swing(robot, robot.cell.config, self.aim(robot))
             return replace(perform(robot, motion), did=self.caption())
 
-        return go
+        return run_stage
 
     def swing(self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]) -> JointMotion:
-        """Plan the kick through the point of an aim.
+        """Plan the motion of the kick.
 
-        Raises InvalidParameter: a speed at which a joint would turn faster than its motor does without load;
-        SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
+        Args:
+            robot: the robot.
+            station: the station as it will be before the move.
+            aim: parameters of the gait from :meth:`aim`. If it is empty, the kick is not aimed.
+
+        Raises:
+            InvalidParameter: a joint would turn faster than its motor can without a load.
+            SimrobError: see :meth:`simrob_drake.LeggedRobot.act`.
         """
-        own = {} if self.speed is None else {"speed": self.speed}
-        motion = planned_gait(robot, self.gait, {**aim, **own, **(self.model_extra or {})}, station=station)
-        limits, fastest = resolve(station).robots[robot.name].speed_limits, np.abs(motion.velocities).max(axis=0)
-        worst = int((fastest / limits).argmax())
+        # Keys that the user sets replace those of the aim.
+        changes = dict(aim)
+        if self.speed is not None:
+            changes["speed"] = self.speed
+        changes.update(self.model_extra or {})
+        motion = planned_gait(robot, self.gait, changes, station=station)
+        limits = resolve(station).robots[robot.name].speed_limits
+        fastest = np.abs(motion.velocities).max(axis=0)
+        worst = int((fastest / limits).argmax())  # index of the axis nearest to its limit, or furthest beyond
         if fastest[worst] > limits[worst]:
+            value = message("programs.gaits_own", "the gait's")
+            if self.speed is not None:
+                value = compound("{speed:g} m/s", speed=self.speed)
             raise InvalidParameter(
                 message("programs.speed_of_kick", "speed of the kick"),
-                message("programs.gaits_own", "the gait's")
-                if self.speed is None
-                else compound("{speed:g} m/s", speed=self.speed),
+                value,
                 message(
                     "programs.slower_kick",
                     "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
@@ -88,11 +104,16 @@ class KickMove(Move):
         return motion
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
-        """Return foot, point and direction of the gait for where robot and ball are now; nothing without a ball."""
+        """Compute the parameters of the gait with which the robot hits the ball, from where both are now.
+
+        Returns:
+            Values of `foot`, `point`, `toward_deg` and perhaps `lift` of the gait. It is empty without a ball.
+        """
         if self.ball is None:
             return {}
-        walker, cell = Walker.of(robot.model), robot.cell
-        return Kick.of(walker, self.gait, self.model_extra or {}).aimed(
+        walker = Walker.of(robot.model)
+        cell = robot.cell
+        return Kick.of(walker, self.gait, self.model_extra or {}).aim(
             walker,
             robot.base_pose.GetAsMatrix4(),
             robot.position,
@@ -102,7 +123,12 @@ class KickMove(Move):
         )
 
     def _radius(self, station: StationConfig) -> float:
-        """Return the radius of the ball [m]."""
+        """Radius of the ball [m].
+
+        Raises:
+            UnknownName: the station has no such piece.
+            InvalidParameter: the piece cannot move, or its shape is not a single sphere.
+        """
         name = str(self.ball)
         one_of(message("base.piece", "piece"), name, station.pieces)
         piece = resolve(station).pieces[name]

@@ -53,13 +53,14 @@ _POINT = "moves"
 
 
 class MoveKinds(Mapping[str, type[Move]]):
-    """All kinds of moves by their key: those of the core, then those of the installed extensions.
+    """Kinds of moves by their key: those of the core, then those of the installed extensions.
 
     The kinds of extensions are imported when the mapping is first used.
     """
 
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
+        """Kinds by their key."""
         return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move, named_by="key")
 
     @cached_property
@@ -84,7 +85,7 @@ register_core_names(_POINT, lambda: [kind.key for kind in _CORE])
 
 
 def leg_kinds() -> list[str]:
-    """Return the keys of the kinds that robots with legs can do."""
+    """Keys of the kinds that robots with legs can perform."""
     return [key for key, kind in KINDS.items() if kind.of_legs]
 
 
@@ -97,14 +98,14 @@ class _AnyMoveField:
     """Annotation of a field that holds a move of any kind; which kinds there are is asked when a move is read."""
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
-        """Tell pydantic to check a move by its kind, and to write it as a program's file has it."""
+        """Schema by which pydantic checks a move by its kind, and writes it as an entry of a file."""
         return core_schema.no_info_plain_validator_function(
             _validate_move,
             serialization=core_schema.plain_serializer_function_ser_schema(Move.entry),
         )
 
     def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the schema of a move of any kind."""
+        """JSON schema of a move of any kind."""
         return handler(KINDS.adapter.core_schema)
 
 

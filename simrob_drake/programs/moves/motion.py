@@ -1,5 +1,6 @@
-"""What moves of an arm's tool or axes have in common: targets, and how they are done."""
+"""Base classes of moves of an arm's axes or of its tool: targets and options."""
 
+import re
 from collections.abc import Callable, Iterable
 from inspect import Parameter, Signature, getdoc, signature
 from typing import Annotated, Any, ClassVar, Self, cast
@@ -17,98 +18,129 @@ from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.programs.timing import How, Profile
 
 Row = Annotated[tuple[Number, ...], Field(min_length=1)]
+"""Numbers of one target."""
 Rows = Row | Annotated[tuple[Row, ...], Field(min_length=1)]
+"""Numbers of one target or of several."""
 
 
 class ArmMotion(Move):
-    """A move of an arm to targets. A kind has its own keys, and its ``plan``."""
+    """A move of an arm to targets. A subclass adds its own keys and implements :meth:`plan`.
+
+    Attributes:
+        of_axes: whether the targets are postures of the axes, not poses of the tool.
+    """
 
     brief: ClassVar[bool] = True
     of_legs: ClassVar[bool] = False
-    of_axes: ClassVar[bool] = False  # whether targets are postures, not poses
+    of_axes: ClassVar[bool] = False
 
     targets: Rows | None = None
-    """Where to, one or many, in SI units: postures [rad or m], places [x y z] that keep the orientation, or poses
+    """One target or several in SI units: postures [rad or m], places [x y z] that keep the orientation, or poses
     [x y z Rz Ry Rx]."""
     targets_deg: Rows | None = None
-    """The same with angles in degrees."""
+    """The targets with angles in degrees."""
     robot: str | None = None
-    """Which robot of the station; that of the program unless given."""
+    """Robot of the station that moves. If it is not set, that of the program."""
     points: Integer | None = None
-    """Interpolated points on the way to each target; more are taken where the path needs them."""
+    """Count of interpolated points on the way to each target. More are used where the path needs them."""
     duration: Duration | None = None
-    """Of the whole move [s]; at most one of this, `times` and `speed`."""
+    """Duration of the whole move [s]. At most one of this, `times` and `speed` may be set."""
     times: Row | None = None
-    """When each target is reached [s]."""
+    """Time at which each target is reached [s]."""
     speed: Positive | None = None
-    """At which the tool centre point cruises [m/s]."""
+    """Speed at which the tool centre point cruises [m/s]."""
     acceleration: Positive | None = None
-    """With which it is sped up to that [m/s²]."""
+    """Acceleration of the tool up to this speed [m/s²]."""
     profile: Profile | None = None
-    """How it is sped up and slowed down; `s_curve` with a speed, else `smooth`."""
+    """How the move speeds up and slows down. If it is not set, `s_curve` with a speed, else `smooth`."""
     zone: str | Number | None = None
     """How near to a target the tool turns to the next one: `fine` to rest there, `z0` to `z200`, or a distance [m]."""
     check: Check | None = CHECKED
-    """What is looked at before the move beside its reach; null, as `limits`, leaves collisions out."""
+    """What is checked before the move in addition to its reach. Null, like `limits`, leaves out collisions."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
+        """Check that the targets are given in exactly one unit."""
         if (self.targets is None) == (self.targets_deg is None):
             raise ValueError(message("programs.one_of_targets", "where to is given by one of targets and targets_deg"))
         return self
 
     @property
     def how(self) -> How:
-        """How it is done."""
+        """Options of the move that are set. The option `check` is always there, because its None has a meaning."""
         options = {key: getattr(self, key) for key in How.__annotations__}
         return cast(How, {key: value for key, value in options.items() if value is not None or key == "check"})
 
     def pieces(self) -> Iterable[str]:
-        """Return the piece that is its work object."""
+        """Name of the piece that is the work object of the move, if it has one."""
         wobj = getattr(self, "wobj", None)
-        return (wobj.split(".", 1)[0],) if isinstance(wobj, str) else ()
+        if not isinstance(wobj, str):
+            return ()
+        piece, _, _ = wobj.partition(".")  # without the name of a frame
+        return (piece,)
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned and checked from where an arm is; raises SimrobError: the first offending point."""
+        """Plan and check the move.
+
+        Args:
+            planning: the start of the move: posture, limits, surroundings.
+
+        Raises:
+            SimrobError: the move cannot be done. The message names the first bad point.
+        """
         raise NotImplementedError
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Plan it, and run the plan."""
+        """Plan the move, and run the plan; see :meth:`Move.perform`."""
         return run([self.plan(cell.planning(self.robot or robot))], None)
 
     def rows(self, planning: Planning) -> Any:
-        """Return the targets in SI units."""
+        """Targets in SI units.
+
+        Degrees that cannot be converted, because they have a wrong count, are returned unchanged: the planner refuses
+        them with a message.
+        """
         if self.targets_deg is None:
             return self.targets
         try:
             values = np.array(self.targets_deg, dtype=float)
-        except ValueError:  # rows of different lengths, which the plan refuses
+        except ValueError:  # rows of different lengths
             return self.targets_deg
-        pose = np.repeat([1.0, np.deg2rad(1.0)], 3)[: values.shape[-1]]
-        scale = planning.model.user_units if self.of_axes else pose
-        return values * scale if values.shape[-1] == len(scale) else values
+        if self.of_axes:
+            units = planning.model.user_units
+        else:
+            pose_units = np.repeat([1.0, np.deg2rad(1.0)], 3)  # of x, y, z and of three angles
+            units = pose_units[: values.shape[-1]]
+        return values * units if values.shape[-1] == len(units) else values
 
 
 class ToolMotion(Strict):
-    """The further keys of an arm's motion whose targets are places of its tool."""
+    """Further keys of an arm's motion whose targets are places or poses of its tool."""
 
     wobj: str | Pose | None = None
-    """In whose frame the targets are: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world
-    unless given. With the robot's own name that is where its reference has the tool."""
+    """Frame of the targets: a piece, one of its frames as `piece.frame`, a robot's tool or a pose. If it is not set,
+    the world. The robot's own name means the tool at its reference."""
     solver: SolverName | None = None
-    """Of the inverse kinematics; `auto` unless given."""
+    """Solver of the inverse kinematics. If it is not set, `auto`."""
 
 
 def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
-    """Let help tell of a method what its function takes, with the keys of :class:`How` one by one."""
-    text, attributes = getdoc(plan) or "", (getdoc(How) or "").partition("Attributes:\n")[2]
-    text = text.replace("    planning: what the move starts from.\n", "")
-    method.__doc__ = text.replace("    how: see :class:`How`.", attributes.rstrip())
+    """Set name, docstring and signature of a method of an arm, so that `help` lists every option.
+
+    Args:
+        method: the method, which runs what `plan` plans.
+        plan: function whose first argument is the planning, and whose last one is ``**how``.
+    """
+    text = getdoc(plan) or ""
+    _, _, options_text = (getdoc(How) or "").partition("Attributes:\n")
+    text = re.sub(r"^    planning: .*\n", "", text, flags=re.MULTILINE)
+    method.__doc__ = text.replace("    how: see :class:`How`.", options_text.rstrip())
     method.__name__ = plan.__name__.removeprefix("plan_")
-    _, *own, _ = signature(plan).parameters.values()
+    _, *own_parameters, _ = signature(plan).parameters.values()  # without `planning` and `how`
     options = [
         Parameter(key, Parameter.KEYWORD_ONLY, default=CHECKED if key == "check" else None, annotation=kind)
         for key, kind in How.__annotations__.items()
     ]
     arm = Parameter("self", Parameter.POSITIONAL_ONLY)
-    vars(method)["__signature__"] = Signature([arm, *own, *options], return_annotation="SimulationResult")
+    parameters = [arm, *own_parameters, *options]
+    vars(method)["__signature__"] = Signature(parameters, return_annotation="SimulationResult")

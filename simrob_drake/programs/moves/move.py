@@ -1,4 +1,8 @@
-"""A line of a program: what all kinds of moves declare, and how a program's file holds them."""
+"""Base class of moves, and how the file of a program has them.
+
+A program is a list of moves. Each *kind* of move is a subclass of :class:`Move`, with a `key` by which a file names it
+and with fields for its own keys. A file has a move as an *entry*: ``{walk: {steps: 4}}`` has the key ``walk``.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -33,12 +37,21 @@ from simrob_drake.stations.config import StationConfig
 
 Kind = TypeVar("Kind", bound="Move")
 Run: TypeAlias = Callable[[list[Plan], float | None], Any]
-"""Runs plans of arms at the same time, for a duration [s] if one is named; or stands robots where they lead."""
-Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
-"""A part of a program, checked and ready, that a robot with legs does from where it is; None: it takes no time."""
+"""Function that runs plans of arms at the same time, for a duration [s] or, if it is None, until the last one ends.
 
-MOVE_TIME = 1.0  # time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis
-MOST_STEPS, MOST_AMPLITUDE = 10_000, 100  # of one walk: about an hour; far beyond what legs can do
+A program that is only checked uses another function, which places the robots at the ends of their plans.
+"""
+Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
+"""Function that performs a checked part of a program, by a robot with legs. It returns None if that takes no time."""
+
+MOVE_TIME = 1.0
+"""Default duration of a move of joints [s]; ``tinc`` of the thesis."""
+MOST_STEPS = 10_000
+"""Largest count of steps of one walk, which then takes about an hour."""
+MOST_AMPLITUDE = 100
+"""Largest factor of the length of steps, far beyond what legs can do."""
+
+# What is expected of a value, for messages, by its key.
 _EXPECTED = {
     "duration": message(
         "base.a_positive_time", "a positive time [s], {shortest:g} to {longest:g}", shortest=SHORTEST, longest=LONGEST
@@ -53,10 +66,16 @@ _EXPECTED = {
 
 @dataclass
 class Outlook:
-    """What is known of a station before a move of a program that is only looked at."""
+    """Station as it will be before a move, while a program is checked. Checking a move updates it.
 
-    station: StationConfig  # as it will be
-    changed: bool = False  # whether earlier moves changed it, so that what depends on it is to be planned anew
+    Attributes:
+        station: the station as it will be.
+        changed: whether earlier moves change the station in a way that is not known exactly. Then motions that depend
+            on it have to be planned again when they run.
+    """
+
+    station: StationConfig
+    changed: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,8 +85,8 @@ class NameOf:
     Example: ``piece: Annotated[str, NameOf("pieces")]``. A form can then offer the names that there are.
 
     Attributes:
-        what: ``pieces`` or ``tools`` of the station, ``gaits`` of the robot that go steps, or ``acts``, its gaits that
-            go no steps.
+        what: ``pieces`` or ``tools`` of the station, ``gaits`` of the robot with steps, or ``acts``, its gaits without
+            steps.
     """
 
     what: Literal["pieces", "tools", "gaits", "acts"]
@@ -84,18 +103,17 @@ def named_things(kind: "type[Move]") -> dict[str, str]:
 
 
 class Move(Strict):
-    """A line of a program. A kind has its keys and overrides what is its own.
+    """A move of a program. A subclass is a kind of move: it adds its keys as fields, and overrides methods.
 
-    A file tells kinds apart by their ``key``, under which the others stand: ``{walk: {steps: 4}}``. A kind that is
-    ``brief`` may stand there by its first field alone: ``{act: bow}``.
+    A kind that is ``brief`` may be written by the value of its first field alone: ``{act: bow}``.
 
     Attributes:
-        key: by which a file tells it.
-        says: caption of the move in events and messages, a template with fields of ``it``.
-        brief: whether its first field alone can stand for it.
-        takes_time: whether it is a run of the station.
-        of_arms: whether arms can do it.
-        of_legs: whether robots with legs can.
+        key: key by which a file names this kind.
+        says: caption of the move in events and messages: a template with fields of ``it``, the move.
+        brief: whether the value of the first field alone can stand for the move.
+        takes_time: whether the move is a run of the station.
+        of_arms: whether arms can perform it.
+        of_legs: whether robots with legs can perform it.
     """
 
     key: ClassVar[str]
@@ -112,30 +130,38 @@ class Move(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_first(cls, content: Any) -> Any:
-        alone = cls.brief and content is not None and not isinstance(content, (Mapping, Move))
-        return {next(iter(cls.model_fields)): content} if alone else content
+    def _expand_brief(cls, content: Any) -> Any:
+        """Expand a brief move, the value of its first field, to a mapping of all fields."""
+        is_value = content is not None and not isinstance(content, (Mapping, Move))
+        return {_first_field(cls): content} if cls.brief and is_value else content
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """JSON schema of the kind. A brief kind allows the value of its first field as well."""
         schema = super().__get_pydantic_json_schema__(core, handler)
         if not cls.brief:
             return schema
-        alone = handler.resolve_ref_schema(schema)["properties"][next(iter(cls.model_fields))]
-        return {"anyOf": [schema, alone]}
+        first_field = handler.resolve_ref_schema(schema)["properties"][_first_field(cls)]
+        return {"anyOf": [schema, first_field]}
 
     def entry(self) -> dict[str, Any]:
-        """Return what a program's file has of it, without the values that are as they would be anyway."""
+        """Entry of the move in a program's file. Keys with default values are left out."""
         content = self.model_dump(mode="json", exclude_defaults=True)
-        if self.key in type(self).model_fields:
+        if self.key in type(self).model_fields:  # the key itself is a field, such as `target_deg`
             return content
-        first = next(iter(type(self).model_fields))
-        return {self.key: content[first] if self.brief and list(content) == [first] else content}
+        first = _first_field(type(self))
+        is_brief = self.brief and list(content) == [first]
+        return {self.key: content[first] if is_brief else content}
 
     def caption(self, *, robots: bool = False) -> str:
-        """Return what it does, in a few words, for events and lists; with ``robots`` whose move it is."""
-        whose = getattr(self, "robot", None) if robots else None
-        return self.says.format(it=self) + (f" of {whose}" if whose else "")
+        """Caption of the move for events and lists.
+
+        Args:
+            robots: whether the caption names the robot, if the move does.
+        """
+        text = self.says.format(it=self)
+        robot = getattr(self, "robot", None) if robots else None
+        return f"{text} of {robot}" if robot else text
 
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move depends on."""
@@ -144,11 +170,12 @@ class Move(Strict):
         form: Mapping[str, Any] = getattr(type(self), "form", {})
         keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
         # Such a key may have no value: a kick without a ball swings the foot through the air.
-        return [piece for key in keys if (piece := getattr(self, key))]
+        values = [getattr(self, key) for key in keys]
+        return [piece for piece in values if piece]
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find out whether a robot of a station can do moves of this kind, and which keys of them it can be given.
+        """Keys that a move of this kind may have for a robot of a station.
 
         A kind that not every robot can do overrides this. Forms for moves offer nothing else.
 
@@ -158,14 +185,23 @@ class Move(Strict):
             model: model of the robot.
 
         Returns:
-            the keys; None if the robot can do no move of this kind.
+            The keys, or None if the robot can do no move of this kind.
         """
         return frozenset(cls.model_fields)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.
+        """Perform the move with arms of a station.
 
-        ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.
+        Args:
+            cell: the station.
+            robot: name of the robot whose program it is. If it is None, the only robot.
+            run: function that runs the plans of the move.
+
+        Returns:
+            The value that `run` returns, or None if the move takes no time.
+
+        Raises:
+            SimrobError: the move cannot be done.
         """
         raise InvalidParameter(
             message("programs.the_move", "the move"),
@@ -174,10 +210,15 @@ class Move(Strict):
         )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
+        """Check that a robot with legs can perform the move, and return the stage that performs it later.
 
-        The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
-        cannot.
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move. It is updated to the station after the move.
+            name: name of the move for messages.
+
+        Raises:
+            SimrobError: the robot cannot perform the move.
         """
         raise InvalidParameter(
             message("programs.the_move", "the move"),
@@ -187,14 +228,22 @@ class Move(Strict):
 
 
 def field_of(*kinds: type[Move]) -> Any:
-    """Return the type of a field that holds a move of some kinds, each as a file has it."""
+    """Pydantic type of a field that holds a move of one of some kinds, and is written as an entry of a file."""
     union: Any = reduce(or_, (entry_model(kind) for kind in kinds))
-    return Annotated[union, BeforeValidator(_wrapped), AfterValidator(_unwrapped), PlainSerializer(Move.entry)]
+    return Annotated[
+        union,
+        BeforeValidator(_wrap_move),
+        AfterValidator(_unwrap_move),
+        PlainSerializer(Move.entry),
+    ]
 
 
 @cache
 def entry_model(kind: type[Move]) -> type[Strict]:
-    """Return the section of a file that a move of a kind is: its key, and its own keys under that."""
+    """Pydantic model of an entry in a file: the key of a kind of move, with the other keys below it.
+
+    A kind whose key is one of its own fields has them at the same level, and is its own model.
+    """
     if kind.key in kind.model_fields:
         return kind
     about = (kind.__doc__ or "").partition("\n")[0]
@@ -203,34 +252,59 @@ def entry_model(kind: type[Move]) -> type[Strict]:
 
 
 def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a move, however briefly a file has it."""
+    """Fields of a move from its entry in a file, also if the entry is brief.
+
+    Args:
+        kind: kind of the move.
+        move: the entry.
+    """
     content = move if kind.key in kind.model_fields else move[kind.key]
-    return dict(content) if isinstance(content, Mapping) else {next(iter(kind.model_fields)): content}
+    return dict(content) if isinstance(content, Mapping) else {_first_field(kind): content}
+
+
+def _first_field(kind: type[Move]) -> str:
+    """Name of the first field of a kind of move, whose value alone is a brief move."""
+    return next(iter(kind.model_fields))
 
 
 def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Move] | None:
-    """Return what kind of move a mapping of a program's file is; None if no key tells."""
+    """Kind of the move that an entry of a file is. It is None if the entry has the key of no kind."""
     return next((kind for kind in kinds if kind.key in content), None)
 
 
 def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
-    """Return the move of a kind that a file's mapping is; raises InvalidConfig: ``where``, key, what would be right."""
-    return _unwrapped(validated(entry_model(kind), plain(content), where))
+    """Read a move of a kind from an entry of a file.
+
+    Args:
+        kind: kind of the move.
+        content: the entry.
+        where: name of the move for error messages.
+
+    Raises:
+        InvalidConfig: a key or a value is wrong.
+    """
+    return _unwrap_move(validated(entry_model(kind), plain(content), where))
 
 
-def checked(kind: type[Kind], /, **content: Any) -> Kind:
-    """Return a move of what a user gave in Python; raises InvalidParameter: the first value that cannot be."""
+def make_move(kind: type[Kind], /, **content: Any) -> Kind:
+    """Make a move from arguments that a user gave in Python.
+
+    Args:
+        kind: kind of the move.
+        **content: values of its keys.
+
+    Raises:
+        InvalidParameter: a value is wrong. The message names the first one.
+    """
     try:
         return kind.model_validate(plain(content))
     except ValidationError as problem:
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
-        otherwise = (
-            message("programs.finite_degrees", "a finite number [deg]")
-            if key.startswith("target_deg")
-            else message("programs.a_text", "a text")
-        )
-        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
+        default = message("programs.a_text", "a text")
+        if key.startswith("target_deg"):
+            default = message("programs.finite_degrees", "a finite number [deg]")
+        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, default)) from None
 
 
 def move_name(index: int, count: int, file: str = "") -> str:
@@ -238,7 +312,7 @@ def move_name(index: int, count: int, file: str = "") -> str:
 
     Args:
         index: index of the move in its program, from 0.
-        count: how many moves the program has. A single one needs no number.
+        count: count of the program's moves. A single one needs no number.
         file: file of the program, which is part of the name; empty if the program has none.
     """
     if file:
@@ -259,7 +333,11 @@ def reference_name(index: int, file: str = "") -> str:
 
 @contextmanager
 def naming(move: str) -> Iterator[None]:
-    """Put the name of a move before what goes wrong with it."""
+    """Context manager that puts the name of a move before the message of an error in it.
+
+    Args:
+        move: name of the move. If it is empty, messages stay as they are.
+    """
     try:
         yield
     except SimrobError as problem:
@@ -268,15 +346,19 @@ def naming(move: str) -> Iterator[None]:
         raise
 
 
-def _wrapped(value: Any) -> Any:
-    """Return a move that was made in Python as a file would have it."""
-    if isinstance(value, Move):
-        return value if value.key in type(value).model_fields else {value.key: value}
-    return value
+def _wrap_move(value: Any) -> Any:
+    """Put a move that was made in Python under its key, as in an entry of a file. Other values stay unchanged."""
+    if not isinstance(value, Move) or value.key in type(value).model_fields:
+        return value
+    return {value.key: value}
 
 
-def _unwrapped(entry: Any) -> Move:
-    """Return the move of a section of a file."""
-    move = entry if isinstance(entry, Move) else getattr(entry, next(iter(type(entry).model_fields)))
+def _unwrap_move(entry: Any) -> Move:
+    """Move of an entry, which is a model of :func:`entry_model`."""
+    if isinstance(entry, Move):
+        move = entry
+    else:
+        key = next(iter(type(entry).model_fields))
+        move = getattr(entry, key)
     assert isinstance(move, Move)
     return move

@@ -31,8 +31,8 @@ from simrob_drake.programs.plan import CHECKED, Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import PathPoint, Segment, tool_length
 from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
-from simrob_drake.programs.tape import recorded
-from simrob_drake.programs.timing import How, is_free, timed
+from simrob_drake.programs.tape import with_entry
+from simrob_drake.programs.timing import How, is_free, plan_timed
 from simrob_drake.programs.torques import slowed_for_motors
 from simrob_drake.stations.collisions import Overlap
 
@@ -158,7 +158,7 @@ def plan_move_free(
         "planning_time": None if planning_time == PLANNING_TIME else planning_time,
         "piece": piece,
     }
-    return recorded(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own_keys)
+    return with_entry(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own_keys)
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
@@ -339,7 +339,7 @@ def plan_around(
         if show_search and len(search.branches):
             tool_poses = planning.chain.forward(branches[planning.robot].reshape(-1, axis_count))
             own_plan = replace(own_plan, search=tool_poses[:, :3, 3].reshape(-1, 2, 3))
-        plans.append(planning.looked_at(own_plan, how, own_plan.end[np.newaxis]))
+        plans.append(planning.check_limits_of(own_plan, how, own_plan.end[np.newaxis]))
     return plans
 
 
@@ -364,7 +364,7 @@ def _timed_path(
     segment = Segment(path.fractions, path.postures, max(tool_lengths), np.ones(1))
     first = plannings[0]
     motors = partial(first.motors, [*space.start])
-    fastest = timed(first.robot, [segment], how, points, limits, motors)
+    fastest = plan_timed(first.robot, [segment], how, points, limits, motors)
     # Without a speed or a duration from the user, the move may take as long as the motors need.
     may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
     return slowed_for_motors(motors(), fastest) if may_take_longer else fastest

@@ -18,76 +18,89 @@ from simrob_drake.programs.planning import (
     PoseTargets,
     WorkObject,
     degrees_hint,
-    grouped,
+    join_ways,
     points_of,
     zone_of,
 )
 from simrob_drake.programs.segments import joint_segment, joint_way
-from simrob_drake.programs.tape import recorded
+from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How
 
 
 class MoveAbsJ(ArmMotion):
-    """Axes that go to a posture, or through many; see :meth:`Arm.move_abs_j`."""
+    """A move of the axes to a posture, or through several; see :meth:`Arm.move_abs_j`."""
 
     key: ClassVar[str] = "move_abs_j"
     of_axes: ClassVar[bool] = True
 
-    targets: Rows | str | None = None  # type: ignore[assignment]  # wider, of what nobody writes
-    """Where to, one posture or many [rad or m], or one of the robot's by name, such as `home`."""
+    targets: Rows | str | None = None  # type: ignore[assignment]  # wider than in the base class, whose field is only read
+    """One posture or several [rad or m], or the name of one of the robot's postures, such as `home`."""
     stop: Boolean = False
-    """Rest at each target."""
+    """Whether the move rests at each target."""
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned."""
+        """Plan the move; see :func:`plan_move_abs_j`."""
         return plan_move_abs_j(planning, self.rows(planning), stop=self.stop, **self.how)
 
 
 def plan_move_abs_j(
-    planning: Planning, targets: npt.ArrayLike | str, *, stop: bool = False, **how: Unpack[How]
+    planning: Planning,
+    targets: npt.ArrayLike | str,
+    *,
+    stop: bool = False,
+    **how: Unpack[How],
 ) -> Plan:
-    """Plan a move to one posture (n,) or through many (k, n) [rad or m]; without those of fingers they stay.
+    """Plan a move of the axes to one posture, or through several.
 
-    A name stands for a posture of the robot's, such as ``home``.
+    Args:
+        planning: the start of the move.
+        targets: a posture (n,), several (k, n) [rad or m], or the name of one of the robot's postures, such as
+            ``home``. The positions of fingers may be left out: then the fingers stay.
+        stop: whether the move rests at each target.
+        how: see :class:`How`.
 
     Raises:
-        UnknownName: no such posture.
-        InvalidParameter: targets of a wrong shape, or a duration that cannot be.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
+        UnknownName: the robot has no such posture.
+        InvalidParameter: the targets have a wrong shape, or the duration is invalid.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
+            has a collision. The message names the first such point.
     """
     rows = planning.postures(targets)
+    # Targets beyond a limit only by rounding are moved to the limit. All others are refused later, with their point.
     if planning.chain.limits.are_within(rows):
         rows = planning.chain.limits.clamp(rows, message("programs.the_targets", "the targets"))
-    points, zone = points_of(how, POINTS), zone_of(how, len(rows))
+    points = points_of(how, POINTS)
+    zone = zone_of(how, len(rows))
     if truth(stop, "stop") and zone:
         raise Unsuitable(
             "stop",
             message("programs.zone_rounds_targets", "a zone rounds the targets, so that the joints do not stop there"),
             message("programs.give_one_of_two", "give one of the two"),
         )
-    through = not stop and len(rows) > 1 and "zone" not in how
-    if through and {"profile", "acceleration"} & {*how}:
+    passes_smoothly = not stop and len(rows) > 1 and "zone" not in how
+    if passes_smoothly and ("profile" in how or "acceleration" in how):
         raise InvalidParameter(
             "profile",
             "given",
             message("programs.with_stop_or_zone", "given with stop=True or a zone: else the joints do not cruise"),
         )
     ways = [joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])]
-    segments = [joint_segment(way, points=count) for way, count in grouped(ways, zone, points)]
-    plan = planning.checked(segments, how, points, rows, through=through, hint=degrees_hint(planning.chain, rows))
-    return recorded(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
+    segments = [joint_segment(way, points=count) for way, count in join_ways(ways, zone, points)]
+    hint = degrees_hint(planning.chain, rows)
+    plan = planning.plan_segments(segments, how, points, rows, through=passes_smoothly, hint=hint)
+    return with_entry(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
 
 
 class MoveJ(ToolMotion, ArmMotion):
-    """A tool that goes to poses the easiest way; see :meth:`Arm.move_j`."""
+    """A move of the tool to poses, straight in the joints; see :meth:`Arm.move_j`."""
 
     key: ClassVar[str] = "move_j"
 
     stop: Boolean = False
-    """Rest at each target."""
+    """Whether the move rests at each target."""
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned."""
+        """Plan the move; see :func:`plan_move_j`."""
         return plan_move_j(
             planning, self.rows(planning), wobj=self.wobj, solver=self.solver, stop=self.stop, **self.how
         )
@@ -102,25 +115,26 @@ def plan_move_j(
     stop: bool = False,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move to poses of the tool, straight in the space of the joints: the easiest way there.
+    """Plan a move to poses of the tool, straight in the joints: the path that is easiest for the axes.
 
     Args:
-        planning: what the move starts from.
+        planning: the start of the move.
         targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
         wobj: the work object.
-        solver: of the inverse kinematics; the nearest posture is taken.
-        stop: rest at each target.
+        solver: solver of the inverse kinematics. Of several postures the nearest one is used.
+        stop: whether the move rests at each target.
         how: see :class:`How`.
 
     Raises:
-        Unreachable: names the target, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
+        Unreachable: no posture reaches a target. The message names it, why, and how near the best posture comes.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
+            has a collision. The message names the first such point.
     """
     inverse = planning.inverse(solver)
     poses = planning.poses(targets, wobj)
     solutions = inverse.solve(poses, planning.start)
     if not solutions.reached.all():
-        row = solutions.first_missed
-        raise solutions.unreachable(row, target_name(row, len(poses)))
+        missed = solutions.first_missed
+        raise solutions.unreachable(missed, target_name(missed, len(poses)))
     plan = plan_move_abs_j(planning, solutions.positions, stop=stop, **how)
-    return recorded(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)
+    return with_entry(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)

@@ -16,17 +16,17 @@ from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
 from simrob_drake.programs.planning import ARC_POINTS, POINTS, Planning, PoseTargets, WorkObject, places, points_of
 from simrob_drake.programs.segments import Way
-from simrob_drake.programs.tape import recorded
+from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How
 
 
 class MoveL(ToolMotion, ArmMotion):
-    """A tool that goes straight; see :meth:`Arm.move_l`."""
+    """A move of the tool along straight lines; see :meth:`Arm.move_l`."""
 
     key: ClassVar[str] = "move_l"
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned."""
+        """Plan the move; see :func:`plan_move_l`."""
         return plan_move_l(planning, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
 
 
@@ -41,36 +41,39 @@ def plan_move_l(
     """Plan a move that leads the tool centre point along straight lines, turning about one axis on each.
 
     Args:
-        planning: what the move starts from.
+        planning: the start of the move.
         targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
         wobj: the work object.
-        solver: of the inverse kinematics.
+        solver: solver of the inverse kinematics.
         how: see :class:`How`.
 
     Raises:
-        Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
+        Unreachable: no posture reaches a point. The message names it, why, and how near the best posture comes.
+        BrokenPath: no continuous motion joins two points.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
+            has a collision. The message names the first such point.
     """
-    inverse, points = planning.inverse(solver), points_of(how, POINTS)
+    inverse = planning.inverse(solver)
+    points = points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
-    ways = [
-        Way(partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3])))
-        for begin, end in pairwise([planning.pose, *poses])
-    ]
+    ways = []
+    for begin, end in pairwise([planning.pose, *poses]):
+        length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
+        ways.append(Way(partial(poses_between, begin, end), length))
     plan = planning.along(ways, inverse, how, points)
-    return recorded(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
+    return with_entry(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
 
 
 class MoveC(ToolMotion, ArmMotion):
-    """A tool that goes along arcs; see :meth:`Arm.move_c`."""
+    """A move of the tool along arcs of circles; see :meth:`Arm.move_c`."""
 
     key: ClassVar[str] = "move_c"
 
     via: Rows
-    """A place [x y z] on the arc, or one for each of several [m]."""
+    """Position [x y z] on the arc, or one for each of several arcs [m]."""
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned."""
+        """Plan the move; see :func:`plan_move_c`."""
         return plan_move_c(planning, self.via, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
 
 
@@ -83,22 +86,25 @@ def plan_move_c(
     solver: SolverLike | None = None,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move that leads the tool centre point along arcs of circles.
+    """Plan a move that leads the tool centre point along arcs of circles, by default with 20 points on each.
 
     Args:
-        planning: what the move starts from.
-        via: a place (3,) on the arc, or one for each of several arcs (k, 3); of poses only the place counts.
-        targets: where each arc ends: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
+        planning: the start of the move.
+        via: position (3,) on the arc, or one for each of several arcs (k, 3). Of poses only the position counts.
+        targets: ends of the arcs: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
         wobj: the work object in whose frame they are.
-        solver: of the inverse kinematics.
-        how: see :class:`How`; ``points`` are 20 unless given.
+        solver: solver of the inverse kinematics.
+        how: see :class:`How`.
 
     Raises:
-        InvalidParameter: points that lie on one line, or another number of them than of targets.
-        Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
+        InvalidParameter: the points of an arc are on one line, or `via` has another count than the targets.
+        Unreachable: no posture reaches a point. The message names it, why, and how near the best posture comes.
+        BrokenPath: no continuous motion joins two points.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
+            has a collision. The message names the first such point.
     """
-    inverse, points = planning.inverse(solver), points_of(how, ARC_POINTS)
+    inverse = planning.inverse(solver)
+    points = points_of(how, ARC_POINTS)
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
     if len(middles) != len(poses):
@@ -108,17 +114,16 @@ def plan_move_c(
             message("programs.one_a_target", "one a target, of which there are {count}", count=len(poses)),
         )
     ways = list[Way]()
-    for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False)):
-        arc = Arc.through(
-            begin[:3, 3],
-            middle,
-            end[:3, 3],
-            message("programs.arc_to", "the arc to {target}", target=target_name(index, len(poses))),
-        )
-        ways.append(Way(partial(_on_arc, arc, begin, end), arc.length))
+    begin = planning.pose
+    for index, (middle, end) in enumerate(zip(middles, poses, strict=True)):
+        name = message("programs.arc_to", "the arc to {target}", target=target_name(index, len(poses)))
+        arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
+        ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
+        begin = end
     plan = planning.along(ways, inverse, how, points)
-    return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
+    return with_entry(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
 
 
-def _on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:
+def _poses_on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:
+    """Poses (k, 4, 4) at parts (k,) of an arc, whose orientation turns from one pose (4, 4) to another."""
     return stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts))

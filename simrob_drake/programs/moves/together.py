@@ -1,4 +1,4 @@
-"""Moves of different arms at the same time; and the motions that arms plan."""
+"""Moves of different arms at the same time, and the list of the motions that arms plan."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -14,7 +14,7 @@ from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.stateful_station import StatefulStation
 
 MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC, MoveFree)
-"""Kinds of moves that an arm plans and runs; a new one is listed here."""
+"""Kinds of moves that an arm plans and runs. A new one has to be listed here."""
 
 if TYPE_CHECKING:
     AnyMotion = ArmMotion
@@ -29,23 +29,26 @@ class TogetherMove(Move):
     of_legs: ClassVar[bool] = False
 
     together: "Annotated[tuple[AnyMotion, ...], Field(min_length=1)]"
-    """The moves."""
+    """The moves, of one robot each."""
     duration: Duration | None = None
-    """Of all [s]; until the last one ends unless given."""
+    """Duration of all moves [s]. If it is not set, until the last one ends."""
 
     def caption(self, *, robots: bool = False) -> str:
-        """Return what each does."""
+        """Captions of all moves."""
         return ", ".join(move.caption(robots=robots) for move in self.together)
 
     def pieces(self) -> Iterable[str]:
-        """Return the pieces of all."""
+        """Names of the pieces that the moves depend on."""
         return [piece for move in self.together for piece in move.pieces()]
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Plan all from where the arms are, moves around obstacles as one, and run them at the same time."""
+        """Plan all moves from where the arms are, and run them at the same time.
+
+        Moves around obstacles are planned as one, around each other.
+        """
         plannings = [cell.planning(move.robot or robot) for move in self.together]
-        moves = [move for move in self.together if isinstance(move, MoveFree)]
-        if len(moves) == len(plannings) > 1:
-            return run(plan_together(moves, plannings), self.duration)
+        free_moves = [move for move in self.together if isinstance(move, MoveFree)]
+        if len(free_moves) == len(plannings) > 1:
+            return run(plan_together(free_moves, plannings), self.duration)
         plans = [move.plan(planning) for move, planning in zip(self.together, plannings, strict=True)]
         return run(plans, self.duration)

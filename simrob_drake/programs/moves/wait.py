@@ -1,4 +1,4 @@
-"""All robots hold their places for a time, or follow the references of the station's file."""
+"""Moves in which all robots hold their positions, or follow the references of the station's file."""
 
 from typing import Any, ClassVar
 
@@ -9,37 +9,40 @@ from simrob_drake.programs.stateful_station import StatefulStation
 
 
 class WaitMove(Move):
-    """All robots hold their places; on a dynamic station they settle."""
+    """Wait, while all robots hold their positions. On a dynamic station they come to rest."""
 
     key: ClassVar[str] = "wait"
     brief: ClassVar[bool] = True
 
     duration: Duration
-    """How long [s]."""
+    """Duration [s]."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Let the time pass."""
+        """Run the station without any plan."""
         return run([], self.duration)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Return the stage in which the time passes."""
+        """Return the stage in which the robots wait."""
         return lambda robot: robot.cell.wait(self.duration)
 
 
 class PlayMove(Move):
-    """All robots follow the references of the station's file, from where they are."""
+    """Follow the references of the station's file with all robots, from their present positions."""
 
     key: ClassVar[str] = "play"
     brief: ClassVar[bool] = True
 
     duration: Duration
-    """How long [s]."""
+    """Duration [s]."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Let them."""
+        """Run the station by the references of its file."""
         return cell.play(self.duration)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Return the stage in which they do; where that leads is not known before."""
+        """Return the stage in which the robots follow the references.
+
+        The outlook is marked as changed, because nobody knows before where the robots end.
+        """
         outlook.changed = True
         return lambda robot: robot.cell.play(self.duration)

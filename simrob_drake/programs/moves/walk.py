@@ -1,4 +1,11 @@
-"""Walks: steps by a gait that is planned before it begins (SimRob's Marcha), postures in a row; or by a command."""
+"""Moves of robots with legs: gaits that are planned before they begin, and walks that follow commands of speed.
+
+`walk` (SimRob's Marcha) and `act` run a gait of the robot's `gaits.yaml`: with steps, or a sequence of postures. `go`
+runs the walking controller of the station, which decides each step from measurements while the robot walks.
+
+A program is checked as a whole before it runs. The *outlook* is the station as it will be before a move, and the
+*stage* of a move is the function that performs it later.
+"""
 
 import math
 from abc import abstractmethod
@@ -16,7 +23,7 @@ from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
-from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, checked, naming
+from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, make_move, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -25,93 +32,116 @@ from simrob_drake.walking.commands import Commanded
 
 
 class GaitMove(Move):
-    """A gait of a robot with legs; keys beside its own are parameters of the gait in place of the gait's own."""
+    """A gait of a robot with legs. Further keys are parameters of the gait, and replace the gait's own."""
 
     model_config = ConfigDict(extra="allow")
     of_arms: ClassVar[bool] = False
 
     @abstractmethod
-    def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
-        """Return the motion, planned for a station."""
+    def plan_motion(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
+        """Plan the motion of a robot.
+
+        Args:
+            robot: the robot.
+            station: the station as it will be before the move.
+
+        Raises:
+            SimrobError: the robot cannot perform the gait there.
+        """
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Plan it, and return the stage that runs it; it is planned anew where it depends on what was done before."""
-        plans, arms = [self.planned(robot, outlook.station)], taught_arms(robot)  # nobody keeps a plan while it runs
+        """Plan the motion as a check, and return the stage that runs it.
+
+        The stage uses this plan if nothing has changed by then that the plan depends on. Otherwise it plans again.
+        """
+        arms_at_check = taught_arms(robot)
+        motion = self.plan_motion(robot, outlook.station)
+        plans = [motion]  # the plan is taken out of the list when it runs, so that its memory is freed
         if outlook.changed or resolve(outlook.station).ground.incline:
-            plans.clear()
+            plans.clear()  # an earlier move changes the load, or the heading on a slope
+        del motion
 
-        def go(robot: LeggedGeometry) -> SimulationResult:
-            if taught_arms(robot) != arms:
+        def run_stage(robot: LeggedGeometry) -> SimulationResult:
+            """Run the gait from where the robot is."""
+            if taught_arms(robot) != arms_at_check:
                 plans.clear()
-            return replace(perform(robot, plans.pop() if plans else anew(robot)), did=self.caption())
+            # The plan has no name here, so that `perform` can free it before the run.
+            result = perform(robot, plans.pop() if plans else plan_again(robot))
+            return replace(result, did=self.caption())
 
-        def anew(robot: LeggedGeometry) -> JointMotion:
+        def plan_again(robot: LeggedGeometry) -> JointMotion:
+            """Plan the motion for the present station."""
             with naming(name):
-                return self.planned(robot, robot.cell.config)
+                return self.plan_motion(robot, robot.cell.config)
 
-        return go
+        return run_stage
 
 
 class WalkMove(GaitMove):
-    """Steps by a gait."""
+    """Steps of a planned gait."""
 
     key: ClassVar[str] = "walk"
 
     steps: Annotated[int, Field(strict=True, ge=-MOST_STEPS, le=MOST_STEPS)]
-    """How many step lengths ahead; the gait's `ramp_steps` come in addition. Legs in turn for a crawl."""
+    """Count of full steps. The gait's `ramp_steps` come in addition. For a crawl, the count of legs that swing."""
     amplitude: Annotated[Number, Field(ge=-MOST_AMPLITUDE, le=MOST_AMPLITUDE)] = 1.0
-    """Scales them."""
+    """Factor of the step length."""
     gait: Annotated[str | None, NameOf("gaits")] = None
-    """One of the robot's gaits that go steps; the first for its feet unless given."""
+    """Name of one of the robot's gaits with steps. If it is not set, the first one for its feet."""
 
-    def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
-        """Return the motion, planned for a station."""
+    def plan_motion(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
+        """Plan the motion, see :meth:`GaitMove.plan_motion`."""
         changes = self.model_extra or {}
         return planned_gait(robot, self.gait, changes, steps=self.steps, amplitude=self.amplitude, station=station)
 
 
 class ActMove(GaitMove):
-    """Postures one after the other, or a stand on three legs."""
+    """A gait without steps: postures one after the other, or a stand on three legs."""
 
     key: ClassVar[str] = "act"
     says: ClassVar[str] = "act {it.name}"
     brief: ClassVar[bool] = True
 
     name: Annotated[str, NameOf("acts")]
-    """One of the robot's gaits that go no steps."""
+    """Name of one of the robot's gaits without steps."""
 
-    def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
-        """Return the motion, planned for a station."""
+    def plan_motion(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
+        """Plan the motion, see :meth:`GaitMove.plan_motion`."""
         return planned_gait(robot, self.name, self.model_extra or {}, station=station)
 
 
-GO_TIME = 3.0  # time of a walk by commands unless another one is asked for [s]: enough to stop
-_BEYOND = 1.0  # floor beyond the way that a robot goes [m]
+GO_TIME = 3.0
+"""Default duration of a walk that follows a command [s]. It is long enough to stop."""
+
+_FLOOR_AROUND = 1.0  # floor that has to remain around the path of the robot [m]
 
 
 class GoMove(Move):
-    """A walk that is made while it goes, by `reacting` in its robot's `gaits.yaml`.
+    """A walk that reacts to measurements, by the parameters under `reacting` in the robot's `gaits.yaml`.
 
-    Nothing but its duration: it stops and stands. What the legs cannot follow is clipped, and the result says so.
+    Without a speed the robot stops and stands. A command that the legs cannot follow is clipped, with a warning.
     """
 
     key: ClassVar[str] = "go"
     of_arms: ClassVar[bool] = False
 
     ahead: Number = 0.0
-    """[m/s]."""
+    """Speed ahead [m/s]."""
     sideways: Number = 0.0
-    """To the left [m/s]."""
+    """Speed to the left [m/s]."""
     turn_deg: Number = 0.0
-    """To the left [deg/s]."""
+    """Turning speed to the left [deg/s]."""
     duration: Duration = GO_TIME
-    """How long [s]; it does not stop at its end, so that another `go` can follow in the middle of a step."""
+    """Duration of the walk [s]. The robot does not stop at its end: another `go` can follow in the middle of a step."""
     strict: Boolean = False
-    """Refuse what the legs cannot follow."""
+    """Whether a command that the legs cannot follow is an error."""
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find the keys; None for a robot without a walk by commands, or on a kinematic station."""
+        """Keys of the move, see :meth:`Move.possible_keys`.
+
+        Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
+        """
         try:
             cls().station(config, robot)
         except SimrobError:
@@ -120,52 +150,84 @@ class GoMove(Move):
 
     @classmethod
     def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
-        """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
+        """Make a walk from arguments of a user.
+
+        Args:
+            ahead: speed ahead [m/s].
+            sideways: speed to the left [m/s].
+            turn: turning speed to the left [rad/s].
+            duration: duration of the walk [s].
+            strict: whether a command that the legs cannot follow is an error.
+
+        Raises:
+            InvalidParameter: a value is not a finite number, or the duration is not positive.
+        """
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
-                raise InvalidParameter(
-                    name,
-                    value,
-                    message("programs.finite_turn", "a finite number [rad/s]")
-                    if name == "turn"
-                    else message("programs.one_speed", "one [m/s]"),
-                )
-        content = {"ahead": ahead, "sideways": sideways, "turn_deg": math.degrees(turn)}
-        return checked(cls, **content, duration=duration, strict=strict)
+                expected = message("programs.one_speed", "one [m/s]")
+                if name == "turn":
+                    expected = message("programs.finite_turn", "a finite number [rad/s]")
+                raise InvalidParameter(name, value, expected)
+        return make_move(
+            cls,
+            ahead=ahead,
+            sideways=sideways,
+            turn_deg=math.degrees(turn),
+            duration=duration,
+            strict=strict,
+        )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can walk by commands, and return the stage in which it does."""
+        """Check that the robot can follow commands, and return the stage in which it walks.
+
+        The outlook is marked as changed, because nobody knows before where the walk ends.
+        """
         self.station(outlook.station, robot.name)
         outlook.changed = True
-        return self._gone
+        return self._walk
 
     def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
-        """Return a station on which a robot goes so, from so far from the world's origin [m].
+        """Make a copy of a station in which a robot follows the command.
 
-        The walk is that of the station if it has one for the robot; its name stays the same from run to run, so its
-        state does, and the robot goes on in the middle of a step. Raises SimrobError: a robot that does not stand on
-        feet of its own, or has no walk; a station that is kinematic.
+        The copy has a walking controller for the robot, or the one that the station has. Its name stays the same from
+        run to run, and with it its state, so that the robot continues in the middle of a step.
+
+        Args:
+            config: the station.
+            robot: name of the robot.
+            start: distance of the robot from the world's origin [m].
+
+        Raises:
+            SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
         """
-        known = {name: section for name, section in config.controllers.items() if isinstance(section, Walk)}
-        own = [name for name, section in known.items() if (section.robot or config.only_robot) == robot]
-        name = own[0] if own else f"{robot}_walk" if "walk" in config.controllers else "walk"
+        walks = {key: section for key, section in config.controllers.items() if isinstance(section, Walk)}
+        own = [key for key, section in walks.items() if (section.robot or config.only_robot) == robot]
+        if own:
+            name = own[0]
+            walk = walks[name]
+        else:
+            name = f"{robot}_walk" if "walk" in config.controllers else "walk"
+            walk = Walk(kind="walk", robot=robot)
         command = Commanded(ahead=self.ahead, sideways=self.sideways, turn_deg=self.turn_deg)
-        walk = known[name] if own else Walk(kind="walk", robot=robot)
         settings = {"commands": (command,), "path": None, "strict": self.strict}
+        inputs = (*config.inputs, "reference_velocity")
         changes: dict[str, Any] = {
             "controllers": {**config.controllers, name: walk.model_copy(update=settings)},
-            "inputs": tuple(dict.fromkeys((*config.inputs, "reference_velocity"))),
+            "inputs": tuple(dict.fromkeys(inputs)),  # each input once
             "solver": short_steps(config.solver),
         }
         if config.floor is not None:
-            way = start + math.hypot(self.ahead, self.sideways) * self.duration + _BEYOND
-            changes["floor"] = config.floor.model_copy(update={"size": max(config.floor.size, math.ceil(2.0 * way))})
+            # The floor is a square around the origin; the robot may turn in any direction.
+            distance = start + math.hypot(self.ahead, self.sideways) * self.duration + _FLOOR_AROUND
+            size = max(config.floor.size, math.ceil(2.0 * distance))
+            changes["floor"] = config.floor.model_copy(update={"size": size})
         changed = config.model_copy(update=changes)
         check_parts(resolve(changed))
         return changed
 
-    def _gone(self, robot: LeggedGeometry) -> SimulationResult:
-        """Let a robot go, and return the run; the floor stays as large as it had to become."""
+    def _walk(self, robot: LeggedGeometry) -> SimulationResult:
+        """Run the walk. A floor that had to become larger stays so."""
         start = float(abs(robot.base_pose.translation()[:2]).max())
-        station, held = self.station(robot.cell.config, robot.name, start=start), {robot.name: hold(robot.reference)}
-        return replace(robot.cell.follow_as(station, held, self.duration), did=self.caption())
+        station = self.station(robot.cell.config, robot.name, start=start)
+        references = {robot.name: hold(robot.reference)}  # of the axes that the walk does not move
+        return replace(robot.cell.follow_as(station, references, self.duration), did=self.caption())

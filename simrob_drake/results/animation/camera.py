@@ -93,10 +93,10 @@ def walked_way(result: RecordedRun) -> Way | None:
     A robot whose controller asks for it is followed as well. None where the camera stands still: with no such robot,
     with several, or for a way that is short for its size.
     """
-    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
-    if len(result.plant.robots) != 1 or not followed:
+    followed = _followed_robot(result)
+    if followed is None:
         return None
-    base = result.pose("base", followed.pop())
+    base = result.pose("base", followed)
     begin = result.start_time
     end = framed_time(result)
     times = np.linspace(begin, end, max(round((end - begin) / _EVERY), 1) + 1)
@@ -112,6 +112,22 @@ def walked_way(result: RecordedRun) -> Way | None:
         return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
 
     return way
+
+
+def base_distances(result: RecordedRun, times: Vector) -> Vector:
+    """Horizontal distance of the followed robot's base from its start, at times (k,) [s] of a run, shape (k,) [m].
+
+    At the end of the run it is the distance that the run's text and summary give, sway and a fall included.
+    """
+    base = result.pose("base", _followed_robot(result))
+    distances = np.hypot(*(base[:, :2] - base[0, :2]).T)
+    return np.interp(times, result.times, distances)
+
+
+def _followed_robot(result: RecordedRun) -> str | None:
+    """Name of the robot that a camera may follow. Returns None if there is no such robot, or there are several."""
+    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
+    return followed.pop() if len(result.plant.robots) == 1 and followed else None
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:

@@ -31,8 +31,8 @@ from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
     Camera,
-    Way,
     aspect_of,
+    base_distances,
     camera_on,
     frame_times,
     side,
@@ -81,7 +81,9 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     if height < 16:
         raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
     studio = Studio(result, height=height, oversampling=2)
-    texts, strip = captions(times, studio.walked), BytesIO()
+    distances = None if studio.walked is None else base_distances(result, times)
+    texts = captions(times, distances)
+    strip = BytesIO()
     if events:
         texts = [f"{caption}\n{translate(text)}" for caption, (_, text) in zip(texts, events, strict=True)]
     side_by_side(list(studio.images(times)), texts).save(strip, format="png")
@@ -173,11 +175,15 @@ def frame_writer() -> Callable[..., Any]:
     return writer
 
 
-def captions(times: Vector, way: Way | None) -> list[str]:
-    """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
-    if way is None:
+def captions(times: Vector, distances: Vector | None) -> list[str]:
+    """Write the captions of frames: the time, and how far from its start a robot is that walks.
+
+    Args:
+        times: times of the frames, shape (k,) [s].
+        distances: distance of the robot from its start at these times, shape (k,) [m]; None if no robot walks.
+    """
+    if distances is None:
         return [f"{time:.2f} s" for time in times]
-    distances = np.linalg.norm(way(times) - way(times[:1]), axis=1)
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 

@@ -1,32 +1,98 @@
-"""Where the blocks of a picture stand: in columns along the signal flow, each level with what it is connected to."""
+"""Sizes and positions of the blocks of a picture: in columns along the signal flow.
+
+The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes stand in columns;
+within its column, a box is as close as possible to the heights of the boxes that it is connected to, so that most
+arrows are straight. Each net (a signal that one block sends to others) meets the left side of the boxes that read it,
+its *inlets*, and the right side of its source, its *outlet*.
+
+Positions are in pixels, x to the right and y down. Heights of inlets and outlets are measured from the middle of their
+box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, once it knows how many lines pass between
+the columns.
+"""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import fsum
 from statistics import fmean
+from typing import NamedTuple
 
 import numpy as np
 
 from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock, columns_of, nets_of
 
-LINE, ROW, CELL = 13.0, 14.0, 8.0
-"""Heights of a line of text, of a port in its bar, and what a cell of a block has beside its text [px]."""
-PITCH = 16.0  # from one arrow at a block to the next [px]
+LINE = 13.0
+"""Height of a line of text [px]."""
 
-_GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 13
-_NARROW, _WIDE = " ijl.,:;'|()[]/!frt⋮-", "mwMW@±√ΣΔ%"
+ROW = 14.0
+"""Height of a port in the list of a robot's ports [px]."""
+
+CELL = 8.0
+"""Height of a step's box inside a block, without its lines of text [px]."""
+
+PITCH = 16.0
+"""Distance of the ends of neighbouring nets at a box [px]."""
+
+_GAP = 14.0
+"""Least distance of two boxes of a column [px]."""
+
+_MARGIN = 7.0
+"""Width between a block's text and its edge [px]."""
+
+_BAR_WIDTH = 5.0
+"""Width of a bar that joins or distributes signals [px]."""
+
+_SUM_SIZE = 22.0
+"""Width and height of a sum [px]."""
+
+_ROUNDS = 13
+"""Rounds of alignment, alternately from left to right and back."""
+
+_FAR_BELOW = 1e4
+_FAR_ABOVE = -1e4
+"""Heights beyond all boxes [px], for nets that pass below or above other columns."""
+
+_NARROW = " ijl.,:;'|()[]/!frt⋮-"
+_WIDE = "mwMW@±√ΣΔ%"
+"""Characters that are much narrower or wider than others."""
 
 
 def text_width(text: str, size: float = 11.0) -> float:
-    """Return how wide a line is in the widest of the usual fonts [px]."""
-    units = (0.38 if c in _NARROW else 0.96 if c in _WIDE else 0.74 if c.isupper() else 0.62 for c in text)
-    return size * fsum(units)
+    """Estimated width of a line of text [px]. It is enough for the widest of the fonts that browsers use.
+
+    Args:
+        text: the line.
+        size: size of the font [px].
+    """
+    return size * fsum(_relative_width(character) for character in text)
 
 
-@dataclass
-class Placed:
-    """A block, or the bar of a robot's ports, in its place; y is that of its middle [px]."""
+def _relative_width(character: str) -> float:
+    """Estimated width of a character, as a part of the size of the font."""
+    if character in _NARROW:
+        return 0.38
+    if character in _WIDE:
+        return 0.96
+    return 0.74 if character.isupper() else 0.62
+
+
+@dataclass(eq=False)
+class Box:
+    """A rectangle of the picture: a block, or the list of a robot's output ports.
+
+    Attributes:
+        blocks: the block; in a list of ports all of them, from top to bottom.
+        lines: lines of text. Ports have their own labels: the list only has the name of its robot.
+        column: index of the column, from 0 at the left.
+        width: width [px].
+        height: height [px].
+        y: height of the middle in the picture, positive downwards [px].
+        x: left edge in the picture [px].
+        entry_height: height of the centre of all inlets, from the middle [px].
+        exit_height: height of the centre of all outlets, from the middle [px].
+        inlets: height of the end of each net that enters at the left, from the middle, by the index of the net [px].
+        outlets: height of each net that leaves at the right, likewise.
+    """
 
     blocks: list[DrawnBlock]
     lines: list[str]
@@ -35,204 +101,365 @@ class Placed:
     height: float
     y: float = 0.0
     x: float = 0.0
-    entry: float = 0.0  # where nets come in and go out on the whole, from the middle [px]
-    leave: float = 0.0
-    left: dict[int, float] = field(default_factory=dict)  # where nets come in, from the middle, by their numbers [px]
-    right: dict[int, float] = field(default_factory=dict)  # where they go out
+    entry_height: float = 0.0
+    exit_height: float = 0.0
+    inlets: dict[int, float] = field(default_factory=dict)
+    outlets: dict[int, float] = field(default_factory=dict)
 
     @property
-    def bar(self) -> bool:
-        """Whether it is a thin bar."""
+    def is_bar(self) -> bool:
+        """Whether the box is a thin bar that joins or distributes signals."""
         return self.blocks[0].shape in BARS
 
     @property
-    def force(self) -> bool:
-        """Whether it acts on the plant beside the motors."""
+    def is_force(self) -> bool:
+        """Whether the box is a force that acts on the plant in addition to the motors."""
         return self.blocks[0].role == "force"
 
     @property
-    def ports(self) -> bool:
-        """Whether it is a bar of the station's outputs."""
-        return self.blocks[0].role == "sensor" and self.blocks[0].shape == "port"
+    def is_port_list(self) -> bool:
+        """Whether the box is the list of a robot's output ports."""
+        return _is_output_port(self.blocks[0])
 
-    def row(self, key: str) -> float:
-        """Return where a port stands, from the middle [px]."""
-        place = next(number for number, block in enumerate(self.blocks) if block.key == key)
-        return (place + 0.5) * ROW + self.height / 2 - len(self.blocks) * ROW
+    def port_offset(self, key: str) -> float:
+        """Height of the middle of a port in the list of ports, from the middle of the list [px]."""
+        keys = [block.key for block in self.blocks]
+        # The rows of the ports end at the bottom of the box: the name of the robot may be above them.
+        return (keys.index(key) + 0.5) * ROW + self.height / 2 - len(self.blocks) * ROW
+
+
+class PortRange(NamedTuple):
+    """Heights of the first and the last port of a list to which a net leads, from the middle of the list [px]."""
+
+    first: float
+    last: float
+
+
+class _Connection(NamedTuple):
+    """One end of a net, seen from a box.
+
+    Attributes:
+        net: index of the net.
+        other: box at the other end.
+        is_incoming: whether the net enters the box. Otherwise it leaves the box.
+    """
+
+    net: int
+    other: Box
+    is_incoming: bool
+
+    @property
+    def other_end(self) -> float:
+        """Height of the net at the other box, in the picture [px]."""
+        ends = self.other.outlets if self.is_incoming else self.other.inlets
+        return self.other.y + ends[self.net]
 
 
 class Layout:
-    """The places of a graph's blocks, and its nets."""
+    """Boxes of a graph's blocks with their heights, and its nets.
+
+    Attributes:
+        nets: all nets. Their indices in this list identify them.
+        boxes: box in which each block is drawn, by the block's key.
+        columns: boxes of each column, from left to right and from top to bottom.
+    """
 
     def __init__(self, graph: BlockGraph) -> None:
-        self._several = len(graph.robots) > 1
-        self._robots = ["", *graph.robots]
-        self.nets = nets_of(graph)  # all signals
-        numbers = columns_of(graph)
-        self.places: dict[str, Placed] = {}  # the thing that a block is drawn in, by its key
-        self.columns: list[list[Placed]] = [[] for _ in range(max(numbers.values()) + 1)]  # from top to bottom
-        for things in self._things(graph):
-            placed = self._placed(things, numbers[things[0].key])
-            self.columns[placed.column].append(placed)
-            self.places |= {block.key: placed for block in things}
-        for column in self.columns:
-            self._settle(column, lambda placed: 0.0)
-        for turn in range(_ROUNDS):
-            self._set_ports()
-            ahead = turn % 2 == 0
-            for column in self.columns if ahead else reversed(self.columns):
-                self._align(column, ahead, order=turn < _ROUNDS // 2)
-        self._set_ports()
-        self._straighten()
+        """Place the blocks of a graph."""
+        self.nets = nets_of(graph)  # first, since the size of a box depends on its nets
+        self._robots = ["", *graph.robots]  # the blocks that all robots share come first
+        self._has_several_robots = len(graph.robots) > 1
+        self.boxes: dict[str, Box] = {}
+        column_of_block = columns_of(graph)
+        self.columns: list[list[Box]] = [[] for _ in range(max(column_of_block.values()) + 1)]
+        for blocks in self._blocks_of_boxes(graph):
+            box = self._make_box(blocks, column_of_block[blocks[0].key])
+            self.columns[box.column].append(box)
+            for block in blocks:
+                self.boxes[block.key] = box
+        self._align_all()
 
-    def _things(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
-        """Return the blocks, the ports of a robot's outputs together in the order of their nets."""
-        bars: dict[str, list[DrawnBlock]] = defaultdict(list)
-        ports = (target for net in self.nets for target in net.targets if graph.blocks[target].shape == "port")
-        for key in dict.fromkeys(ports):
-            bars[graph.blocks[key].robot].append(graph.blocks[key])
-        held = {block.key for bar in bars.values() for block in bar}
-        alone = [[block] for block in graph.blocks.values() if block.key not in held]
-        things = [*(bars[robot] for robot in self._robots if robot in bars), *alone]
-        return sorted(things, key=lambda thing: (self._robots.index(thing[0].robot), thing[0].role == "force"))
+    def _blocks_of_boxes(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
+        """Group the blocks that share a box: output ports by robot, in the order of their nets; others are alone.
 
-    def _placed(self, things: list[DrawnBlock], column: int) -> Placed:
-        block = things[0]
+        The groups are ordered by robots. Forces are the last of their robot, because they stand below the servos.
+        """
+        port_lists: dict[str, list[DrawnBlock]] = defaultdict(list)
+        targets = [target for net in self.nets for target in net.targets]
+        for key in dict.fromkeys(targets):
+            block = graph.blocks[key]
+            if block.shape == "port":
+                port_lists[block.robot].append(block)
+        listed_keys = {block.key for ports in port_lists.values() for block in ports}
+        groups = [port_lists[robot] for robot in self._robots if robot in port_lists]
+        groups += [[block] for block in graph.blocks.values() if block.key not in listed_keys]
+        return sorted(groups, key=lambda group: (self._robots.index(group[0].robot), group[0].role == "force"))
+
+    def _make_box(self, blocks: list[DrawnBlock], column: int) -> Box:
+        """Make the box of a block, or of several ports, with the size that their text needs."""
+        block = blocks[0]
         if block.shape in BARS:
-            return Placed(things, [], column, _BAR, PITCH)
-        whose = [block.robot] if self._several and block.robot else []
-        if block.role == "sensor" and block.shape == "port":
-            width = max(text_width(text, 10) for text in [*whose, *(port.label for port in things)])
-            return Placed(things, whose, column, width + 2 * _MARGIN, ROW * (len(things) + len(whose)))
-        lines = [*whose, *block.label.split("\n")]
+            return Box(blocks, [], column, _BAR_WIDTH, PITCH)
+        robot_lines = [block.robot] if self._has_several_robots and block.robot else []
+        if _is_output_port(block):
+            texts = [*robot_lines, *(port.label for port in blocks)]
+            width = max(text_width(text, 10) for text in texts)
+            return Box(blocks, robot_lines, column, width + 2 * _MARGIN, ROW * len(texts))
+        lines = [*robot_lines, *block.label.split("\n")]
         if block.shape == "sum":
-            return Placed(things, lines[-1:], column, 22.0, 22.0)
-        cells = [cell.split("\n") for cell in block.inside]
-        width = max(text_width(line) for line in [*lines, *(line for cell in cells for line in cell)])
-        height = LINE * len(lines) + CELL + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
-        ends = max(sum(block.key in net.targets for net in self.nets), sum(n.source == block.key for n in self.nets))
-        placed = Placed(things, lines, column, width + (4 if cells else 2) * _MARGIN, max(height, PITCH * ends))
-        if cells and not block.within:  # into the first cell, and out of the last
-            first, last = (LINE * len(cell) + CELL for cell in (cells[0], cells[-1]))
-            placed.entry = -height / 2 + LINE * len(lines) + CELL + first / 2
-            placed.leave = height / 2 - CELL - last / 2
-        return placed
+            return Box(blocks, lines[-1:], column, _SUM_SIZE, _SUM_SIZE)
+        return self._make_block_box(block, lines, column)
 
-    def _ends(self, placed: Placed) -> Iterable[tuple[int, Placed, bool]]:
-        """Yield each net of a place by its number, with what is at its other end, and whether it comes in."""
-        keys = {block.key for block in placed.blocks}
-        for number, net in enumerate(self.nets):
+    def _make_block_box(self, block: DrawnBlock, lines: list[str], column: int) -> Box:
+        """Make the box of a block with text, and with the steps of its computation as boxes below the text."""
+        steps = [step.split("\n") for step in block.inside]
+        lines_of_steps = [line for step in steps for line in step]
+        width = max(text_width(line) for line in [*lines, *lines_of_steps])
+        # A step's own box is higher than its lines by CELL, and the arrow to it has 1.5 CELL.
+        height = LINE * len(lines) + CELL + fsum(LINE * len(step) + 2.5 * CELL for step in steps)
+        incoming_count = sum(block.key in net.targets for net in self.nets)
+        outgoing_count = sum(net.source == block.key for net in self.nets)
+        # Each net needs its own end at the side of the box.
+        height_of_ends = PITCH * max(incoming_count, outgoing_count)
+        # Boxes inside the block need a margin of their own.
+        margin_count = 4 if steps else 2
+        box = Box([block], lines, column, width + margin_count * _MARGIN, max(height, height_of_ends))
+        if steps and not block.within:
+            # The signals enter the first step, and leave from the last one.
+            first_height = LINE * len(steps[0]) + CELL
+            last_height = LINE * len(steps[-1]) + CELL
+            box.entry_height = -height / 2 + LINE * len(lines) + CELL + first_height / 2
+            box.exit_height = height / 2 - CELL - last_height / 2
+        return box
+
+    def _align_all(self) -> None:
+        """Set the heights of all boxes and of the ends of all nets.
+
+        Each column is aligned to its neighbour, alternately from left to right and back. During the first half of the
+        rounds the boxes of a column may also change their order.
+        """
+        for column in self.columns:
+            self._stack(column, lambda box: 0.0)  # all columns begin around the height 0
+        for number in range(_ROUNDS):
+            self._order_ends()
+            to_the_right = number % 2 == 0
+            may_reorder = number < _ROUNDS // 2
+            for column in self.columns if to_the_right else reversed(self.columns):
+                self._align(column, to_the_right, may_reorder=may_reorder)
+        self._order_ends()
+        self._straighten_at_bars()
+        self._straighten_nets()
+
+    def _connections(self, box: Box) -> Iterator[_Connection]:
+        """Yield the connections of a box: an outgoing one for each target of a net, an incoming one for each net."""
+        keys = {block.key for block in box.blocks}
+        for index, net in enumerate(self.nets):
             if net.source in keys:
-                yield from ((number, self.places[target], False) for target in net.targets)
+                for target in net.targets:
+                    yield _Connection(index, self.boxes[target], is_incoming=False)
             if keys.intersection(net.targets):
-                yield number, self.places[net.source], True
+                yield _Connection(index, self.boxes[net.source], is_incoming=True)
 
-    def _set_ports(self) -> None:
-        """Say where nets meet what is placed: in the order of where they come from, those of far above first."""
-        for placed in self.places.values():
-            if placed.ports:
-                self._sort_rows(placed)
-            for incoming, side in ((True, placed.left), (False, placed.right)):
-                heights: dict[int, list[float]] = defaultdict(list)
-                for number, other, comes_in in self._ends(placed):
-                    if comes_in == incoming:
-                        step = other.column - placed.column
-                        near = step == (-1 if incoming else 1)
-                        far = 1e4 if (step >= 0 if incoming else step <= 0) else -1e4
-                        heights[number].append(other.y if near else far)
-                means = {number: fmean(values) for number, values in heights.items()}
-                order = sorted(means, key=lambda number: (means[number], number))
-                side.clear()
-                middle = (len(order) - 1) / 2 - (placed.entry if incoming else placed.leave) / PITCH
-                side.update({each: (place - middle) * PITCH for place, each in enumerate(order)})
-                if placed.ports:
-                    side.update({number: fmean(self.rows(number, placed)) for number in order})
+    def _order_ends(self) -> None:
+        """Set the inlets and outlets of all boxes, in the order of the heights from which their nets come."""
+        for box in self.boxes.values():
+            if box.is_port_list:
+                self._sort_ports(box)
+            box.inlets = self._ordered_ends(box, incoming=True)
+            box.outlets = self._ordered_ends(box, incoming=False)
 
-    def _sort_rows(self, bar: Placed) -> None:
-        """Put the ports of a bar in the order in which their nets come: those from far away over what is between."""
+    def _ordered_ends(self, box: Box, *, incoming: bool) -> dict[int, float]:
+        """Heights of the ends of nets on one side of a box, from its middle, by the index of the net [px]."""
+        heights: dict[int, list[float]] = defaultdict(list)
+        for connection in self._connections(box):
+            if connection.is_incoming == incoming:
+                heights[connection.net].append(_height_at_neighbour(box, connection))
+        means = {net: fmean(values) for net, values in heights.items()}
+        # Lines that come from above end above: then nets of the same column do not cross.
+        order = sorted(means, key=lambda net: (means[net], net))
+        if box.is_port_list:
+            # The net ends in the middle of the ports to which it leads.
+            return {net: fmean(self.port_range(net, box)) for net in order}
+        # The ends are PITCH apart, and their centre is at the entry or exit of the box.
+        centre = box.entry_height if incoming else box.exit_height
+        middle_rank = (len(order) - 1) / 2 - centre / PITCH
+        return {net: (rank - middle_rank) * PITCH for rank, net in enumerate(order)}
 
-        def rank(block: DrawnBlock) -> tuple[int, float, int]:
-            number = next(number for number, net in enumerate(self.nets) if block.key in net.targets)
-            source = self.places[self.nets[number].source]
-            return source.column, source.y, number
+    def _sort_ports(self, port_list: Box) -> None:
+        """Sort the ports of a list like their nets: nets from farther left are higher, since they pass above boxes."""
 
-        bar.blocks.sort(key=rank)
+        def rank(port: DrawnBlock) -> tuple[int, float, int]:
+            index = next(index for index, net in enumerate(self.nets) if port.key in net.targets)
+            source = self.boxes[self.nets[index].source]
+            return source.column, source.y, index
 
-    def rows(self, number: int, bar: Placed) -> tuple[float, float]:
-        """Return the middles of the first and the last port of a bar that a net comes to, from the bar's middle."""
-        rows = [bar.row(block.key) for block in bar.blocks if block.key in self.nets[number].targets]
-        return rows[0], rows[-1]
+        port_list.blocks.sort(key=rank)
 
-    def _align(self, column: list[Placed], ahead: bool, *, order: bool) -> None:
-        """Place a column level with what it is connected to: on its left where one goes ahead, else on its right."""
+    def port_range(self, net: int, port_list: Box) -> PortRange:
+        """Range of the ports of a list to which a net leads.
 
-        def desired(placed: Placed) -> float:
-            if placed.bar:
-                return placed.y
-            sides: dict[bool, list[float]] = {True: [], False: []}
-            far = []
-            for number, other, comes_in in self._ends(placed):
-                there, here = (other.right, placed.left) if comes_in else (other.left, placed.right)
-                if placed.ports or not self._next(placed, other):
-                    far.append(other.y)
-                elif not other.ports and not other.force:
-                    below = placed.height / 2 + 2 * PITCH if placed.force else 0.0  # of the way of the torques
-                    sides[comes_in == ahead].append(other.y + there[number] - here[number] + below)
-            found = sides[True] or sides[False] or far
-            return fmean(found) if found else placed.y
+        Args:
+            net: index of the net.
+            port_list: the list. The net leads to at least one of its ports.
+        """
+        targets = self.nets[net].targets
+        offsets = [port_list.port_offset(block.key) for block in port_list.blocks if block.key in targets]
+        return PortRange(first=offsets[0], last=offsets[-1])
 
-        if order:
-            column.sort(key=lambda placed: (placed.force, round(desired(placed), 3)))
-        for placed in column:
-            if placed.bar:
-                self._stretch(placed)
-        self._settle(column, desired)
+    def _align(self, column: list[Box], to_the_right: bool, *, may_reorder: bool) -> None:
+        """Move the boxes of a column to the heights of the boxes that they are connected to.
 
-    def _next(self, one: Placed, other: Placed) -> bool:
-        """Tell whether nothing but forces stands in the columns between two things."""
-        first, last = sorted((one.column, other.column))
-        return first < last and all(placed.force for column in self.columns[first + 1 : last] for placed in column)
+        Args:
+            column: boxes of the column. Its order changes if ``may_reorder`` is set.
+            to_the_right: whether the column is aligned to the boxes at its left. Otherwise to those at its right.
+            may_reorder: whether the boxes are sorted by the heights at which they should be.
+        """
 
-    def _stretch(self, bar: Placed) -> None:
-        """Let a bar be as high as what it is connected to."""
-        many = [other for _, other, comes_in in self._ends(bar) if comes_in == (bar.blocks[0].shape == "mux")]
-        ends = [other for other in many if abs(other.column - bar.column) == 1]
-        if ends:
-            top, bottom = min(end.y for end in ends), max(end.y for end in ends)
-            bar.y, bar.height = (top + bottom) / 2, bottom - top + 2 * PITCH
+        def desired_height(box: Box) -> float:
+            return self._desired_height(box, to_the_right)
 
-    def _settle(self, column: Sequence[Placed], desired: Callable[[Placed], float]) -> None:
-        """Place what stands in a column where it is desired to be, as far as it has room, in its order."""
-        from scipy.optimize import isotonic_regression  # loaded where it is needed
+        if may_reorder:
+            # Rounded, so that the order does not depend on errors of the arithmetic.
+            column.sort(key=lambda box: (box.is_force, round(desired_height(box), 3)))
+        for box in column:
+            if box.is_bar:
+                self._stretch(box)
+        self._stack(column, desired_height)
 
-        above = np.cumsum([0.0, *(placed.height + _GAP for placed in column[:-1])])  # what stands over each, packed
-        tops = np.array([desired(placed) - placed.height / 2 for placed in column])
-        for placed, top in zip(column, isotonic_regression(tops - above).x + above, strict=True):
-            placed.y = float(top) + placed.height / 2
+    def _desired_height(self, box: Box, to_the_right: bool) -> float:
+        """Height at which a box's nets to its neighbours would be straight on average, in the picture [px].
 
-    def _straighten(self) -> None:
-        """Move the ends of arrows so that these are straight where the sides that they lead to allow it."""
-        for bar in filter(lambda placed: placed.bar, self.places.values()):
-            for number, other, comes_in in self._ends(bar):
-                side, there = (bar.left, other.right) if comes_in else (bar.right, other.left)
-                if comes_in == (bar.blocks[0].shape == "mux") and abs(other.column - bar.column) == 1:
-                    side[number] = other.y + there[number] - bar.y
-        for net_number, net in enumerate(self.nets):
-            source, ends = self.places[net.source], {id(self.places[t]): self.places[t] for t in net.targets}
-            near = [end for end in ends.values() if end.column == source.column + 1]
-            for end in near[:1] if len(near) == 1 or not source.bar else near:
-                level = end.y + end.left[net_number]
-                if end.ports or source.bar or len(end.left) > 1 or len(source.right) == 1:
-                    _move(source, source.right, net_number, level - source.y)
-                start = source.y + source.right[net_number]
-                if not end.ports:
-                    _move(end, end.left, net_number, start - end.y)
+        Args:
+            box: the box. A bar keeps its height, because the boxes that it joins determine that.
+            to_the_right: whether nets that enter decide. If there are none, those that leave do; and the other way
+                round if the columns are aligned to the left.
+        """
+        if box.is_bar:
+            return box.y
+        deciding: list[float] = []
+        others: list[float] = []
+        distant: list[float] = []
+        for connection in self._connections(box):
+            other = connection.other
+            if box.is_port_list or not self._are_neighbours(box, other):
+                # A list of ports is high: it is only placed in the middle of its sources.
+                distant.append(other.y)
+            elif not other.is_port_list and not other.is_force:
+                # Ports and forces adapt to this box, not the other way round.
+                own_ends = box.inlets if connection.is_incoming else box.outlets
+                # A force stays below the line of the torques, which leads from the servos to the plant.
+                below_torques = box.height / 2 + 2 * PITCH if box.is_force else 0.0
+                height = connection.other_end - own_ends[connection.net] + below_torques
+                if connection.is_incoming == to_the_right:
+                    deciding.append(height)
+                else:
+                    others.append(height)
+        heights = deciding or others or distant
+        return fmean(heights) if heights else box.y
+
+    def _are_neighbours(self, box: Box, other: Box) -> bool:
+        """Whether two boxes are in different columns with nothing but forces between them."""
+        first, last = sorted((box.column, other.column))
+        between = [placed for column in self.columns[first + 1 : last] for placed in column]
+        return first < last and all(placed.is_force for placed in between)
+
+    def _stretch(self, bar: Box) -> None:
+        """Set height and position of a bar, so that it reaches along all boxes that it joins or distributes to."""
+        heights = [connection.other.y for connection in self._many_sided(bar)]
+        if heights:
+            top = min(heights)
+            bottom = max(heights)
+            bar.y = (top + bottom) / 2
+            bar.height = bottom - top + 2 * PITCH
+
+    def _many_sided(self, bar: Box) -> list[_Connection]:
+        """Connections of a bar to the boxes of the next column on the side where it has several nets."""
+        is_mux = bar.blocks[0].shape == "mux"
+        return [
+            connection
+            for connection in self._connections(bar)
+            if connection.is_incoming == is_mux and abs(connection.other.column - bar.column) == 1
+        ]
+
+    def _stack(self, column: Sequence[Box], desired_height: Callable[[Box], float]) -> None:
+        """Place the boxes of a column in their order, each as close to its desired height as the others allow.
+
+        Args:
+            column: boxes from top to bottom.
+            desired_height: function that computes the desired height of a box's middle [px].
+        """
+        from scipy.optimize import isotonic_regression  # slow to load, and only pictures need it
+
+        # With the desired tops d_i, the heights h_i and the gap g, the tops t_i minimise sum (t_i - d_i)^2 subject to
+        # t_(i+1) >= t_i + h_i + g. With the tops p_i of boxes without room between them, p_(i+1) = p_i + h_i + g,
+        # this is an isotonic regression: t_i - p_i must not decrease.
+        packed_tops = np.cumsum([0.0, *(box.height + _GAP for box in column[:-1])])
+        desired_tops = np.array([desired_height(box) - box.height / 2 for box in column])
+        tops = isotonic_regression(desired_tops - packed_tops).x + packed_tops
+        for box, top in zip(column, tops, strict=True):
+            box.y = float(top) + box.height / 2
+
+    def _straighten_at_bars(self) -> None:
+        """Move the ends of nets along bars, so that the nets to the boxes that they join are straight."""
+        for bar in self.boxes.values():
+            if not bar.is_bar:
+                continue
+            for connection in self._many_sided(bar):
+                ends = bar.inlets if connection.is_incoming else bar.outlets
+                ends[connection.net] = connection.other_end - bar.y
+
+    def _straighten_nets(self) -> None:
+        """Move ends of nets along the sides of boxes, so that nets between neighbouring columns are straight."""
+        for index, net in enumerate(self.nets):
+            source = self.boxes[net.source]
+            targets = dict.fromkeys(self.boxes[key] for key in net.targets)
+            near = [box for box in targets if box.column == source.column + 1]
+            # A net with several targets can only be straight to one of them, unless it leaves from a long bar.
+            for target in near if source.is_bar else near[:1]:
+                height = target.y + target.inlets[index]
+                has_one_outlet = len(source.outlets) == 1
+                is_shared_target = len(target.inlets) > 1
+                if target.is_port_list or source.is_bar or is_shared_target or has_one_outlet:
+                    _move_end(source, source.outlets, index, height - source.y)
+                # If the outlet cannot move there, the inlet moves to the outlet. Ports stay where they are.
+                height = source.y + source.outlets[index]
+                if not target.is_port_list:
+                    _move_end(target, target.inlets, index, height - target.y)
 
 
-def _move(placed: Placed, side: dict[int, float], number: int, offset: float) -> None:
-    """Move where a net meets a side to an offset from its middle, if nothing is there, and in the same order."""
-    reach = placed.height / 2 - (2 if placed.bar else 6)
-    others = [value for other, value in side.items() if other != number]
-    order = all((value < side[number]) == (value < offset) for value in others)
-    if abs(offset) <= reach and order and all(abs(value - offset) >= PITCH - 6 for value in others):
-        side[number] = offset
+def _is_output_port(block: DrawnBlock) -> bool:
+    """Whether a block is an output of the station, such as "tau" or "tcp_pose"."""
+    return block.role == "sensor" and block.shape == "port"
+
+
+def _height_at_neighbour(box: Box, connection: _Connection) -> float:
+    """Height from which a net enters a box, or to which it leaves, in the picture [px].
+
+    A net that does not lead to the next column passes far above the boxes, or far below if it leads back.
+    """
+    # Count of columns that the net advances in the direction of the signal flow.
+    advance = connection.other.column - box.column
+    if connection.is_incoming:
+        advance = -advance
+    if advance == 1:
+        return connection.other.y
+    return _FAR_BELOW if advance <= 0 else _FAR_ABOVE
+
+
+def _move_end(box: Box, ends: dict[int, float], net: int, offset: float) -> None:
+    """Move the end of a net along the side of a box, if it stays on the side, in its order and clear of other ends.
+
+    Args:
+        box: the box.
+        ends: the box's inlets or outlets. The net's height is changed in place.
+        net: index of the net.
+        offset: new height from the middle of the box [px].
+    """
+    distance_to_corner = 2 if box.is_bar else 6
+    reach = box.height / 2 - distance_to_corner
+    others = [height for other, height in ends.items() if other != net]
+    # Nets that change their order at a box would cross.
+    keeps_order = all((height < ends[net]) == (height < offset) for height in others)
+    is_clear = all(abs(height - offset) >= PITCH - 6 for height in others)
+    if abs(offset) <= reach and keeps_order and is_clear:
+        ends[net] = offset

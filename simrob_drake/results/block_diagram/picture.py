@@ -1,4 +1,7 @@
-"""The block picture of a station, as a drawing, or as a text in the language of Graphviz or Mermaid.
+"""The block picture of a station: drawn as SVG, PNG or PDF, or as text in the language of Graphviz or Mermaid.
+
+A drawing consists of *marks*: areas, lines and texts. The marks of a block belong together as a *part*, which is a
+group in the SVG file, so that a page can react to a click on the block.
 
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
@@ -9,6 +12,7 @@ from html import escape
 from io import BytesIO
 from math import fsum
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import one_of
@@ -16,7 +20,7 @@ from simrob_drake.base.files import diagrams_root
 from simrob_drake.base.folders import check_ending, replaced_at_once
 from simrob_drake.base.messages import message, translate
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
-from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
+from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Box, Layout, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Lines, Point, Routing
 from simrob_drake.stations.closed import closed_station
@@ -24,14 +28,42 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
-_EDGE, _HEADER, _LEGEND, _FONT_SIZE = 12.0, 44.0, 26.0, 11.0
-_ABOVE = 14.0  # px over a wire without a name, whose value would stand in the next block
+_FONT_SIZE = 11.0
+"""Usual size of the font [px]."""
+
+_SIGNAL_SIZE = 10
+"""Size of the font of signals and ports [px]."""
+
+_TITLE_SIZE = 13
+"""Size of the font of the title [px]."""
+
+_BLACK = "#000000"
+_WHITE = "#ffffff"
+
+_EDGE = 12.0
+"""Width of the margin around the picture [px]."""
+
+_HEADER = 44.0
+"""Height of the title and the description [px]."""
+
+_LEGEND = 26.0
+"""Height of the legend under the picture [px]."""
+
+_VALUE_HEIGHT = 14.0
+"""Height of a signal's value over its line, if the signal has no name next to which the value fits [px]."""
+
+_POINTS_PER_INCH = 72
+_RESOLUTION = 144
+"""Resolution of PNG files [dots per inch]: two dots for each pixel of the drawing."""
 
 
 @dataclass(frozen=True)
 class _Area:
-    """A filled outline."""
+    """A filled polygon with an outline. Colours are "#rrggbb", or "none"."""
 
     corners: Sequence[Point]
     fill: str
@@ -40,240 +72,416 @@ class _Area:
 
 
 @dataclass(frozen=True)
-class _Way:
-    """A line."""
+class _Line:
+    """A line through points, in the colour of signals."""
 
     points: Sequence[Point]
 
 
 @dataclass(frozen=True)
-class _Words:
-    """A line of text; ``at`` is where it begins, or its middle, on its base line."""
+class _Text:
+    """A line of text.
+
+    Attributes:
+        text: the text.
+        at: point on the base line: the middle of the text if it is centred, else its left end.
+        colour: colour of the letters.
+        size: size of the font [px].
+        centred: whether the text is centred.
+        bold: whether the letters are bold.
+    """
 
     text: str
     at: Point
-    fill: str = "#000000"
+    colour: str = _BLACK
     size: float = _FONT_SIZE
-    middle: bool = True
+    centred: bool = True
     bold: bool = False
 
 
-_Mark = _Area | _Way | _Words
-_Part = tuple[str, list[_Mark]]  # the key of a block, or nothing, and its marks
+_Mark = _Area | _Line | _Text
+
+
+class _Part(NamedTuple):
+    """Marks that belong together, and the key of their block. The key is empty for marks that are no block."""
+
+    key: str
+    marks: list[_Mark]
+
+
+class _DrawnNet(NamedTuple):
+    """A net, a signal from one block to others, and its lines."""
+
+    net: Net
+    lines: Lines
+
+
+class _Legend(NamedTuple):
+    """Marks of the legend, and its width [px]."""
+
+    marks: list[_Mark]
+    width: float
 
 
 class Drawing:
-    """A block graph, drawn."""
+    """The drawing of a block graph. The same graph gives the same drawing."""
 
     def __init__(self, graph: BlockGraph) -> None:
-        """Draw a graph; the same graph gives the same drawing."""
+        """Draw a graph."""
         layout = Layout(graph)
         routing = Routing(layout)
-        self._parts: list[_Part] = []
-        self._nets = list(zip(layout.nets, routing.lines, strict=True))
-        for net, lines in self._nets:
-            self._parts.append(("", list(_net_marks(net.text, lines))))
+        self._nets = [_DrawnNet(net, lines) for net, lines in zip(layout.nets, routing.lines, strict=True)]
+        # The nets come first: the index of a net is that of its part.
+        self._parts = [_Part("", list(_net_marks(net.text, lines))) for net, lines in self._nets]
         for column in layout.columns:
-            self._parts += [part for placed in column for part in _block_parts(placed)]
-        legend, x, (self._top, bottom) = list[_Mark](), 0.0, routing.span
-        for role in (role for role in ROLES if any(block.role == role for block in graph.blocks.values())):
-            (fill, line), y = COLOURS[role], bottom + _LEGEND
-            title = translate(TITLES[role])
-            legend += [_Area(_box(x, y - 9, 12, 10), fill, line), _Words(title, (x + 17, y), line, middle=False)]
-            x += text_width(title) + 32
-        self._top -= _HEADER
-        heading = _Words(graph.title, (0, self._top + 14), size=13, middle=False, bold=True)
-        self._parts += [("", [*legend, heading, _Words(graph.description, (0, self._top + 29), middle=False)])]
-        wide = max(routing.width, x, text_width(graph.title, 14), text_width(graph.description))
-        self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
+            for box in column:
+                self._parts += _parts_of_box(box)
+
+        legend = _legend(graph, routing.bottom + _LEGEND)
+        self._top = routing.top - _HEADER
+        title = _Text(graph.title, Point(0, self._top + 14), size=_TITLE_SIZE, centred=False, bold=True)
+        description = _Text(graph.description, Point(0, self._top + 29), centred=False)
+        self._parts.append(_Part("", [*legend.marks, title, description]))
+
+        # The estimate of a text's width is for usual letters; those of the title are bold.
+        widths = [routing.width, legend.width, text_width(graph.title, 14), text_width(graph.description)]
+        self._width = max(widths) + 2 * _EDGE
+        self._height = routing.bottom - self._top + _LEGEND + 2 * _EDGE
 
     def svg(self, *, live: bool = False) -> str:
-        """Return it as SVG, a titled group ``node`` a block; ``live``, a group ``wire`` a signal for its value, too."""
-        width, height = (f"{value:.0f}" for value in self._size)
+        """Write the drawing as SVG. Each block is a group of the class ``node``, whose title is the block's key.
+
+        Args:
+            live: whether a page shows values of signals in the picture. Then each signal is a group of the class
+                ``wire``, and has an empty text for its value.
+        """
+        width = f"{self._width:.0f}"
+        height = f"{self._height:.0f}"
         lines = [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
             f' font-family="{_FONT}" font-size="{_FONT_SIZE:g}">',
             '<rect width="100%" height="100%" fill="#ffffff"/>',
             f'<g transform="translate({_EDGE:g} {_EDGE - self._top:.1f})">',
         ]
-        values = list[str]()  # over all else
-        for number, (key, marks) in enumerate(self._parts):
-            drawn = "".join(map(_svg_mark, marks))
-            if live and number < len(self._nets):
-                drawn, value = _live_wire(number, *self._nets[number], drawn)
-                values.append(value)
-            lines.append(f'<g class="node"><title>{escape(key)}</title>{drawn}</g>' if key else drawn)
+        values: list[str] = []
+        for index, part in enumerate(self._parts):
+            drawn = "".join(_svg_mark(mark) for mark in part.marks)
+            if live and index < len(self._nets):
+                drawn = _svg_wire(index, self._nets[index], drawn)
+                values.append(_svg_value(index, self._nets[index]))
+            lines.append(f'<g class="node"><title>{escape(part.key)}</title>{drawn}</g>' if part.key else drawn)
+        # Values come last, so that nothing covers them.
         return "\n".join([*lines, *values, "</g>", "</svg>", ""])
 
     def file(self, kind: str) -> bytes:
-        """Return it as a file of a kind that Matplotlib writes: png or pdf."""
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Polygon
+        """Content of a file with the drawing.
 
-        width, height = self._size
-        figure = Figure(figsize=(width / 72, height / 72), dpi=144)
+        Args:
+            kind: format of the file, such as "png" or "pdf", that Matplotlib writes.
+        """
+        from matplotlib.figure import Figure  # slow to load, and SVG does not need it
+
+        size = (self._width / _POINTS_PER_INCH, self._height / _POINTS_PER_INCH)
+        figure = Figure(figsize=size, dpi=_RESOLUTION)
+        # The axes fill the figure, with a pixel of the drawing as unit. Matplotlib's y is upwards, unless the limits
+        # are given in the opposite order.
         top = self._top - _EDGE
-        axes = figure.add_axes((0, 0, 1, 1), xlim=(-_EDGE, width - _EDGE), ylim=(top + height, top))
+        x_limits = (-_EDGE, self._width - _EDGE)
+        y_limits = (top + self._height, top)
+        axes = figure.add_axes((0, 0, 1, 1), xlim=x_limits, ylim=y_limits)
         axes.set_axis_off()
-        for mark in (mark for _, marks in self._parts for mark in marks):
-            if isinstance(mark, _Area):
-                style = "--" if mark.dashed else "-"
-                axes.add_patch(Polygon(mark.corners, fc=mark.fill, ec=mark.line, lw=1, ls=style, zorder=3))
-            elif isinstance(mark, _Way):
-                axes.plot(*zip(*mark.points, strict=True), color=WIRE, lw=1, zorder=2)
-            else:
-                align, weight = "center" if mark.middle else "left", "bold" if mark.bold else "normal"
-                axes.text(
-                    *mark.at,
-                    mark.text,
-                    color=mark.fill,
-                    size=mark.size,
-                    ha=align,
-                    weight=weight,
-                    zorder=4,
-                    parse_math=False,
-                )
+        for part in self._parts:
+            for mark in part.marks:
+                _draw_mark(axes, mark)
+        # Without a date the same drawing gives the same file.
+        metadata = {"CreationDate": None} if kind == "pdf" else None
         buffer = BytesIO()
-        figure.savefig(buffer, format=kind, metadata={"CreationDate": None} if kind == "pdf" else None)
+        figure.savefig(buffer, format=kind, metadata=metadata)
         return buffer.getvalue()
 
 
-def _live_wire(number: int, net: Net, lines: Lines, drawn: str) -> tuple[str, str]:
-    """Return a signal that a page can point at; and where its value goes: beside its name, or above a short way."""
-    (x, y), ends = lines.label, f'data-from="{escape(net.source)}" data-to="{escape("|".join(net.targets))}"'
-    ways = "".join(f'<path class="reach" d="M{_path(way)}" fill="none"/>' for way in lines.ways)
-    x, y = (x + text_width(f"{net.text} ", 10), y) if net.text else (x - _ABOVE / 2, y - _ABOVE)
-    value = f'<text class="value" data-value="{number}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
-    return f'<g class="wire" data-wire="{number}" {ends}>{ways}{drawn}</g>', value
+def _legend(graph: BlockGraph, y: float) -> _Legend:
+    """Make the legend of the roles that a graph has, on a base line at y [px]."""
+    used_roles = {block.role for block in graph.blocks.values()}
+    marks: list[_Mark] = []
+    x = 0.0
+    for role in ROLES:
+        if role not in used_roles:
+            continue
+        colours = COLOURS[role]
+        title = translate(TITLES[role])
+        marks.append(_Area(_rectangle(x, y - 9, 12, 10), colours.fill, colours.line))
+        marks.append(_Text(title, Point(x + 17, y), colours.line, centred=False))
+        x += text_width(title) + 32
+    return _Legend(marks, x)
 
 
 def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
-    """Yield what a signal is drawn of."""
-    yield from map(_Way, lines.ways)
-    for (x, y), right in lines.heads:
-        back = x - 7 if right else x + 7
-        yield _Area([(x, y), (back, y - 3.2), (back, y + 3.2)], WIRE)
-    yield from (_Area(_box(x - 1.8, y - 1.8, 3.6, 3.6), WIRE) for x, y in lines.dots)
+    """Yield the marks of a net.
+
+    Args:
+        text: name of the signal; empty if nothing is written.
+        lines: lines, arrowheads and branches of the net.
+    """
+    for polyline in lines.polylines:
+        yield _Line(polyline)
+    for head in lines.heads:
+        tip = head.tip
+        back = tip.x - 7 if head.points_right else tip.x + 7
+        yield _Area([tip, Point(back, tip.y - 3.2), Point(back, tip.y + 3.2)], WIRE)
+    for dot in lines.dots:
+        yield _Area(_rectangle(dot.x - 1.8, dot.y - 1.8, 3.6, 3.6), WIRE)
     if text:
-        yield _Words(text, lines.label, WIRE, size=10, middle=False)
+        yield _Text(text, lines.label, WIRE, size=_SIGNAL_SIZE, centred=False)
 
 
-def _block_parts(placed: Placed) -> Iterator[_Part]:
-    """Yield a block, or a bar of ports, each of which is one of its own."""
-    block, (fill, line) = placed.blocks[0], COLOURS[placed.blocks[0].role]
-    top = placed.y - placed.height / 2
-    if placed.bar:
-        yield block.key, [_Area(_box(placed.x, top, placed.width, placed.height), WIRE)]
-    elif not placed.ports:
-        frame = _Area(_box(placed.x, top, placed.width, placed.height), fill, line, dashed=bool(block.within))
-        yield block.key, [frame, *_inside(placed, block, line)]
-    else:
-        for text in placed.lines:
-            yield "", [_Words(text, (placed.x + placed.width / 2, top + LINE - 2), line, bold=True)]
-        for port in placed.blocks:
-            y = placed.y + placed.row(port.key)
-            middle = placed.x + placed.width / 2
-            row = _Area(_box(placed.x, y - ROW / 2, placed.width, ROW), line, "#ffffff")
-            yield port.key, [row, _Words(port.label, (middle, y + 3.5), "#ffffff", size=10)]
+def _parts_of_box(box: Box) -> Iterator[_Part]:
+    """Yield the parts of a box: a block is one part; in a list of ports, each port is a part of its own."""
+    if box.is_port_list:
+        yield from _parts_of_ports(box)
+        return
+    block = box.blocks[0]
+    outline = _rectangle(box.x, box.y - box.height / 2, box.width, box.height)
+    if box.is_bar:
+        yield _Part(block.key, [_Area(outline, WIRE)])
+        return
+    colours = COLOURS[block.role]
+    # A dashed frame shows that the system of another block does the work.
+    frame = _Area(outline, colours.fill, colours.line, dashed=bool(block.within))
+    yield _Part(block.key, [frame, *_content_of_block(box, block, colours.line)])
 
 
-def _inside(placed: Placed, block: DrawnBlock, line: str) -> Iterator[_Mark]:
-    """Yield a block's words, and what happens in it as boxes of their own, one under the other."""
-    middle, cells = placed.x + placed.width / 2, [cell.split("\n") for cell in block.inside]
-    content = LINE * len(placed.lines) + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
-    y = placed.y - content / 2
-    for number, text in enumerate(placed.lines):
-        bold = number == 0 and text == block.robot and len(placed.lines) > 1
-        yield _Words(text, (middle, y + LINE - 3), line if bold else "#000000", bold=bold)
+def _parts_of_ports(box: Box) -> Iterator[_Part]:
+    """Yield the name of the robot, if it is written, and each port of a list of ports."""
+    line_colour = COLOURS[box.blocks[0].role].line
+    top = box.y - box.height / 2
+    middle = box.x + box.width / 2
+    for text in box.lines:
+        yield _Part("", [_Text(text, Point(middle, top + LINE - 2), line_colour, bold=True)])
+    for port in box.blocks:
+        y = box.y + box.port_offset(port.key)
+        area = _Area(_rectangle(box.x, y - ROW / 2, box.width, ROW), line_colour, _WHITE)
+        label = _Text(port.label, Point(middle, y + 3.5), _WHITE, size=_SIGNAL_SIZE)
+        yield _Part(port.key, [area, label])
+
+
+def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator[_Mark]:
+    """Yield the text of a block, and the steps of its computation as boxes below each other.
+
+    Args:
+        box: box of the block.
+        block: the block.
+        line_colour: colour of the block's edge.
+    """
+    middle = box.x + box.width / 2
+    steps = [step.split("\n") for step in block.inside]
+    content_height = LINE * len(box.lines) + fsum(LINE * len(step) + 2.5 * CELL for step in steps)
+    y = box.y - content_height / 2
+    for index, text in enumerate(box.lines):
+        is_robot = index == 0 and text == block.robot and len(box.lines) > 1
+        yield _Text(text, Point(middle, y + LINE - 3), line_colour if is_robot else _BLACK, bold=is_robot)
         y += LINE
-    for number, cell in enumerate(cells):
+    for index, step in enumerate(steps):
         y += 1.5 * CELL
-        if number:
-            yield _Way([(middle, y - 1.5 * CELL), (middle, y)])
-            yield _Area([(middle, y), (middle - 3, y - 6), (middle + 3, y - 6)], WIRE)
-        else:
+        if index == 0:
+            # No arrow leads to the first step, so it needs less room above.
             y -= CELL
-        height = LINE * len(cell) + CELL
-        yield _Area(_box(placed.x + 7, y, placed.width - 14, height), "#ffffff", line)
-        for row, text in enumerate(cell):
-            yield _Words(text, (middle, y + CELL / 2 + LINE * (row + 1) - 3))
+        else:
+            yield _Line([Point(middle, y - 1.5 * CELL), Point(middle, y)])
+            yield _Area([Point(middle, y), Point(middle - 3, y - 6), Point(middle + 3, y - 6)], WIRE)
+        height = LINE * len(step) + CELL
+        yield _Area(_rectangle(box.x + 7, y, box.width - 14, height), _WHITE, line_colour)
+        for line_index, text in enumerate(step):
+            yield _Text(text, Point(middle, y + CELL / 2 + LINE * (line_index + 1) - 3))
         y += height
 
 
-def _box(x: float, y: float, width: float, height: float) -> list[Point]:
-    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+def _rectangle(x: float, y: float, width: float, height: float) -> list[Point]:
+    """Corners of a rectangle, clockwise from the left upper one, which is (x, y) [px]."""
+    return [Point(x, y), Point(x + width, y), Point(x + width, y + height), Point(x, y + height)]
 
 
 def _svg_mark(mark: _Mark) -> str:
-    if isinstance(mark, _Words):
-        look = f' fill="{mark.fill}"' if mark.fill != "#000000" else ""
-        look += f' font-size="{mark.size:g}"' if mark.size != _FONT_SIZE else ""
-        look += (' text-anchor="middle"' if mark.middle else "") + (' font-weight="bold"' if mark.bold else "")
-        return f'<text x="{mark.at[0]:.1f}" y="{mark.at[1]:z.1f}"{look}>{escape(mark.text)}</text>'
-    if isinstance(mark, _Way):
-        return f'<path d="M{_path(mark.points)}" fill="none" stroke="{WIRE}"/>'
-    dashed = ' stroke-dasharray="5 3"' if mark.dashed else ""
+    """Write a mark as an element of SVG."""
+    if isinstance(mark, _Text):
+        return _svg_text(mark)
+    if isinstance(mark, _Line):
+        return f'<path d="M{_svg_points(mark.points)}" fill="none" stroke="{WIRE}"/>'
     edge = f' stroke="{mark.line}"' if mark.line != "none" else ""
-    return f'<path d="M{_path(mark.corners)}Z" fill="{mark.fill}"{edge}{dashed}/>'
+    dashes = ' stroke-dasharray="5 3"' if mark.dashed else ""
+    return f'<path d="M{_svg_points(mark.corners)}Z" fill="{mark.fill}"{edge}{dashes}/>'
 
 
-def _path(points: Sequence[Point]) -> str:
-    return "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
+def _svg_text(mark: _Text) -> str:
+    """Write a line of text as an element of SVG. Attributes with the usual values are left out."""
+    attributes = ""
+    if mark.colour != _BLACK:
+        attributes += f' fill="{mark.colour}"'
+    if mark.size != _FONT_SIZE:
+        attributes += f' font-size="{mark.size:g}"'
+    if mark.centred:
+        attributes += ' text-anchor="middle"'
+    if mark.bold:
+        attributes += ' font-weight="bold"'
+    # The format "z" writes a small negative number as 0.0, not as -0.0.
+    return f'<text x="{mark.at.x:.1f}" y="{mark.at.y:z.1f}"{attributes}>{escape(mark.text)}</text>'
 
 
-SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")  # of files that pictures are written to
+def _svg_points(points: Sequence[Point]) -> str:
+    """Write points as they follow the "M" of a path of SVG."""
+    return "L".join(f"{point.x:.1f} {point.y:.1f}" for point in points)
+
+
+def _svg_wire(index: int, drawn_net: _DrawnNet, drawn: str) -> str:
+    """Write a signal as a group that a page can react to.
+
+    Args:
+        index: index of the net, by which the page finds it.
+        drawn_net: the net and its lines.
+        drawn: the elements of the net.
+    """
+    net = drawn_net.net
+    ends = f'data-from="{escape(net.source)}" data-to="{escape("|".join(net.targets))}"'
+    # The page draws these invisible paths wide, so that a pointer need not hit the thin line.
+    reach = "".join(
+        f'<path class="reach" d="M{_svg_points(polyline)}" fill="none"/>' for polyline in drawn_net.lines.polylines
+    )
+    return f'<g class="wire" data-wire="{index}" {ends}>{reach}{drawn}</g>'
+
+
+def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
+    """Write the empty text for the value of a signal: right of its name, or above the line if it has no name.
+
+    Args:
+        index: index of the net, by which the page finds the text.
+        drawn_net: the net and its lines.
+    """
+    net = drawn_net.net
+    label = drawn_net.lines.label
+    if net.text:
+        x = label.x + text_width(f"{net.text} ", _SIGNAL_SIZE)
+        y = label.y
+    else:
+        # The line is so short that the value would reach into the next block, so it stands above both.
+        x = label.x - _VALUE_HEIGHT / 2
+        y = label.y - _VALUE_HEIGHT
+    return f'<text class="value" data-value="{index}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
+
+
+def _draw_mark(axes: "Axes", mark: _Mark) -> None:
+    """Draw a mark with Matplotlib. Lines are under areas, and texts above both (zorder)."""
+    from matplotlib.patches import Polygon
+
+    if isinstance(mark, _Area):
+        style = "--" if mark.dashed else "-"
+        area = Polygon(mark.corners, fc=mark.fill, ec=mark.line, lw=1, ls=style, zorder=3)
+        axes.add_patch(area)
+    elif isinstance(mark, _Line):
+        x = [point.x for point in mark.points]
+        y = [point.y for point in mark.points]
+        axes.plot(x, y, color=WIRE, lw=1, zorder=2)
+    else:
+        axes.text(
+            mark.at.x,
+            mark.at.y,
+            mark.text,
+            color=mark.colour,
+            size=mark.size,
+            ha="center" if mark.centred else "left",
+            weight="bold" if mark.bold else "normal",
+            zorder=4,
+            parse_math=False,  # a $ in a name is a letter
+        )
+
+
+SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")
+"""Suffixes of the files to which block pictures are written."""
 
 
 def station_dot(config: StationConfig) -> str:
-    """Return a station's block picture in Graphviz' language; raises SimrobError: a station that cannot be built."""
+    """Write a station's block picture in the language of Graphviz.
+
+    Raises:
+        SimrobError: the station cannot be built.
+    """
     return dot_text(_graph(config))
 
 
 def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[str] = ()) -> str:
-    """Return a station's block picture, see :meth:`Drawing.svg`; raises SimrobError: a station that cannot be built.
+    """Draw a station's block picture as SVG.
 
-    Subsystems are one block each of which one of the ``folded`` blocks is a part.
+    Args:
+        config: the station.
+        live: whether a page shows values of signals in the picture: see :meth:`Drawing.svg`.
+        folded: keys of blocks whose subsystems are drawn as one block: see :meth:`BlockGraph.with_folded`.
+
+    Raises:
+        SimrobError: the station cannot be built.
     """
-    return Drawing(_graph(config).with_folded(folded, TITLES)).svg(live=live)
+    titles = {role: translate(title) for role, title in TITLES.items()}
+    return Drawing(_graph(config).with_folded(folded, titles)).svg(live=live)
 
 
 def loop_svg(config: StationConfig, name: str) -> str:
-    """Return the picture of a loop of a station with what it reads and moves; raises UnknownName: there is none."""
-    return Drawing(
-        _graph(config).around(f"controller.{one_of(message('results.loop', 'loop'), name, config.controllers)}")
-    ).svg()
+    """Draw a controller of a station as SVG, with the blocks that it reads and those that it commands.
+
+    Args:
+        config: the station.
+        name: name of the controller.
+
+    Raises:
+        UnknownName: the station has no controller of this name.
+    """
+    controller = one_of(message("results.loop", "loop"), name, config.controllers)
+    return Drawing(_graph(config).neighbourhood(f"controller.{controller}")).svg()
 
 
 def station_mermaid(config: StationConfig) -> str:
-    """Return a station's block picture for Mermaid, which Markdown shows; raises SimrobError: it cannot be built."""
+    """Write a station's block picture as a Mermaid flowchart, which many viewers of Markdown draw.
+
+    Raises:
+        SimrobError: the station cannot be built.
+    """
     return mermaid_text(_graph(config))
 
 
 def save_block_picture(config: StationConfig, file: Path | str) -> Path:
-    """Write a station's block picture, as its suffix says .svg, .png, .pdf, or as text .dot or .mmd; return the file.
+    """Write a station's block picture to a file, and return its path.
 
-    Raises InvalidParameter: another suffix; SimrobError: the station cannot be built; OutputError: the file not
-    written.
+    Args:
+        config: the station.
+        file: the file. Its suffix is the format: .svg, .png or .pdf, or as text .dot (Graphviz) or .mmd (Mermaid).
+
+    Raises:
+        InvalidParameter: the file has another suffix.
+        SimrobError: the station cannot be built.
+        OutputError: the file cannot be written.
     """
     file = as_path(file, "file")
     suffix = check_ending(file, SUFFIXES, message("results.file_of_picture", "the picture's file"))
     if suffix in (".png", ".pdf"):
-        content = Drawing(_graph(config)).file(suffix[1:])
+        content = Drawing(_graph(config)).file(suffix.removeprefix("."))
     else:
-        texts = {".svg": station_svg, ".dot": station_dot, ".mmd": station_mermaid}
-        content = texts[suffix](config).encode()
+        writers = {".svg": station_svg, ".dot": station_dot, ".mmd": station_mermaid}
+        content = writers[suffix](config).encode()
     with replaced_at_once(file) as work:
         work.write_bytes(content)
     return file
 
 
 def main(folder: Path | None = None) -> None:
-    """Write ``<station>.svg`` for this package's own stations, next to their files if no folder is given."""
+    """Draw the stations of this package as ``<station>.svg``.
+
+    Args:
+        folder: folder of the pictures. If it is None, they are written next to the files of the stations.
+    """
+    target_folder = folder or diagrams_root()
     for name in sorted(file.stem for file in diagrams_root().glob("*.yaml")):
-        print(save_block_picture(load_station(name), (folder or diagrams_root()) / f"{name}.svg"))
+        print(save_block_picture(load_station(name), target_folder / f"{name}.svg"))
 
 
 def _graph(config: StationConfig) -> BlockGraph:
+    """Build a station, and read the blocks of its picture."""
     closed = closed_station(resolve(config))
     return read_blocks(closed.diagram, closed.ports)
 

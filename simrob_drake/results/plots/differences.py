@@ -49,16 +49,16 @@ def _settings(folder: Path) -> dict[str, Any]:
     station = folder / STATION
     if station.is_file():
         content = read_yaml(station)
-        settings.update(_flattened({key: content[key] for key in content if key not in _WITHOUT_EFFECT}))
+        settings.update(_flatten({key: content[key] for key in content if key not in _WITHOUT_EFFECT}))
     program = folder / PROGRAM
     if program.is_file():
         moves = read_yaml(program).get("moves", [])
-        settings.update(_flattened({"program": {"moves": moves}}))
+        settings.update(_flatten({"program": {"moves": moves}}))
         settings.pop(_DURATION, None)
     return settings
 
 
-def _flattened(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield each value of nested mappings and lists with its dotted key. Entries of lists have their index, from 0."""
     if isinstance(content, Mapping):
         entries = [(str(name), value) for name, value in content.items()]
@@ -68,7 +68,7 @@ def _flattened(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield key, content
         return
     for name, value in entries:
-        yield from _flattened(value, f"{key}.{name}" if key else name)
+        yield from _flatten(value, f"{key}.{name}" if key else name)
 
 
 def _in_words(value: Any) -> str:

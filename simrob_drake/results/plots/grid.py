@@ -1,13 +1,17 @@
-"""Figures of many small plots: what is in them is said first, and laid out once all is known.
+"""Figures of many small plots, as one figure shows all joints of a robot.
 
-matplotlib can find margins and align labels by itself, but then it measures every label of a figure for each of its
-frames: with 40 of them that takes seconds. Here the room of numbers follows from how many characters they have.
+A *plot* is a frame with its curves. A *stack* is a title with plots below each other, such as the position of a joint
+and the error of this position. A figure has its stacks side by side in rows.
+
+Matplotlib can find margins and align labels by itself, but then it measures every label of a figure for each of its
+frames: with 40 frames that takes seconds. Here the width of the numbers at an axis is estimated from the count of their
+characters, and all frames are placed at once.
 """
 
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,34 +26,82 @@ from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 
 VALUE, REFERENCE, ERROR = COLOURS[:3]
-ERROR_HEIGHT = 0.65  # of the plot of an error under that of its value [inches]
+"""Colours of a value, of its reference, and of the difference of the two."""
+
+ERROR_HEIGHT = 0.65
+"""Height of the plot of an error, under the plot of its value [inches]."""
 
 TIME_LABEL = message("results.time_label", "time [s]")
 """Label of the axis of time."""
 
-Span = tuple[float, float]  # begin and end of the time that is shown [s]
 
-_MARGIN, _GAP, _LABEL = 0.2, 0.25, 0.2  # inches: about the figure, between stacks, for the label of an axis
-_TITLE, _BELOW, _BETWEEN = 0.3, 0.3, 0.13  # inches: over a stack, for the ticks under it, between its plots
-_HEAD, _LEGEND, _LINE = 0.5, 0.25, 0.2  # inches: title of a figure, legend, and lines of a reason below each other
-_FRAME = 2.6  # inches: least width of a frame
-_TICK = 8  # points
-_DIGIT = 0.64 * _TICK / 72  # inches
-_SMALLEST = {"m": 1e-3, "mm": 0.1, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
-_TRUSTED = 0.95  # the part of a diverging run that sets the scale
-_HUGE = 1e9  # nobody reads larger values off a plot
-_MOST = 48  # stacks of a figure; 300 would take a minute and half a gigabyte
-_PLAIN = 1e-4, 1e6  # numbers from and to which nobody needs powers of ten
-_STILL = 1e-6  # of a value: what differs by less does not differ
+class Span(NamedTuple):
+    """The part of a run that a figure shows: its first and its last time [s]."""
+
+    begin: float
+    end: float
+
+
+# All widths and heights are in inches.
+_MARGIN = 0.2  # around the figure
+_GAP = 0.25  # between stacks, without numbers and labels
+_LABEL = 0.2  # label of an axis
+_TITLE = 0.3  # title over a stack
+_BELOW = 0.3  # numbers of the axis of time, under a stack
+_BETWEEN = 0.13  # between the plots of a stack
+_HEAD = 0.5  # title of the figure
+_LEGEND = 0.25  # legend under the title of the figure
+_LINE = 0.2  # line of text under the legend
+_FRAME = 2.6  # least width of a frame
+
+_TICK_SIZE = 8
+"""Size of the font of the numbers at an axis [points, of which an inch has 72]."""
+
+_DIGIT = 0.64 * _TICK_SIZE / 72
+"""Width of a digit at an axis [inches]: in Matplotlib's font it is 0.64 of the font's size."""
+
+_LETTERS_PER_INCH = 14
+"""Letters of the text under the legend that fit an inch."""
+
+_SMALLEST = {"m": 1e-3, "mm": 0.1, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}
+"""Least span of an axis by the unit of its values. Smaller changes are noise, and should look like it."""
+
+_RELIABLE = 0.95
+"""Part of a diverging run, from its start, that sets the scale. After that the values grow without limit."""
+
+_HUGE = 1e9
+"""Values beyond this are drawn at this value: nobody reads them off a plot, and Matplotlib cannot draw infinity."""
+
+_MOST_STACKS = 48
+"""Most stacks of a figure. A figure of 300 takes a minute and half a gigabyte."""
+
+_PLAIN = (1e-4, 1e6)
+"""Smallest and largest numbers that are written without powers of ten."""
+
+_STILL = 1e-6
+"""Relative change up to which a curve counts as constant: it is an error of the arithmetic."""
+
 _GREY = "0.35"
-_INK = 25.0  # curves that go up and down more often than this per plot are drawn thin
+"""Matplotlib's name of a dark grey: 0 is black, 1 white."""
+
+_MANY_TURNS = 25.0
+"""Curves that go up and down more often than this in a plot are drawn with thin lines."""
+
+_USUAL_WIDTH = 1.6
+_THIN_WIDTH = 0.8
+"""Widths of lines [points]."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A signal over the time of a run: its values, shape (m,), what the legend calls it, and its looks.
+    """A signal over the time of a run.
 
-    Its weight is the width of its line, as a part of the usual; its line is matplotlib's "-", "--", "-." or ":".
+    Attributes:
+        values: the values, shape (m,), one for each time of the run.
+        label: name of the curve in the legend.
+        colour: colour of the line.
+        weight: width of the line, relative to that of other curves.
+        line: Matplotlib's style of the line: "-", "--", "-." or ":".
     """
 
     values: Vector
@@ -59,27 +111,46 @@ class Curve:
     line: str = "-"
 
 
-def dashed(values: Vector, label: str, colour: str) -> Curve:
-    """Return the dashed curve of a reference or a limit."""
-    return Curve(values, label, colour, 0.75, "--")
+def dashed_curve(values: Vector, label: str, colour: str) -> Curve:
+    """Make the curve of a reference or a limit, with a dashed line."""
+    return Curve(values, label, colour, weight=0.75, line="--")
 
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves in one frame."""
+    """Curves in one frame.
 
-    label: str  # of the upright axis, with the unit: "force [N]"
-    curves: Sequence[Curve]  # one at least
-    height: float = 1.5  # inches
-    note: str = ""  # a few words over its right corner
+    Attributes:
+        label: label of the upright axis with the unit, such as "force [N]".
+        curves: one curve or more.
+        height: height of the frame [inches].
+        note: a few words above the right corner of the frame.
+    """
+
+    label: str
+    curves: Sequence[Curve]
+    height: float = 1.5
+    note: str = ""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """What belongs together: a title, and plots below each other, as many in every stack of a row."""
+    """Plots that belong together, from top to bottom. All stacks of a row have the same count of plots.
+
+    Attributes:
+        title: title above the first plot.
+        plots: the plots.
+    """
 
     title: str
     plots: Sequence[Plot]
+
+
+class _HeadLine(NamedTuple):
+    """A line of text under the legend, and its colour."""
+
+    text: str
+    colour: str
 
 
 def grid_figure(
@@ -93,60 +164,94 @@ def grid_figure(
     span: Span | None = None,
     remark: str = "",
 ) -> Figure:
-    """Draw stacks side by side in rows, under a title, a legend, and the reason of a stop.
+    """Draw stacks side by side in rows, under a title and a legend. A run that was stopped has the reason there, too.
 
-    Only so many stacks are drawn as somebody may look at, which the title says; ``columns`` are at most three, or about
-    as many as rows, unless given; the figure has a ``width``, at least, and with ``legend`` so much room to the right
-    of each stack for that [inches]; ``span`` is the part of the run to show, a ``remark`` stands below the title.
+    Args:
+        result: the run whose times the curves have.
+        title: title of the figure, after the name of the station.
+        stacks: the stacks. Only the first 48 are drawn; then the title says so.
+        columns: count of stacks in a row. If it is None, up to three stacks are one row, and more are about a square.
+        width: width of the figure [inches]. The figure is wider if the frames would be too narrow.
+        legend: width of a legend right of each frame [inches]. If it is 0, the figure has one legend at its top.
+        span: part of the run that is shown; all of it if None.
+        remark: a sentence below the title.
     """
-    if len(stacks) > _MOST:
+    if len(stacks) > _MOST_STACKS:
         title = message(
-            "results.first_stacks", "{title}: the first {most} of {count}", title=title, most=_MOST, count=len(stacks)
+            "results.first_stacks",
+            "{title}: the first {most} of {count}",
+            title=title,
+            most=_MOST_STACKS,
+            count=len(stacks),
         )
-        stacks = stacks[:_MOST]
-    columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
+        stacks = stacks[:_MOST_STACKS]
+    if not columns:
+        columns = len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks))))
+    # Numbers, labels and gaps take about 0.8 inches of each column.
+    frame_width = max(_FRAME, width / columns - 0.8 - legend)
     grid = _Grid(result, stacks, columns)
-    grid.draw(span or (result.start_time, result.stop_time), legends=legend > 0)
-    grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend, remark)
+    grid.draw(span or Span(result.start_time, result.stop_time), legends=legend > 0)
+    grid.arrange(title, frame_width, legend, remark)
     return grid.figure
 
 
 def is_dense(plots: Iterable[Plot]) -> bool:
-    """Tell whether curves go up and down so often that lines of the usual width would run together; noise does not."""
-    return any(_turns(curve.values, smallest(plot.label)) > _INK for plot in plots for curve in plot.curves)
+    """Whether curves go up and down so often that lines of the usual width would run together.
+
+    Noise does not count: it is smaller than the span of the axis.
+    """
+    for plot in plots:
+        for curve in plot.curves:
+            if _turn_count(curve.values, smallest(plot.label)) > _MANY_TURNS:
+                return True
+    return False
 
 
 def style(axes: Axes, title: str) -> None:
-    """Give a frame the looks of all plots of a run."""
+    """Give a frame the style of all plots of a run, and a title."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
-    axes.tick_params(labelsize=_TICK)
+    axes.tick_params(labelsize=_TICK_SIZE)
     axes.yaxis.set_major_formatter(_Numbers())
     axes.xaxis.set_major_formatter(_LocalNumbers())
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(translate(title), loc="left", fontsize=10, y=1.0)  # matplotlib would measure for a place
+    # With y given, Matplotlib need not measure all labels to find a free height.
+    axes.set_title(translate(title), loc="left", fontsize=10, y=1.0)
 
 
-def trusted(result: RecordedRun, values: Vector) -> Vector:
-    """Return the samples, along the last axis, that set a scale: not those that a run diverges with."""
-    return values[..., : max(int(_TRUSTED * values.shape[-1]), 1)] if result.stopped_by == DIVERGED else values
+def reliable_samples(result: RecordedRun, values: Vector) -> Vector:
+    """Samples of a run that may set the scale of a plot: those before a run diverges.
+
+    Args:
+        result: the run.
+        values: samples, shape (..., m), with the time along the last axis.
+    """
+    if result.stopped_by != DIVERGED:
+        return values
+    count = max(int(_RELIABLE * values.shape[-1]), 1)
+    return values[..., :count]
 
 
 class _Numbers(Formatter):
-    """Numbers at an axis as they are: no power of ten stands over it, where titles are."""
+    """Formatter of the numbers at an upright axis.
+
+    Matplotlib's own formatter may write a common power of ten above the axis, where the titles of the stacks are.
+    """
 
     def __call__(self, value: float, pos: int | None = None) -> str:
-        """Return one of them."""
+        """Write one number."""
         return with_decimal_sign(f"{value:g}")
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
-        """Return what stands at each: as many digits as tell them apart."""
+        """Write the numbers of an axis, all with the fewest decimals by which they differ."""
         largest = max(map(abs, values), default=0.0)
         step = float(np.diff(np.sort(values)).min()) if len(values) > 1 else largest
-        kind = "f" if largest == 0 or _PLAIN[0] <= largest < _PLAIN[1] else "g"
-        for digits in range(16):
-            texts = [f"{value:.{digits}{kind}}" for value in values]
-            if np.abs(np.array(texts, dtype=float) - values).max(initial=0.0) <= 1e-3 * step:
+        is_plain = largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]
+        notation = "f" if is_plain else "g"
+        for digits in range(16):  # a double has no more
+            texts = [f"{value:.{digits}{notation}}" for value in values]
+            rounding = np.abs(np.array(texts, dtype=float) - values).max(initial=0.0)
+            if rounding <= 1e-3 * step:
                 break
         return [self.fix_minus(with_decimal_sign(text)) for text in texts]
 
@@ -160,131 +265,275 @@ class _LocalNumbers(ScalarFormatter):
 
 
 class _Grid:
-    """A figure whose frames stand where the widths of their numbers let them."""
+    """A figure of stacks in rows: :meth:`draw` draws the curves, then :meth:`arrange` places the frames.
+
+    The order matters, since the width of the numbers at the axes depends on the curves.
+
+    Attributes:
+        figure: the figure.
+    """
 
     def __init__(self, result: RecordedRun, stacks: Sequence[Stack], columns: int) -> None:
-        self._result, self._stacks, self._columns = result, stacks, columns
+        """Make the empty frames of a figure."""
+        self._result = result
+        self._stacks = stacks
+        self._columns = columns
         self.figure = Figure()
         self._frames = [[self.figure.add_axes((0.0, 0.0, 1.0, 1.0)) for _ in stack.plots] for stack in stacks]
-        self._explained: dict[str, Line2D] = {}  # in the head, by label
+        self._legend_lines: dict[str, Line2D] = {}  # lines of the legend at the top, by label
 
     def draw(self, span: Span, *, legends: bool) -> None:
-        """Draw all curves, with legends beside the plots or in the head."""
-        begin, end = span
-        within = (self._result.times >= begin) & (self._result.times <= end)
-        thin = within.all() and is_dense(plot for stack in self._stacks for plot in stack.plots)
-        for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
+        """Draw all curves.
+
+        Args:
+            span: part of the run that is shown.
+            legends: whether each frame has a legend of its own. Otherwise the curves are explained at the top.
+        """
+        times = self._result.times
+        is_shown = (times >= span.begin) & (times <= span.end)
+        all_plots = [plot for stack in self._stacks for plot in stack.plots]
+        # A detail of a run shows each movement, so its lines do not run together.
+        is_thin = is_shown.all() and is_dense(all_plots)
+        line_width = _THIN_WIDTH if is_thin else _USUAL_WIDTH
+        for index, stack in enumerate(self._stacks):
+            frames = self._frames[index]
             for axes, plot in zip(frames, stack.plots, strict=True):
-                style(axes, stack.title if axes is frames[0] else "")
-                lines = self._draw_curves(axes, plot, within, 0.8 if thin else 1.6)
-                axes.set_xlim(begin, begin + 1.04 * (end - begin)) if end > begin else axes.set_xlim(-0.1, 1.0)
-                axes.tick_params(labelbottom=axes is frames[-1])
+                is_first = axes is frames[0]
+                is_last = axes is frames[-1]
+                style(axes, stack.title if is_first else "")
+                lines = self._draw_curves(axes, plot, is_shown, line_width)
+                _set_time_limits(axes, span)
+                axes.tick_params(labelbottom=is_last)
                 axes.set_ylabel(translate(plot.label) if self._is_labelled(index) else "", fontsize=9)
                 if not legends:
-                    self._explained |= lines
+                    self._legend_lines.update(lines)
                 elif len(lines) > 1:
                     _write_legend(axes, lines, 8, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
-            if index + self._columns >= len(self._stacks):
+            has_stack_below = index + self._columns < len(self._stacks)
+            if not has_stack_below:
                 frames[-1].set_xlabel(translate(TIME_LABEL))
         if self._result.stopped_by:
-            stop = translate(message("results.stop", "stop"))
-            looks: dict[str, Any] = {"color": RED, "linewidth": 1.4, "linestyle": ":", "label": stop}
-            for axes in self.figure.axes:
-                self._explained[stop] = axes.axvline(self._result.stop_time, **looks)
+            self._draw_stop()
 
-    def arrange(self, title: str, frame: float, legend: float, remark: str) -> None:
-        """Give the figure its head and size, and the frames, of a width [inches], and their labels a place."""
-        numbers = max(map(_width_of_numbers, self.figure.axes))
-        labels = any(self._is_labelled(index) for index in range(len(self._stacks)) if index % self._columns)
-        left, pitch = _MARGIN + _LABEL + numbers, frame + legend + _GAP + numbers + _LABEL * labels
-        width = left + (self._columns - 1) * pitch + frame + max(legend, _MARGIN)
-        words = ((remark, _GREY), (self._result.end_in_words if self._result.stopped_by else "", RED))
-        lines = [(line, colour) for text, colour in words for line in textwrap.wrap(translate(text), int(14 * width))]
-        head = _HEAD + _LEGEND * bool(self._explained)
-        tops, down = self._tops(head + _LINE * len(lines))
-        height = down + _LABEL
+    def _draw_stop(self) -> None:
+        """Draw an upright line in all frames where the run was stopped."""
+        label = translate(message("results.stop", "stop"))
+        looks: dict[str, Any] = {"color": RED, "linewidth": 1.4, "linestyle": ":", "label": label}
+        for axes in self.figure.axes:
+            self._legend_lines[label] = axes.axvline(self._result.stop_time, **looks)
+
+    def arrange(self, title: str, frame_width: float, legend: float, remark: str) -> None:
+        """Set the size of the figure, the positions of its frames and their labels, and write the title.
+
+        Args:
+            title: title of the figure, after the name of the station.
+            frame_width: width of each frame [inches].
+            legend: width of the legend right of each frame [inches]; 0 if there is none.
+            remark: a sentence below the title; empty for none.
+        """
+        numbers_width = max(_width_of_numbers(axes) for axes in self.figure.axes)
+        inner_stacks = [index for index in range(len(self._stacks)) if index % self._columns != 0]
+        inner_label = _LABEL if any(self._is_labelled(index) for index in inner_stacks) else 0.0
+        left = _MARGIN + _LABEL + numbers_width
+        pitch = frame_width + legend + _GAP + numbers_width + inner_label
+        width = left + (self._columns - 1) * pitch + frame_width + max(legend, _MARGIN)
+
+        lines = self._head_lines(remark, width)
+        head_height = _HEAD + (_LEGEND if self._legend_lines else 0.0)
+        tops = self._tops_of_frames(head_height + _LINE * len(lines))
+        height = tops.end + _LABEL
         self.figure.set_size_inches(width, height)
-        for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
-            for plot, axes in zip(stack.plots, frames, strict=True):
-                x, y = left + index % self._columns * pitch, height - tops[axes] - plot.height
-                axes.set_position((x / width, y / height, frame / width, plot.height / height))
-                axes.yaxis.set_label_coords(-(numbers + 0.08) / frame, 0.5)
+        for index, stack in enumerate(self._stacks):
+            x = left + index % self._columns * pitch
+            for plot, axes in zip(stack.plots, self._frames[index], strict=True):
+                # Matplotlib measures from the lower left corner, as parts of the size of the figure.
+                y = height - tops.of_frames[axes] - plot.height
+                axes.set_position((x / width, y / height, frame_width / width, plot.height / height))
+                axes.yaxis.set_label_coords(-(numbers_width + 0.08) / frame_width, 0.5)
                 axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
-        self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head)
+        self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head_height)
 
-    def _tops(self, down: float) -> tuple[dict[Axes, float], float]:
-        """Return how far below the top of the figure the frames begin, the first row at ``down``, and where all end."""
-        tops = {}
-        for begin in range(0, len(self._stacks), self._columns):
-            row, top = slice(begin, begin + self._columns), down + _TITLE
+    def _head_lines(self, remark: str, width: float) -> list[_HeadLine]:
+        """Break the remark, and the reason why the run was stopped, into lines.
+
+        Args:
+            remark: a sentence; empty for none.
+            width: width of the figure [inches].
+        """
+        reason = self._result.end_in_words if self._result.stopped_by else ""
+        lines = []
+        for text, colour in ((remark, _GREY), (reason, RED)):
+            texts = textwrap.wrap(translate(text), int(_LETTERS_PER_INCH * width))
+            lines += [_HeadLine(line, colour) for line in texts]
+        return lines
+
+    def _tops_of_frames(self, head_height: float) -> "_Tops":
+        """Compute the positions of the upper edges of all frames, under a head of some height [inches]."""
+        of_frames: dict[Axes, float] = {}
+        down = head_height
+        for first in range(0, len(self._stacks), self._columns):
+            row = slice(first, first + self._columns)
+            row_top = down + _TITLE
             for stack, frames in zip(self._stacks[row], self._frames[row], strict=True):
-                down = top
+                down = row_top
                 for plot, axes in zip(stack.plots, frames, strict=True):
-                    tops[axes] = down
+                    of_frames[axes] = down
                     down += plot.height + _BETWEEN
+            # No plot follows the last one of a stack, but the numbers of the axis of time do.
             down += _BELOW - _BETWEEN
-        return tops, down
+        return _Tops(of_frames, end=down)
 
-    def _write_head(self, title: str, lines: list[tuple[str, str]], head: float) -> None:
+    def _write_head(self, title: str, lines: Sequence[_HeadLine], head_height: float) -> None:
+        """Write the title, the legend and the lines of text at the top of the figure.
+
+        Args:
+            title: the title.
+            lines: lines of text under the legend.
+            head_height: height of title and legend [inches].
+        """
         width, height = self.figure.get_size_inches()
 
-        def place(down: float, left: float = _MARGIN) -> Span:
-            return left / width, 1 - down / height
+        def position(down: float, left: float = _MARGIN) -> "_Position":
+            """Convert a distance from the top and from the left [inches] to parts of the figure's size."""
+            return _Position(left / width, 1 - down / height)
 
-        looks: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": place(0.54, 0.1)}
-        self.figure.text(*place(0.25), title, va="center", fontsize=13, fontweight="bold")
-        _write_legend(self.figure, self._explained, 9, ncols=len(self._explained), **looks)
-        for number, (line, colour) in enumerate(lines):
-            self.figure.text(*place(head + 0.05 + number * _LINE), line, va="center", fontsize=9, color=colour)
+        title_at = position(0.25)
+        self.figure.text(title_at.x, title_at.y, title, va="center", fontsize=13, fontweight="bold")
+        looks: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": position(0.54, 0.1)}
+        _write_legend(self.figure, self._legend_lines, 9, ncols=len(self._legend_lines), **looks)
+        for index, line in enumerate(lines):
+            line_at = position(head_height + 0.05 + index * _LINE)
+            self.figure.text(line_at.x, line_at.y, line.text, va="center", fontsize=9, color=line.colour)
 
-    def _draw_curves(self, axes: Axes, plot: Plot, within: npt.NDArray[np.bool_], width: float) -> dict[str, Line2D]:
-        """Draw what a plot shows, with lines of a width [points]; return them by label."""
-        axes.yaxis.set_major_locator(MaxNLocator(5 if plot.height > 1 else 3, steps=[1, 2, 2.5, 5, 10]))
+    def _draw_curves(
+        self, axes: Axes, plot: Plot, is_shown: npt.NDArray[np.bool_], line_width: float
+    ) -> dict[str, Line2D]:
+        """Draw the curves of a plot, and set the limits of its upright axis.
+
+        Args:
+            axes: frame of the plot.
+            plot: the plot.
+            is_shown: whether each sample of the run is shown, shape (m,).
+            line_width: width of a line of usual weight [points].
+
+        Returns:
+            the lines by label.
+        """
+        tick_count = 5 if plot.height > 1 else 3
+        axes.yaxis.set_major_locator(MaxNLocator(tick_count, steps=[1, 2, 2.5, 5, 10]))
         axes.set_title(translate(plot.note), loc="right", fontsize=8, color=RED, y=1.0)
-        times = self._result.times[within]
-        marker = "o" if len(times) == 1 else None  # a run that was stopped at its start
+        times = self._result.times[is_shown]
+        # A run that was stopped at its start has a single sample, through which no line leads.
+        marker = "o" if len(times) == 1 else None
         lines = {}
         for curve in plot.curves:
-            looks: dict[str, Any] = {"color": curve.colour, "linewidth": curve.weight * width, "marker": marker}
             label = translate(curve.label)
-            (lines[label],) = axes.plot(times, curve.values[within], curve.line, label=label, **looks)
-        shown = np.array([curve.values[within] for curve in plot.curves])
-        values = _readable(trusted(self._result, shown))
-        middle = (values.min() + values.max()) / 2
-        still = 1.0 if np.ptp(values) <= _STILL * abs(middle) else 0.0  # a constant, as computed
-        half = max(0.54 * np.ptp(values), (smallest(plot.label) or still + _STILL * abs(middle)) / 2)
-        axes.set_ylim(middle - half, middle + half)
+            looks: dict[str, Any] = {
+                "color": curve.colour,
+                "linewidth": curve.weight * line_width,
+                "marker": marker,
+            }
+            (lines[label],) = axes.plot(times, curve.values[is_shown], curve.line, label=label, **looks)
+        shown_values = np.array([curve.values[is_shown] for curve in plot.curves])
+        _set_value_limits(axes, plot.label, _readable(reliable_samples(self._result, shown_values)))
         return lines
 
     def _is_labelled(self, index: int) -> bool:
-        """Tell whether a stack says what its upright axes are: the first of a row, and one that differs from it."""
-        stacks = self._stacks
-        return index % self._columns == 0 or stacks[index].plots[0].label != stacks[index - 1].plots[0].label
+        """Whether the upright axes of a stack have labels.
+
+        They have if the stack is the first of its row, or if its quantity is not that of the stack at its left.
+        """
+        if index % self._columns == 0:
+            return True
+        label_at_left = self._stacks[index - 1].plots[0].label
+        return self._stacks[index].plots[0].label != label_at_left
+
+
+class _Tops(NamedTuple):
+    """Distances from the top of the figure [inches]: of the upper edge of each frame, and of the end of all frames."""
+
+    of_frames: dict[Axes, float]
+    end: float
+
+
+class _Position(NamedTuple):
+    """A position in a figure, as parts of its width and height, from the lower left corner."""
+
+    x: float
+    y: float
+
+
+def _set_time_limits(axes: Axes, span: Span) -> None:
+    """Set the limits of the axis of time, with a little room at the right."""
+    if span.end > span.begin:
+        axes.set_xlim(span.begin, span.begin + 1.04 * (span.end - span.begin))
+    else:
+        axes.set_xlim(-0.1, 1.0)  # a run that was stopped at its start
+
+
+def _set_value_limits(axes: Axes, label: str, values: Vector) -> None:
+    """Set the limits of an upright axis around values (k,), so that noise is not shown large.
+
+    Args:
+        axes: the frame.
+        label: label of the axis, which ends with the unit.
+        values: the finite values of all curves, one or more.
+    """
+    middle = (values.min() + values.max()) / 2
+    rounding = _STILL * abs(middle)
+    is_constant = np.ptp(values) <= rounding
+    # Least span of the axis: that of the unit. Of other units, constants have a span of 1, and changes any span.
+    least_span = smallest(label) or (1.0 if is_constant else 0.0) + rounding
+    # 0.54 leaves 4 % of the span free above and below the curves.
+    half_span = max(0.54 * np.ptp(values), least_span / 2)
+    axes.set_ylim(middle - half_span, middle + half_span)
 
 
 def _write_legend(where: Axes | Figure, lines: dict[str, Line2D], size: float, **place: Any) -> None:
+    """Write a legend without a frame.
+
+    Args:
+        where: frame or figure of the legend.
+        lines: lines by label.
+        size: size of the font [points].
+        place: arguments of Matplotlib's ``legend`` that place it.
+    """
     where.legend(list(lines.values()), list(lines), fontsize=size, frameon=False, **place)
 
 
 def _width_of_numbers(axes: Axes) -> float:
-    """Return how far the numbers left of a frame reach, with the tick and its distance [inches]."""
+    """Estimated width of the numbers left of a frame, with the tick and its distance [inches]."""
     texts = axes.yaxis.get_major_formatter().format_ticks(list(axes.yaxis.get_majorticklocs()))
-    return _DIGIT * max(map(len, texts), default=0) + 0.08
+    most_digits = max(map(len, texts), default=0)
+    return _DIGIT * most_digits + 0.08
 
 
 def smallest(label: str) -> float:
-    """Return the span of a plot below which curves are noise, by the unit in its label; 0 of units without any."""
-    return _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 0.0)
+    """Span of an axis below which changes are noise, in the unit at the end of its label.
+
+    Args:
+        label: label of the axis, such as "force [N]".
+
+    Returns:
+        the span, or 0 if none is known for the unit.
+    """
+    _, _, end = label.rpartition("[")
+    return _SMALLEST.get(end.rstrip("]"), 0.0)
 
 
-def _turns(values: Vector, least: float) -> float:
-    """Return how often a curve goes through its whole height, or through the ``least`` span that is shown."""
+def _turn_count(values: Vector, least_span: float) -> float:
+    """Count of passes of a curve through its whole height: the sum of its changes over its height.
+
+    Args:
+        values: values of the curve, shape (m,).
+        least_span: height at which a lower curve is judged. It is that of the axis.
+    """
     curve = _readable(values)
-    height = max(float(np.ptp(curve)), least)
+    height = max(float(np.ptp(curve)), least_span)
     return float(np.abs(np.diff(curve)).sum() / height) if height > 0 else 0.0
 
 
 def _readable(values: Vector) -> Vector:
-    """Return values that can be read off a plot, one after the other; 0 where there are none."""
+    """Values without NaN, and within a range that a plot can show, shape (k,). If none is left, a single 0."""
     found = values[~np.isnan(values)]
     return np.asarray(np.clip(found, -_HUGE, _HUGE)) if found.size else np.zeros(1)

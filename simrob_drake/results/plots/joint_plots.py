@@ -1,7 +1,12 @@
-"""Plots of a robot: its joints, right and left of a name together, its tool as asked and reached, and its walk."""
+"""Plots of a robot: positions and torques of its joints, the pose of its tool, and the path of its base.
+
+An *axis* of a robot is a joint with its drive. The right and the left axis of a legged robot that have the same name
+otherwise, such as ``right_knee`` and ``left_knee``, share a plot. A *stack* is a title with plots below each other.
+Positions and torques are shown in the units of users: degrees for joints that turn, metres for joints that slide.
+"""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,24 +25,40 @@ from simrob_drake.results.plots.grid import (
     Curve,
     Plot,
     Stack,
-    dashed,
+    dashed_curve,
     grid_figure,
+    reliable_samples,
     style,
-    trusted,
 )
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.walks import headings, tilts
 
-_SIDES = {"right": (COLOURS[0], 1.5), "left": (COLOURS[2], 0.8), "middle": (COLOURS[7], 1.0)}
-"""Colours and weights of lines, so that both sides are seen where they are equal."""
+
+class _SideLook(NamedTuple):
+    """Look of the curves of one side: the colour, and the width of the line relative to that of other curves."""
+
+    colour: str
+    weight: float
+
+
+# The first drawn side has the wider line, so that both are visible where they are equal.
+_SIDE_LOOKS = {
+    "right": _SideLook(COLOURS[0], 1.5),
+    "left": _SideLook(COLOURS[2], 0.8),
+    "middle": _SideLook(COLOURS[7], 1.0),
+}
 _SIDE_WORDS = {
     "right": message("results.right", "right"),
     "left": message("results.left", "left"),
     "middle": message("results.middle", "middle"),
 }
 _REFERENCE = message("results.reference", "reference")
+_ERROR = message("results.error", "error")
 _TOOL = message("results.tool_centre_point", "tool centre point")
-_NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
+
+_NEAR = 1.3
+"""A limit is drawn if it is at most this many times the largest torque. A larger one would flatten the curve."""
+
 QUANTITIES = {
     "deg": QUANTITY_WORDS["position"],
     "m": QUANTITY_WORDS["position"],
@@ -49,53 +70,87 @@ QUANTITIES = {
 
 @dataclass(frozen=True, eq=False)
 class SideGroup:
-    """An axis, or the right and the left one of a name."""
+    """Axes that share a plot: one axis, or the right and the left axis of the same name.
 
-    name: str  # without the sides, if both are there
-    # in the robot's axes, by side; an axis alone has the side "middle" where others have two, else ""
-    places: dict[str, int]
+    Attributes:
+        name: name of the axis. The name of two axes is without "right" and "left".
+        axes: index of each axis in the robot's axes, by side: "right" and "left", or "middle" for an axis alone. If
+            the robot has no axes with two sides, the side of every axis is "".
+    """
+
+    name: str
+    axes: dict[str, int]
 
     @property
-    def first(self) -> int:
-        """The place of one of the axes, which have their unit in common."""
-        return next(iter(self.places.values()))
+    def first_axis(self) -> int:
+        """Index of the first axis. All axes of a group have the same unit."""
+        return next(iter(self.axes.values()))
 
     def curves(self, values: Vector, label: str, colour: str) -> list[Curve]:
-        """Return the curves of the group's columns in values (m, n); label and colour hold where there are no sides."""
-        return [
-            Curve(values[:, place], _SIDE_WORDS.get(side, label), *_SIDES.get(side, (colour, 1.0)))
-            for side, place in self.places.items()
-        ]
+        """Make the curves of the group.
+
+        Args:
+            values: values of all axes of the robot, shape (m, n).
+            label: name of the curve in the legend, if the robot has no sides. Otherwise the side is the name.
+            colour: colour of the curve, likewise.
+        """
+        curves = []
+        for side, axis in self.axes.items():
+            look = _SIDE_LOOKS.get(side, _SideLook(colour, 1.0))
+            curves.append(Curve(values[:, axis], _SIDE_WORDS.get(side, label), look.colour, look.weight))
+        return curves
 
 
 def side_groups(robot: StationRobot) -> list[SideGroup]:
-    """Return a robot's axes in their order, right and left ones together at the place of the first."""
-    axes, units = robot.axes, robot.model.unit_names
-    sides = ("right", "left")
+    """Group the axes of a robot by sides, in the order of the axes. A pair stands where its first axis is."""
     groups = []
-    for place, axis in enumerate(axes):
-        words = axis.split("_")
-        names = {side: "_".join(side if word in sides else word for word in words) for side in sides}
-        places = {side: axes.index(name) for side, name in names.items() if name in axes}
-        if len(set(places.values())) < 2 or len({units[at] for at in places.values()}) > 1:
-            groups.append(SideGroup(axis, {"": place}))
-        elif place == min(places.values()):
-            groups.append(SideGroup("_".join(word for word in words if word not in sides), places))
-    if all(len(group.places) == 1 for group in groups):
+    for index in range(len(robot.axes)):
+        pair = _pair_of(robot, index)
+        if pair is None:
+            groups.append(SideGroup(robot.axes[index], {"": index}))
+        elif index == min(pair.axes.values()):
+            groups.append(pair)
+    # In a robot without pairs, the colours of sides would mean nothing.
+    has_pairs = any(len(group.axes) > 1 for group in groups)
+    if not has_pairs:
         return groups
-    return [replace(group, places={"middle": group.places[""]}) if "" in group.places else group for group in groups]
+    return [replace(group, axes={"middle": group.axes[""]}) if "" in group.axes else group for group in groups]
+
+
+def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
+    """Find the right and the left axis to which an axis belongs, by its index. Returns None for an axis alone."""
+    sides = ("right", "left")
+    words = robot.axes[index].split("_")
+    axes = {}
+    for side in sides:
+        name = "_".join(side if word in sides else word for word in words)
+        if name in robot.axes:
+            axes[side] = robot.axes.index(name)
+    # An axis whose name has no side is found twice.
+    is_pair = len(set(axes.values())) == 2
+    # A joint that turns and one that slides cannot share an upright axis.
+    units = {robot.model.unit_names[axis] for axis in axes.values()}
+    if not is_pair or len(units) > 1:
+        return None
+    return SideGroup("_".join(word for word in words if word not in sides), axes)
 
 
 def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return each axis with its reference and, where there can be one, the error below."""
-    reference, reached = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
+    """Make the plots of the position of each axis with its reference.
+
+    The error, reference minus position, is below. It is left out if the engine moves the axes without forces, since
+    then there is none.
+    """
+    user_units = robot.model.user_units
+    reference = result.axes("q_ref", robot.name) / user_units
+    reached = result.axes("q", robot.name) / user_units
     with np.errstate(invalid="ignore"):  # a diverging run may end with infinite positions
         error = reference - reached
     stacks = []
     for group in side_groups(robot):
-        unit = robot.model.unit_names[group.first]
+        unit = robot.model.unit_names[group.first_axis]
         curves = group.curves(reached, QUANTITY_WORDS["position"], VALUE)
-        curves += [dashed(reference[:, place], _REFERENCE, REFERENCE) for place in group.places.values()]
+        curves += [dashed_curve(reference[:, axis], _REFERENCE, REFERENCE) for axis in group.axes.values()]
         plots = [Plot(_with_unit(QUANTITIES[unit], unit), curves)]
         if result.config.engine.moves_by_forces:
             label = message("results.error_of_position", "error: reference - position")
@@ -106,34 +161,59 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Make the plots of the torque of each axis, with its limit."""
+    """Make the plots of the torque of each axis, with its limit if that is near."""
     torques = result.axes("tau", robot.name)
-    limits = robot.gains.judged_limit  # infinite for axes without a motor
     stacks = []
     for group in side_groups(robot):
-        unit, places = robot.model.effort_units[group.first], list(group.places.values())
+        unit = robot.model.effort_units[group.first_axis]
         curves = group.curves(torques, QUANTITY_WORDS["torque"], VALUE)
-        own = np.unique(limits[places])
-        limit_label = message("results.torque_limit", "torque limit")
-        for bound in (*own, *-own):
-            if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
-                curves.append(dashed(np.full(len(torques), bound), limit_label, RED))
-        note = message("results.no_limit", "no limit")
-        if robot.gains.passive[places].all():
-            note = message("results.no_motor", "no motor")
-        elif np.isfinite(own).any():
-            shown = [
-                compound("±{limit:g} {unit}", limit=limit, unit=unit)
-                if np.isfinite(limit)
-                else message("results.none", "none")
-                for limit in own
-            ]
-            note = message("results.limit_of_torque", "limit {limits}", limits=join_texts(shown, " / "))
+        curves += _limit_curves(torques, group, robot)
+        note = _note_on_limits(group, robot, unit)
         stacks.append(Stack(group.name, [Plot(_with_unit(QUANTITIES[unit], unit), curves, note=note)]))
     return stacks
 
 
-_ERROR = message("results.error", "error")
+def _limits_of(group: SideGroup, robot: StationRobot) -> Vector:
+    """Different torque limits of the axes of a group, in ascending order [N·m or N]. They may be infinite."""
+    axes = list(group.axes.values())
+    return np.unique(robot.gains.judged_limit[axes])
+
+
+def _limit_curves(torques: Vector, group: SideGroup, robot: StationRobot) -> list[Curve]:
+    """Make the curves of the torque limits, positive and negative, that the torques come near to.
+
+    Args:
+        torques: torques of all axes of the robot, shape (m, n) [N·m or N].
+        group: the axes of the plot.
+        robot: the robot.
+    """
+    axes = list(group.axes.values())
+    limits = _limits_of(group, robot)
+    curves = []
+    # An infinite limit is never near.
+    for bound in (*limits, *-limits):
+        largest = (np.sign(bound) * torques[:, axes]).max()  # in the direction of the bound
+        if _NEAR * largest >= abs(bound):
+            label = message("results.torque_limit", "torque limit")
+            curves.append(dashed_curve(np.full(len(torques), bound), label, RED))
+    return curves
+
+
+def _note_on_limits(group: SideGroup, robot: StationRobot, unit: str) -> str:
+    """Write the torque limits of a group in words: they may be too large for the plot, or missing."""
+    axes = list(group.axes.values())
+    limits = _limits_of(group, robot)
+    if robot.gains.passive[axes].all():
+        return message("results.no_motor", "no motor")
+    if not np.isfinite(limits).any():
+        return message("results.no_limit", "no limit")
+    texts = []
+    for limit in limits:
+        if np.isfinite(limit):
+            texts.append(compound("±{limit:g} {unit}", limit=limit, unit=unit))
+        else:
+            texts.append(message("results.none", "none"))
+    return message("results.limit_of_torque", "limit {limits}", limits=join_texts(texts, " / "))
 
 
 def _with_unit(quantity: str, unit: str) -> str:
@@ -141,78 +221,126 @@ def _with_unit(quantity: str, unit: str) -> str:
     return compound("{quantity} [{unit}]", quantity=quantity, unit=unit)
 
 
-_PARTS = ("x", "y", "z", "Rz", "Ry", "Rx")
-_PLACE, _ORIENTATION = slice(0, 3), slice(3, 6)
-_ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # mm and deg
-_LOCKED = 80.0  # deg of Ry, from where on small turns are large angles Rz and Rx
-_LOCK = message("results.near_gimbal_lock", "large where Ry is near ±90")
+_COMPONENTS = ("x", "y", "z", "Rz", "Ry", "Rx")
+"""Components of a pose, as its columns: the position, and angles of rotations about z, the new y and the new x."""
+
+_POSITION = slice(0, 3)
+_ORIENTATION = slice(3, 6)
+_RY = _COMPONENTS.index("Ry")
+_ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
+"""Factors from the units of a pose, m and deg, to those of its error, mm and deg."""
+
+_LOCK_ANGLE = 80.0
+"""Ry beyond which small rotations are large angles Rz and Rx [deg]. At 90 deg the two turn about the same axis."""
+
+_LOCK_NOTE = message("results.near_gimbal_lock", "large where Ry is near ±90")
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of a run that diverged
+@np.errstate(over="ignore", invalid="ignore")  # a diverging run may have infinite poses
 def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return x, y and z of the tool centre point and its angles Rz, Ry and Rx, each with its reference and error.
+    """Make the plots of the tool centre point in the world: x, y, z and Rz, Ry, Rx with their references and errors.
 
-    The reference is where the axes' references put the tool, on the root link as it stands. Each error is the
-    reference minus what was reached, of the same number.
+    The reference is the pose of the tool if the axes were at their references, and the root link where it is. Each
+    error is the reference minus the value of the same component.
     """
-    reached, desired = matrices_from_xyz_quaternions(result.pose("tcp", robot.name)), reference_tools(result, robot)
-    poses, references = poses_from_matrices(reached), poses_from_matrices(desired)
+    poses = poses_from_matrices(matrices_from_xyz_quaternions(result.pose("tcp", robot.name)))
+    references = poses_from_matrices(reference_tools(result, robot))
+    # No jumps from 180 to -180 degrees.
     poses[:, _ORIENTATION] = np.unwrap(poses[:, _ORIENTATION], axis=0)
     references[:, _ORIENTATION] = _nearest(references[:, _ORIENTATION], poses[:, _ORIENTATION])
-    shown, targets = _for_users(poses), _for_users(references)
-    locked = _LOCK if (np.abs(shown[:, _PARTS.index("Ry")]) > _LOCKED).any() else ""
+    shown = _in_degrees(poses)
+    targets = _in_degrees(references)
     errors = (targets - shown) * _ERROR_UNITS
+    is_near_lock = (np.abs(shown[:, _RY]) > _LOCK_ANGLE).any()
     stacks = []
-    for place, part in enumerate(_PARTS):
-        is_position = place < _PLACE.stop
-        label = _with_unit(QUANTITY_WORDS["orientation"], "deg")
-        unit = "deg"  # of the error
+    for index, component in enumerate(_COMPONENTS):
+        is_position = index < _POSITION.stop
         if is_position:
             label = _with_unit(QUANTITY_WORDS["position"], "m")
-            unit = "mm"
-        curves = [Curve(shown[:, place], _TOOL, VALUE), dashed(targets[:, place], _REFERENCE, REFERENCE)]
-        plots = [Plot(label, curves, note=locked if part in ("Rz", "Rx") else "")]
+            error_unit = "mm"
+        else:
+            label = _with_unit(QUANTITY_WORDS["orientation"], "deg")
+            error_unit = "deg"
+        note = _LOCK_NOTE if is_near_lock and component in ("Rz", "Rx") else ""
+        value = Curve(shown[:, index], _TOOL, VALUE)
+        reference = dashed_curve(targets[:, index], _REFERENCE, REFERENCE)
+        plots = [Plot(label, [value, reference], note=note)]
         if result.config.engine.moves_by_forces:
             error_label = message("results.error_of_tool", "error: reference - tool centre point")
-            error = Curve(errors[:, place], error_label, ERROR)
-            plots.append(Plot(_with_unit(_ERROR, unit), [error], ERROR_HEIGHT))
-        stacks.append(Stack(part, plots))
+            error = Curve(errors[:, index], error_label, ERROR)
+            plots.append(Plot(_with_unit(_ERROR, error_unit), [error], ERROR_HEIGHT))
+        stacks.append(Stack(component, plots))
     return stacks
 
 
 def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
-    """Return where references put a robot's tool, in a program each run's, on its root as it stood, (m, 4, 4)."""
+    """Compute the pose of a robot's tool for the references of its axes, with the root link where it was.
+
+    Args:
+        result: a run, or a program of several runs, each of which may have another tool.
+        robot: a robot with a tool.
+
+    Returns:
+        poses of the tool in the world, homogeneous matrices, shape (m, 4, 4). They are NaN at times at which a
+        position is not finite, as at the end of a diverging run.
+    """
     if result.runs:
-        parts = [reference_tools(run, run.plant.robots[robot.name]) for run in result.runs]
-        return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
-    plant, tool = robot.plant, robot.tools[robot.tcp]
+        matrices_of_runs = [reference_tools(run, run.plant.robots[robot.name]) for run in result.runs]
+        # The last sample of a run is the first sample of the next one.
+        without_ends = [matrices[:-1] for matrices in matrices_of_runs[:-1]]
+        return np.concatenate([*without_ends, matrices_of_runs[-1]])
+
+    plant = robot.plant
+    tool = robot.tools[robot.tcp]
     context = plant.CreateDefaultContext()
     positions = robot.axis_map.spread_positions(result.axes("q_ref", robot.name), result.positions_at(result.times))
     matrices = np.full((len(positions), 4, 4), np.nan)
-    for row in np.flatnonzero(np.isfinite(positions).all(axis=1)):
+    is_finite = np.isfinite(positions).all(axis=1)
+    for row in np.flatnonzero(is_finite):
         plant.SetPositions(context, positions[row])
         matrices[row] = tool.CalcPoseInWorld(context).GetAsMatrix4()
     return matrices
 
 
 def _nearest(angles: Vector, reached: Vector) -> Vector:
-    """Return the angles Rz, Ry and Rx (m, 3) [rad] of the same orientations that lie nearest to those reached."""
-    same = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
-    same += 2 * np.pi * np.round((reached - same) / (2 * np.pi))
-    first, second = np.abs(same - reached).sum(axis=2)
-    return np.asarray(np.where((second < first)[:, np.newaxis], same[1], same[0]))
+    """Find the angles of the same orientations that are nearest to other angles.
+
+    Args:
+        angles: angles Rz, Ry and Rx of orientations, shape (m, 3) [rad].
+        reached: angles to which the result is near, shape (m, 3) [rad].
+    """
+    # The angles (Rz + pi, pi - Ry, Rx + pi) are the same orientation as (Rz, Ry, Rx), and so are whole turns more.
+    candidates = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
+    candidates += 2 * np.pi * np.round((reached - candidates) / (2 * np.pi))
+    first_distance, second_distance = np.abs(candidates - reached).sum(axis=2)
+    is_second_nearer = (second_distance < first_distance)[:, np.newaxis]
+    return np.asarray(np.where(is_second_nearer, candidates[1], candidates[0]))
 
 
-def _for_users(poses: Vector) -> Vector:
-    return np.hstack([poses[:, _PLACE], np.rad2deg(poses[:, _ORIENTATION])])
+def _in_degrees(poses: Vector) -> Vector:
+    """Poses (m, 6) with their angles Rz, Ry and Rx in degrees instead of radians."""
+    return np.hstack([poses[:, _POSITION], np.rad2deg(poses[:, _ORIENTATION])])
 
 
-_WIDTH, _LEFT, _RIGHT = 11.0, 0.95, 5.2  # inches: of the figure, and where the path begins and ends beside the curves
+# Widths in the figure of the base [inches].
+_WIDTH = 11.0  # the figure
+_LEFT = 0.95  # from the curves to the left edge of the picture of the path
+_RIGHT = 5.2  # from the curves to its right edge
+
 _X, _Y, _Z, _FACING, _TILT, *_ = COLOURS
-_PATH = "0.35"
-_NARROWEST = 0.1  # m: a robot that stands is not shown trembling
-_ARROWS = 8  # along the path
-_ARROW = 0.07  # of the picture's width
+"""Colours of the coordinates of the base, of its direction, and of its tilt."""
+
+_PATH_COLOUR = "0.35"
+"""Matplotlib's name of a dark grey: 0 is black, 1 white."""
+
+_NARROWEST = 0.1
+"""Least width of the picture of the path [m], so that the trembling of a robot that stands is not shown large."""
+
+_ARROW_COUNT = 8
+"""Count of arrows along the path."""
+
+_ARROW_LENGTH = 0.07
+"""Length of an arrow, as a part of the width of the picture."""
 
 
 def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
@@ -232,33 +360,60 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
         Plot(_with_unit(turn, "deg"), [Curve(yaw, turn, _FACING)]),
     ]
     stack = Stack(message("results.over_time", "over time"), plots)
+    # The room of the legends right of the curves is also that of the path.
     figure = grid_figure(result, title, [stack], width=_WIDTH, legend=_RIGHT + 0.2)
-    first, last = (figure.axes[place].get_position() for place in (0, -1))
-    inch = 1 / figure.get_size_inches()[0]
-    area = first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0
-    _draw_path(figure.add_axes(area), trusted(result, pose[:, :2].T), heading)
+    first = figure.axes[0].get_position()
+    last = figure.axes[-1].get_position()
+    inch = 1 / figure.get_size_inches()[0]  # as a part of the figure's width
+    area = (first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0)
+    path = reliable_samples(result, pose[:, :2].T)
+    _draw_path(figure.add_axes(area), path, heading)
     return figure
 
 
 def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
-    """Draw the path (2, m) [m] with arrows that show where the robot faced."""
+    """Draw the path of a robot from above, with arrows that show where it faced.
+
+    Args:
+        axes: an empty frame.
+        path: x and y of the base in the world, shape (2, m) [m].
+        heading: direction of the robot from the x axis, counterclockwise, for these samples and perhaps more [rad].
+    """
     style(axes, message("results.seen_from_above", "seen from above"))
-    frame = axes.get_window_extent()
-    low, high = path.min(axis=1), path.max(axis=1)
-    size = np.array([frame.width, frame.height]) / frame.width
-    span = max(1.25 * float(((high - low) / size).max()), _NARROWEST)  # m, across the picture
-    left_bottom, right_top = (low + high - span * size) / 2, (low + high + span * size) / 2
-    axes.set(xlim=(left_bottom[0], right_top[0]), ylim=(left_bottom[1], right_top[1]), aspect="equal")
-    axes.plot(*path, color=_PATH, linewidth=1.4)
-    shown = np.unique(np.linspace(0, path.shape[1] - 1, _ARROWS).astype(int))
-    arrows = _ARROW * span * np.array([np.cos(heading[shown]), np.sin(heading[shown])])
-    looks: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005}
-    axes.quiver(*path[:, shown], *arrows, color=_FACING, **looks)
+    width = _set_path_limits(axes, path)
+    axes.plot(path[0], path[1], color=_PATH_COLOUR, linewidth=1.4)
+
+    shown = np.unique(np.linspace(0, path.shape[1] - 1, _ARROW_COUNT).astype(int))
+    length = _ARROW_LENGTH * width
+    along_x = length * np.cos(heading[shown])
+    along_y = length * np.sin(heading[shown])
+    in_units_of_axes: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005}
+    axes.quiver(path[0, shown], path[1, shown], along_x, along_y, color=_FACING, **in_units_of_axes)
+
+    # A circle at the start and a square at the end; an empty curve explains the arrows in the legend.
     start = translate(message("results.start", "start"))
     end = translate(message("results.end", "end"))
     heading_label = translate(message("results.heading", "heading"))
-    axes.plot(*path[:, :1], "o", color=_PATH, markerfacecolor="white", label=start)
-    axes.plot(*path[:, -1:], "s", color=_PATH, label=end)
+    axes.plot(*path[:, :1], "o", color=_PATH_COLOUR, markerfacecolor="white", label=start)
+    axes.plot(*path[:, -1:], "s", color=_PATH_COLOUR, label=end)
     axes.plot([], [], marker=">", markersize=7, linestyle="", color=_FACING, label=heading_label)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8, borderaxespad=0.0)
+
+
+def _set_path_limits(axes: Axes, path: Vector) -> float:
+    """Set the limits of a frame around a path (2, m) [m], with the same scale of both axes.
+
+    Returns:
+        the width of the picture [m].
+    """
+    frame = axes.get_window_extent()
+    relative_size = np.array([frame.width, frame.height]) / frame.width
+    low = path.min(axis=1)
+    high = path.max(axis=1)
+    # The picture is wide enough for the path in both directions, with an eighth of it free on each side.
+    width = max(1.25 * float(((high - low) / relative_size).max()), _NARROWEST)
+    left, bottom = (low + high - width * relative_size) / 2
+    right, top = (low + high + width * relative_size) / 2
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    return width

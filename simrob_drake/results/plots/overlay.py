@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
@@ -122,18 +122,9 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
         titles=names,
         sharex=True,
     )
-    styles = looks(len(results))
     for axes, name in zip(frames.flat, names, strict=False):
-        unit = next((result.units[name] for result in results if name in result.units), "1")
-        shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
-        for result, (colour, line) in zip(results, styles, strict=True):
-            if name in result.columns:
-                curve: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4}
-                values = factor * result.columns[name]
-                axes.plot(result.times, values, label=translate(result.name), **curve)
-        quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
-        label = f"[{shown_unit}]" if quantity is None else f"{translate(quantity)} [{shown_unit}]"
-        axes.set_ylabel(label, fontsize=9)
+        _draw_signal(axes, name, results)
+    # The frames share their axis of time: only the lowest of each column has its label.
     lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]
     for axes in lowest_of_columns:
         axes.set_xlabel(translate(TIME_LABEL))
@@ -141,6 +132,29 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)
     return figure
+
+
+def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None:
+    """Draw a signal of several results over each other into an empty frame.
+
+    Args:
+        axes: the frame.
+        name: name of the signal.
+        results: the results. Those without this signal have no curve.
+    """
+    units = [result.units[name] for result in results if name in result.units]
+    unit = units[0] if units else "1"
+    shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
+    for result, (colour, line) in zip(results, looks(len(results)), strict=True):
+        if name in result.columns:
+            values = factor * result.columns[name]
+            label = translate(result.name)
+            axes.plot(result.times, values, label=label, color=colour, linestyle=line, linewidth=1.4)
+    quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
+    label_of_axis = f"[{shown_unit}]"
+    if quantity is not None:
+        label_of_axis = f"{translate(quantity)} [{shown_unit}]"
+    axes.set_ylabel(label_of_axis, fontsize=9)
 
 
 def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> list[str]:
@@ -156,16 +170,27 @@ def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> 
 
 
 def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
-    """Names of positions and torques of the joints that move in one of the results: both of a joint, then the next."""
+    """Names of positions and torques of the joints that move in one of the results: both of a joint, then the next.
+
+    If no joint moves, those of all joints are named; if there are no joints, all signals as far as a figure has room.
+    """
     names = list(dict.fromkeys(name for result in results for name in result.columns))
-    positions = [name for name in names if (kind := _OF_JOINTS.fullmatch(name)) and kind[1] == "q"]
-    moving = [
-        name
-        for name in positions
-        if any(name in result.columns and np.ptp(result.columns[name]) > _STILL for result in results)
-    ]
-    found = list[str]()
+    positions = [name for name in names if _is_position(name)]
+    moving = [name for name in positions if any(_moves(result, name) for result in results)]
+    found: list[str] = []
     for name in moving or positions:
+        # The first "q" that is a whole part of the name, such as in "left.q.joint_1".
         torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
-        found += [one for one in (name, torque) if one in names]
+        found += [signal for signal in (name, torque) if signal in names]
     return found or names[:_MOST]
+
+
+def _is_position(name: str) -> bool:
+    """Whether a signal is the position of a joint."""
+    parts = _OF_JOINTS.fullmatch(name)
+    return parts is not None and parts[1] == "q"
+
+
+def _moves(result: SavedSignals, name: str) -> bool:
+    """Whether a result has a position, by its name, that changes by more than a little."""
+    return name in result.columns and bool(np.ptp(result.columns[name]) > _STILL)

@@ -1,10 +1,13 @@
-"""Plots as files: those of a run, and users' own figures in their looks."""
+"""Plots as files: the plots of a run, and figures of a user's own in the same style.
+
+A *frame* is what Matplotlib calls axes: one plot of a figure. A *sheet* is a figure that is described, but not drawn.
+"""
 
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from warnings import catch_warnings, filterwarnings, warn
 
 import numpy as np
@@ -21,84 +24,90 @@ from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
-from simrob_drake.results.plots.grid import grid_figure, is_dense, style
+from simrob_drake.results.plots.grid import Span, grid_figure, is_dense, style
 from simrob_drake.results.plots.joint_plots import base_figure, position_stacks, tcp_stacks, torque_stacks
 from simrob_drake.results.plots.panel_plots import Sheet, panel_sheets
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.servos import servo_in_words, servos_of
 from simrob_drake.results.record.walks import legged_robots
 
-DPI = 110  # pixels an inch of pictures that are made of pixels
+DPI = 110
+"""Resolution of PNG files [pixels per inch]."""
 
-_CURVES = 32  # that differ in colour or kind of line
+_CURVE_STYLES = 32
+"""Count of curves of a frame that differ in colour or style of line."""
+
 _BOLD = FontProperties(size=13, weight="bold")
-_LETTER = 0.07  # mean width of a letter of a legend [inches]
-_BOLD_LETTER = 0.125  # mean width of a letter of a title [inches]
-_COLUMN_SPACE = 0.6  # width of a column of a legend without its letters [inches]
-_MARGIN = 0.2  # width at the borders of a figure that text leaves free [inches]
-_LEAST_LETTERS = 10  # count of letters of a line, however narrow a figure is
-_PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
+
+# Widths [inches].
+_LETTER = 0.07  # a letter of a legend, on average
+_BOLD_LETTER = 0.125  # a letter of a title, on average
+_COLUMN_SPACE = 0.6  # a column of a legend without its letters
+_MARGIN = 0.2  # both borders of a figure, which text leaves free
+
+_LEAST_LETTERS = 10
+"""Count of letters of a line, however narrow a figure is."""
+
+_LEGEND_LOOKS: dict[str, Any] = {"frameon": False, "fontsize": 9}
+
+_LONG = 10.0
+"""Duration from which a run whose curves run together has a second figure, of a part of the run [s]."""
+
+_DETAIL = 3.0
+"""Duration of that part [s]."""
 
 
 def panels(
     title: str, rows: int = 1, columns: int = 1, *, size: tuple[float, float], titles: Sequence[str] = (), **how: Any
 ) -> tuple[Figure, npt.NDArray[Any]]:
-    """Return a figure with a title, and its empty frames, shape (rows, columns).
+    """Make a figure with empty frames in the style of the plots of a run.
 
     Args:
-        title: over all.
-        rows: of frames.
-        columns: of frames.
+        title: title of the figure. :func:`save_figure` writes it.
+        rows: count of rows of frames.
+        columns: count of frames in a row.
         size: width and height of the figure [inches].
-        titles: of the frames, row after row.
-        how: what matplotlib's ``Figure.subplots`` takes beside, such as ``sharex=True``.
+        titles: titles of the frames, row after row. Further frames have no title.
+        how: further arguments of Matplotlib's ``Figure.subplots``, such as ``sharex=True``.
+
+    Returns:
+        the figure, and its frames, shape (rows, columns).
     """
     figure = Figure(figsize=size, layout="constrained")
     frames = figure.subplots(rows, columns, squeeze=False, **how)
-    colours, lines = zip(*looks(_CURVES), strict=True)
+    colours, lines = zip(*looks(_CURVE_STYLES), strict=True)
     for index, axes in enumerate(frames.flat):
         style(axes, titles[index] if index < len(titles) else "")
         axes.set_prop_cycle(color=colours, linestyle=lines)
-    figure.set_label(translate(title))  # save_figure() writes it: over a legend, if there is one
+    # Only save_figure() knows whether the title is above a legend.
+    figure.set_label(translate(title))
     return figure, np.asarray(frames)
 
 
 def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Path:
-    """Write a figure with a legend that covers nothing, and return the file.
+    """Write a figure to a file, with a legend that covers no curve. Returns the file.
 
-    The label of the figure (``figure.set_label``) is its title.
+    The label of the figure (``figure.set_label``) is its title. The figure gets a title and legends.
 
     Args:
-        figure: whose curves have labels.
-        file: ``.png``, ``.svg`` or ``.pdf``; its folder is made where it does not exist.
-        beside: a legend to the right of each frame, in place of one for all under the title.
+        figure: the figure. The legend has those of its curves that have labels.
+        file: the file: ``.png``, ``.svg`` or ``.pdf``. Its folder is made if it does not exist.
+        beside: whether each frame has a legend at its right. Otherwise the figure has one legend, under its title.
 
     Raises:
-        UnknownName: another kind of file.
-        OutputError: it cannot be written.
+        UnknownName: the file has another suffix.
+        OutputError: the file cannot be written.
     """
     target = Path(file)
     kind = plot_format(target.suffix.removeprefix(".").lower())
-    for axes in figure.axes if beside else ():
-        if axes.get_legend_handles_labels()[1]:
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_PLAIN)
-    width = figure.get_figwidth()
-    title = _wrapped(figure.get_label(), width - _MARGIN, _BOLD_LETTER)
-    curves = {} if beside else _labelled(figure.axes)
+    if beside:
+        for axes in figure.axes:
+            if axes.get_legend_handles_labels()[1]:
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_LEGEND_LOOKS)
+    title = _wrap(figure.get_label(), figure.get_figwidth() - _MARGIN, _BOLD_LETTER)
+    curves = {} if beside else _curves_by_label(figure.axes)
     if curves:
-        labels = [_wrapped(label, width - _COLUMN_SPACE - _MARGIN, _LETTER) for label in curves]
-        longest_line = max(len(line) for label in labels for line in label.split("\n"))
-        column_width = _COLUMN_SPACE + _LETTER * longest_line
-        figure.legend(
-            list(curves.values()),
-            labels,
-            loc="outside upper left",
-            ncols=max(1, int(0.9 * width / column_width)),
-            title=title,
-            title_fontproperties=_BOLD,
-            alignment="left",
-            **_PLAIN,
-        )
+        _write_legend(figure, title, curves)
     else:
         figure.suptitle(title, x=0.01, ha="left", fontproperties=_BOLD)
     with writing(target.parent), as_saved():
@@ -107,56 +116,93 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
     return target
 
 
+def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
+    """Write a title and a legend at the top of a figure, in as many columns as fit.
+
+    Args:
+        figure: the figure.
+        title: the title, in lines that fit.
+        curves: curves by label.
+    """
+    width = figure.get_figwidth()
+    labels = [_wrap(label, width - _COLUMN_SPACE - _MARGIN, _LETTER) for label in curves]
+    longest_line = max(len(line) for label in labels for line in label.split("\n"))
+    column_width = _COLUMN_SPACE + _LETTER * longest_line
+    # The widths are estimates: a tenth of the figure is kept in reserve.
+    column_count = max(1, int(0.9 * width / column_width))
+    figure.legend(
+        list(curves.values()),
+        labels,
+        loc="outside upper left",
+        ncols=column_count,
+        title=title,
+        title_fontproperties=_BOLD,
+        alignment="left",
+        **_LEGEND_LOOKS,
+    )
+
+
 @contextmanager
 def as_saved() -> Iterator[None]:
-    """Write figures the same way each time; a letter that the font lacks is a box in them, and no warning."""
+    """Context in which the same figures give the same files.
+
+    A letter that the font does not have is drawn as a box. Matplotlib's warning of it is not shown.
+    """
+    # Matplotlib makes the identifiers in SVG files from this text; without it they are random.
     with rc_context({"svg.hashsalt": "simrob"}), catch_warnings():
         filterwarnings("ignore", "Glyph .* missing")
         yield
 
 
-def _wrapped(text: object, width: float, letter: float) -> str:
+def _wrap(text: object, width: float, letter_width: float) -> str:
     """Break a text into lines that are no wider than a figure.
 
     Args:
         text: the text.
         width: largest width of a line [inches].
-        letter: width of a letter [inches].
+        letter_width: width of a letter [inches].
     """
-    most_letters = max(int(width / letter), _LEAST_LETTERS)
+    most_letters = max(int(width / letter_width), _LEAST_LETTERS)
     # Breaks only at spaces keep file names and dotted keys whole; a word that is longer than a line is broken, too.
     return textwrap.fill(str(text), most_letters, break_on_hyphens=False)
 
 
-def _labelled(frames: Sequence[Axes]) -> dict[str, Any]:
-    """Return the curves of frames by their labels, the first of each."""
-    found: dict[str, Any] = {}
+def _curves_by_label(frames: Sequence[Axes]) -> dict[str, Any]:
+    """Find the curves of frames that have labels. If several have the same label, the first is in the legend."""
+    curves: dict[str, Any] = {}
     for axes in frames:
         for curve, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, curve)
-    return found
-
-
-_LONG = 10.0  # a run of so many seconds or more whose curves run together is shown a second time, in part
-_DETAIL = 3.0  # seconds of that part
+            curves.setdefault(label, curve)
+    return curves
 
 
 def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> list[Path]:
-    """Write the plots of a run as files of a kind: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
+    """Write the plots of a run. Returns the files.
 
-    Robots that walk have ``base.png`` too. With several robots each has its own, ``<robot>_position.png`` and so on.
-    Where a long run moves to and fro all the time, ``position_detail.png`` and ``torque_detail.png`` show three seconds
-    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``. The plots of
-    installed extensions follow. Returns the files. Raises UnknownName: another kind than ``png``, ``svg``, ``pdf``;
-    OutputError: one cannot be written.
+    There are ``position.png`` and ``torque.png``, with a tool ``tcp.png``, and for robots that walk ``base.png``. With
+    several robots, these names begin with the robot: ``<robot>_position.png``. Free pieces have
+    ``piece_<piece>.png``, sensors ``sensors.png``, and controllers ``controller_<name>.png``. In a long run whose
+    curves run together, ``position_detail.png`` and the like show three seconds of its middle. The plots of installed
+    extensions follow.
+
+    Args:
+        result: the run.
+        folder: folder of the files. It is made if it does not exist.
+        kind: format of the files, which is also their suffix.
+
+    Raises:
+        UnknownName: the format is not ``png``, ``svg`` or ``pdf``.
+        OutputError: a file cannot be written.
     """
     plot_format(kind)
     written = []
-    with writing(folder), as_saved(), rc_context({"text.parse_math": False}):  # a $ in a name is one
+    # A $ in a name is a letter, and does not begin a formula.
+    with writing(folder), as_saved(), rc_context({"text.parse_math": False}):
         folder.mkdir(parents=True, exist_ok=True)
-        for name, figure in _figures(result):
-            written.append(folder / f"{name}.{kind}")
-            figure.savefig(written[-1], dpi=DPI, metadata=UNDATED[kind])
+        for named_figure in _figures(result):
+            file = folder / f"{named_figure.name}.{kind}"
+            named_figure.figure.savefig(file, dpi=DPI, metadata=UNDATED[kind])
+            written.append(file)
         written += _save_plots_of_extensions(result, folder, kind, {file.stem for file in written})
     return written
 
@@ -180,11 +226,10 @@ def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotForma
         file = folder / f"{name}.{kind}"
         try:
             if name in taken:
-                raise ValueError(
-                    message(
-                        "results.plot_name_taken", "the run has a plot of this name already: {file}", file=file.name
-                    )
+                problem_of_name = message(
+                    "results.plot_name_taken", "the run has a plot of this name already: {file}", file=file.name
                 )
+                raise ValueError(problem_of_name)
             figure = draw(result)
             if figure is not None:
                 written.append(save_figure(figure, file))
@@ -203,16 +248,29 @@ def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotForma
     return written
 
 
-def _figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
+class _NamedFigure(NamedTuple):
+    """A figure, and the name of its file without suffix."""
+
+    name: str
+    figure: Figure
+
+
+def _figures(result: RecordedRun) -> Iterator[_NamedFigure]:
+    """Yield the figures of a run: those of its robots, then those of its sensors, pieces and blocks."""
     for robot in result.plant.robots.values():
-        for name, figure in _robot_figures(result, robot, "" if result.config.only_robot else f", {robot.name}"):
-            yield f"{robot.prefix.replace('.', '_')}{name}", figure
+        end_of_titles = "" if result.config.only_robot else f", {robot.name}"
+        # The prefix of a robot is its name with a dot, or nothing for the only robot.
+        prefix = robot.prefix.replace(".", "_")
+        for named_figure in _robot_figures(result, robot, end_of_titles):
+            yield named_figure._replace(name=f"{prefix}{named_figure.name}")
     for sheet in panel_sheets(result):
         yield from _with_detail(result, sheet)
 
 
-def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[tuple[str, Figure]]:
-    """Yield names and figures of a robot: positions, torques, and the paths of its tool and its base if it has them.
+def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[_NamedFigure]:
+    """Yield the figures of a robot: positions, torques, the pose of its tool, and the path of its base.
+
+    A robot without a tool has no figure of it, and only a robot that walks has one of its base.
 
     Args:
         result: the run.
@@ -229,23 +287,27 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
     yield from _with_detail(result, Sheet("torque", torques, torque_stacks(result, robot), layout))
     if robot.tcp:
         title = message("results.tool_in_world", "tool '{tool}' in the world{whose}", tool=robot.tcp, whose=whose)
-        yield "tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3)
+        yield _NamedFigure("tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3))
     if robot.name in legged_robots(result):
         title = message("results.path_of_base", "path of the base{whose}", whose=whose)
-        yield "base", base_figure(result, robot, title)
+        yield _NamedFigure("base", base_figure(result, robot, title))
 
 
-def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[tuple[str, Figure]]:
-    """Yield a figure, and some seconds of the middle of a long run where its curves run together."""
-    yield sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout)
-    if result.simulated_time >= _LONG and is_dense(stack.plots[0] for stack in sheet.stacks):
-        begin = result.start_time + (result.simulated_time - _DETAIL) / 2
-        title = message(
-            "results.title_of_detail",
-            "{title}, {begin:.2f} to {end:.2f} s",
-            title=sheet.title,
-            begin=begin,
-            end=begin + _DETAIL,
-        )
-        figure = grid_figure(result, title, sheet.stacks, span=(begin, begin + _DETAIL), **sheet.layout)
-        yield f"{sheet.name}_detail", figure
+def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[_NamedFigure]:
+    """Draw a sheet. If the curves of a long run are dense, a second figure shows a part of its middle."""
+    yield _NamedFigure(sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout))
+    # The first plot of a stack shows the value, the others its error.
+    first_plots = [stack.plots[0] for stack in sheet.stacks]
+    if result.simulated_time < _LONG or not is_dense(first_plots):
+        return
+    begin = result.start_time + (result.simulated_time - _DETAIL) / 2
+    span = Span(begin, begin + _DETAIL)
+    title = message(
+        "results.title_of_detail",
+        "{title}, {begin:.2f} to {end:.2f} s",
+        title=sheet.title,
+        begin=span.begin,
+        end=span.end,
+    )
+    figure = grid_figure(result, title, sheet.stacks, span=span, **sheet.layout)
+    yield _NamedFigure(f"{sheet.name}_detail", figure)

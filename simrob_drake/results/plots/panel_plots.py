@@ -1,13 +1,15 @@
-"""The plots of what parts declare, one figure a question.
+"""Plots of the signals that parts of a station declare: sensors, pieces, controllers and other blocks.
 
-What has a value for each axis is shown joint by joint, right and left together; the rest panel below panel. What a
-controller leaves constant, and axes that hardly move beside the others, are left out and named.
+A part declares a *panel* for each signal that is to be plotted: a title, a label and the columns of the result. Panels
+with the same figure name are drawn in one file. There are two forms. Panels of a few quantities are drawn below each
+other. A panel with a value for each axis of a robot is drawn joint by joint, with right and left axes together. In
+both forms, curves that do not change are left out and named in a sentence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,19 +22,51 @@ from simrob_drake.results.plots.grid import Curve, Plot, Stack, smallest
 from simrob_drake.results.plots.joint_plots import SideGroup, side_groups
 from simrob_drake.results.record.run import RecordedRun
 
-PAPER = 7.16  # the width of a page's text [inches]
+PAPER = 7.16
+"""Width of the text of a page [inches]."""
 
-_FEW = 4  # columns that share a panel whatever they are
-_LITTLE = 0.02  # of the largest change: an axis that moves less is left out
-_JUMP = 0.25  # of the whole change: a step from zero right at the start is a loop's first sample
-_HEIGHT = 1.8  # inches, of a frame
-_ENTRY, _HANDLE, _CHARACTER = 0.18, 0.45, 0.065  # inches: height of a legend's entry, width of its line and letters
-_IN_DEGREES = {"rad": ("deg", float(np.rad2deg(1.0)))}  # units that are read in others, and how many one is
+_FEW = 4
+"""Most columns of a panel that are always drawn in one frame, even if they belong to axes."""
+
+_LITTLE = 0.02
+"""An axis is left out if it moves less than this part of what the axis that moves most does."""
+
+_JUMP = 0.25
+"""A first change from zero by more than this part of all change is the first sample of a controller."""
+
+_CONSTANT = 1e-6
+"""Relative change up to which a quantity counts as constant: it is an error of the arithmetic."""
+
+_HEIGHT = 1.8
+"""Height of a frame [inches]."""
+
+# Sizes in a legend [inches].
+_ENTRY = 0.18  # height of an entry
+_HANDLE = 0.45  # width of the line of an entry
+_CHARACTER = 0.065  # width of a letter
+
+
+class _UserUnit(NamedTuple):
+    """Unit in which a quantity is shown, and the factor from the unit of the result."""
+
+    name: str
+    factor: float
+
+
+_USER_UNITS = {"rad": _UserUnit("deg", float(np.rad2deg(1.0)))}
+"""Units that are shown in others, by the unit of the result."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A figure to be drawn: the stem of its file, its title and stacks, and how they are laid out."""
+    """A figure to be drawn.
+
+    Attributes:
+        name: name of the file without suffix.
+        title: title of the figure.
+        stacks: plots of the figure: see :mod:`simrob_drake.results.plots.grid`.
+        layout: further arguments of :func:`simrob_drake.results.plots.grid.grid_figure`.
+    """
 
     name: str
     title: str
@@ -42,26 +76,34 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class _Quantity:
-    """A column of a panel as it is read."""
+    """A column of a panel.
 
-    name: str  # of the curve
+    Attributes:
+        name: name of the curve.
+        values: values in the shown unit, shape (m,). They may have NaN.
+        unit: the shown unit; "1" for a number without unit.
+        is_required: whether the quantity is drawn even if it is constant.
+    """
+
+    name: str
     values: Vector
     unit: str
-    needed: bool  # though it is constant
+    is_required: bool
 
     @property
     def change(self) -> float:
-        """From its least to its largest value."""
+        """Difference of the largest and the smallest value."""
         return float(np.ptp(_finite(self.values)))
 
     @property
     def varies(self) -> bool:
-        """Whether it is no constant."""
-        return self.change > max(smallest(f"[{self.unit}]"), 1e-6 * float(np.abs(_finite(self.values)).max()))
+        """Whether the quantity changes by more than noise."""
+        largest = float(np.abs(_finite(self.values)).max())
+        return self.change > max(smallest(f"[{self.unit}]"), _CONSTANT * largest)
 
     @property
-    def value(self) -> str:
-        """Its last value with the unit."""
+    def last_value(self) -> str:
+        """The last value in words, with its unit."""
         value = float(self.values[-1])
         if self.unit == "1":
             return compound("{value:.4g}", value=value)
@@ -69,123 +111,218 @@ class _Quantity:
 
 
 _Panels = Mapping[Panel, Sequence[_Quantity]]
+"""Quantities of panels: one for each column of the panel, in their order."""
 
 
 def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
     """Yield the figures of a run's panels, such as ``piece_<piece>``, ``sensors`` and ``controller_<name>``.
 
-    Where a figure has panels of both kinds, those by axes are in ``controller_<name>_axes``.
+    If a figure has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``.
     """
-    found = {signal.panel: _quantities(result, signal) for signal in result.signals if signal.panel in result.panels}
-    for name in dict.fromkeys(panel.figure for panel in found if panel):
-        panels = {panel: ones for panel, ones in found.items() if panel and panel.figure == name}
-        title = join_texts(dict.fromkeys(panel.heading for panel in panels))
-        by_axis = {panel: robot for panel in panels if (robot := _robot_of(panel, result)) is not None}
-        if few := {panel: ones for panel, ones in panels.items() if panel not in by_axis}:
-            yield _few_sheet(name, title, few)
-        for place, robot in enumerate({robot.name: robot for robot in by_axis.values()}.values()):
-            wide = {panel: panels[panel] for panel, of in by_axis.items() if of is robot}
-            parts = [name, "axes" if few or place else "", robot.name if place else ""]
-            yield _axes_sheet("_".join(filter(None, parts)), title, wide, robot)
+    panels: dict[Panel, list[_Quantity]] = {}
+    for signal in result.signals:
+        if signal.panel is not None and signal.panel in result.panels:
+            panels[signal.panel] = _quantities_of(signal, signal.panel, result)
+    for figure in dict.fromkeys(panel.figure for panel in panels):
+        own_panels = {panel: quantities for panel, quantities in panels.items() if panel.figure == figure}
+        yield from _sheets_of_figure(figure, own_panels, result)
 
 
-def _quantities(result: RecordedRun, signal: Signal) -> list[_Quantity]:
-    """Return what the panel of a signal shows; of a loop not what it tells before its first sample."""
-    panel, units = signal.panel, dict(zip(signal.names, signal.units, strict=True))
-    assert panel is not None
-    found = []
-    for column, name in zip(panel.columns, panel.components or map(_part, panel.columns), strict=True):
-        unit, scale = _IN_DEGREES.get(units[column], (units[column], 1.0))
-        values, own = scale * result[column], signal.role == "own"
-        if own and len(values) > 1 and values[0] == 0 and abs(values[1]) > _JUMP * np.ptp(_finite(values)):
-            values[0] = np.nan
-        found.append(
-            _Quantity(
-                compound("{title} {name}", title=panel.title, name=name) if name.isdecimal() else name,
-                values,
-                unit,
-                not own,
-            )
-        )
-    return found
+def _sheets_of_figure(figure: str, panels: _Panels, result: RecordedRun) -> Iterator[Sheet]:
+    """Yield a sheet for the panels of a few quantities, and one for each robot with panels of its axes.
+
+    Args:
+        figure: common name of the figure of the panels.
+        panels: the panels.
+        result: the run.
+    """
+    title = join_texts(dict.fromkeys(panel.heading for panel in panels))
+    few: dict[Panel, Sequence[_Quantity]] = {}
+    panels_of_robots: dict[str, dict[Panel, Sequence[_Quantity]]] = {}
+    for panel, quantities in panels.items():
+        robot = _robot_of(panel, result)
+        if robot is None:
+            few[panel] = quantities
+        else:
+            panels_of_robots.setdefault(robot.name, {})[panel] = quantities
+    if few:
+        yield _few_sheet(figure, title, few)
+    for index, (robot_name, panels_of_axes) in enumerate(panels_of_robots.items()):
+        # The first sheet has the name of the figure itself, so that the usual file has the short name.
+        name = figure
+        if few or index > 0:
+            name += "_axes"
+        if index > 0:
+            name += f"_{robot_name}"
+        yield _axes_sheet(name, title, panels_of_axes, result.plant.robots[robot_name])
+
+
+def _quantities_of(signal: Signal, panel: Panel, result: RecordedRun) -> list[_Quantity]:
+    """Read the quantities of a signal for its panel, in the units of users.
+
+    A controller has the output zero before its first sample. A jump from there is left out (NaN).
+    """
+    is_of_controller = signal.role == "own"
+    units = dict(zip(signal.names, signal.units, strict=True))
+    names = panel.components or [_component(column) for column in panel.columns]
+    quantities = []
+    for column, name in zip(panel.columns, names, strict=True):
+        user_unit = _USER_UNITS.get(units[column], _UserUnit(units[column], 1.0))
+        values = user_unit.factor * result[column]
+        if is_of_controller and len(values) > 1 and values[0] == 0:
+            change = np.ptp(_finite(values))
+            if abs(values[1]) > _JUMP * change:
+                values[0] = np.nan
+        # A number alone would mean nothing in a legend.
+        label = compound("{title} {name}", title=panel.title, name=name) if name.isdecimal() else name
+        quantities.append(_Quantity(label, values, user_unit.name, is_required=not is_of_controller))
+    return quantities
 
 
 def _robot_of(panel: Panel, result: RecordedRun) -> StationRobot | None:
-    """Return the robot whose axes a panel of many curves tells."""
-    parts = {_part(column) for column in panel.columns}
-    robots = result.plant.robots.values() if len(parts) > _FEW else ()
-    return next((robot for robot in robots if parts <= set(robot.axes)), None)
+    """Find the robot to whose axes the columns of a panel belong. Returns None if there is none, or for few columns."""
+    components = {_component(column) for column in panel.columns}
+    if len(components) <= _FEW:
+        return None
+    for robot in result.plant.robots.values():
+        if components <= set(robot.axes):
+            return robot
+    return None
 
 
 def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
-    """Return the figure of panels below each other; what a controller leaves constant stands above in words."""
-    varying = {panel: [one for one in ones if one.needed or one.varies] for panel, ones in panels.items()}
-    shown = {panel: ones for panel, ones in varying.items() if ones} or panels
-    constant = [
-        join_texts([panel.title, one.name, one.value] if len(ones) > 1 else [panel.title, one.value], " ")
-        for panel, ones in panels.items()
-        for one in ones
-        if one not in shown.get(panel, ())
-    ]
-    names = [one.name for ones in shown.values() if len(ones) > 1 for one in ones]
-    legend = _HANDLE + _CHARACTER * max(map(len, names), default=0)
+    """Make the sheet of panels below each other.
+
+    Quantities of controllers that are constant are left out. A sentence has their values, unless all are constant:
+    then all are drawn.
+    """
+    shown = {}
+    for panel, quantities in panels.items():
+        drawn = [quantity for quantity in quantities if quantity.is_required or quantity.varies]
+        if drawn:
+            shown[panel] = drawn
+    constants = _constants_in_words(panels, shown) if shown else []
     remark = ""
-    if constant:
+    if constants:
         remark = message(
-            "results.left_out_constant", "left out, as it does not change: {values}", values=join_texts(constant)
+            "results.left_out_constant", "left out, as it does not change: {values}", values=join_texts(constants)
         )
-    stacks = [_stack(panel, ones) for panel, ones in shown.items()]
+    drawn_panels: _Panels = shown or panels
+    # A single curve needs no legend.
+    names = [one.name for quantities in drawn_panels.values() if len(quantities) > 1 for one in quantities]
+    legend = _HANDLE + _CHARACTER * max(map(len, names), default=0)
+    stacks = [_stack(panel, quantities) for panel, quantities in drawn_panels.items()]
     return Sheet(name, title, stacks, {"columns": 1, "width": PAPER, "legend": legend, "remark": remark})
 
 
-def _stack(panel: Panel, ones: Sequence[_Quantity]) -> Stack:
-    """Return a panel, with a plot for each unit."""
-    first = 1.4 if len(ones) > 1 else 1.0  # weight of a line; later ones are thinner: equal ones are all seen
-    curves = [
-        Curve(one.values, one.name, colour, max(first - 0.3 * place, 0.8), line)
-        for place, (one, (colour, line)) in enumerate(zip(ones, looks(len(ones)), strict=True))
-    ]
+def _constants_in_words(panels: _Panels, shown: _Panels) -> list[str]:
+    """Write the last values of the quantities of panels that are not shown, such as "gain kp 3 N·m"."""
+    texts: list[str] = []
+    for panel, quantities in panels.items():
+        drawn = shown.get(panel, ())
+        for quantity in quantities:
+            if quantity not in drawn:
+                words = [panel.title, quantity.name, quantity.last_value]
+                if len(quantities) == 1:
+                    words = [panel.title, quantity.last_value]
+                texts.append(join_texts(words, " "))
+    return texts
+
+
+def _stack(panel: Panel, quantities: Sequence[_Quantity]) -> Stack:
+    """Make the plots of a panel: one for each unit of its quantities, below each other."""
+    # Later lines are thinner, so that equal curves are all visible.
+    first_weight = 1.4 if len(quantities) > 1 else 1.0
+    curves = []
+    for index, (colour, line) in enumerate(looks(len(quantities))):
+        quantity = quantities[index]
+        weight = max(first_weight - 0.3 * index, 0.8)
+        curves.append(Curve(quantity.values, quantity.name, colour, weight, line))
     plots = []
-    for unit in dict.fromkeys(one.unit for one in ones):
-        drawn = [curve for curve, one in zip(curves, ones, strict=True) if one.unit == unit]
-        plots.append(Plot(_label(panel, unit), drawn, max(_HEIGHT, _ENTRY * len(drawn))))
+    # A frame has one upright axis, so that values of different units need their own frames.
+    for unit in dict.fromkeys(quantity.unit for quantity in quantities):
+        drawn = [curve for curve, quantity in zip(curves, quantities, strict=True) if quantity.unit == unit]
+        height_of_legend = _ENTRY * len(drawn)
+        plots.append(Plot(_label(panel, unit), drawn, max(_HEIGHT, height_of_legend)))
     return Stack(panel.title, plots)
 
 
 def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> Sheet:
-    """Return the figure of a robot's axes, right and left together, with a plot for each panel."""
-    changing = {panel: ones for panel, ones in panels.items() if any(one.varies for one in ones)} or panels
-    moved = set[str]()
-    for ones in changing.values():
-        least = _LITTLE * max(one.change for one in ones)
-        moved |= {one.name for one in ones if one.varies and one.change > least}
-    named = {one.name for ones in panels.values() for one in ones}
-    groups = {group: {robot.axes[place] for place in group.places.values()} for group in side_groups(robot)}
-    groups = {group: axes for group, axes in groups.items() if axes & named}
-    moving = [group for group, axes in groups.items() if axes & moved] or list(groups)
-    still: list[str] = [group.name for group in groups if group not in moving]
-    still += [
+    """Make the sheet of a robot's axes: a stack for each axis, or pair of axes, with a plot for each panel.
+
+    Panels without any change, and axes that hardly move, are left out. A sentence names them.
+
+    Args:
+        name: name of the file without suffix.
+        title: title of the figure.
+        panels: panels whose quantities have the names of axes.
+        robot: the robot.
+    """
+    # A panel in which nothing changes would be drawn for each axis: that is a sentence, not a picture.
+    changing = {panel: quantities for panel, quantities in panels.items() if any(one.varies for one in quantities)}
+    if not changing:
+        changing = dict(panels)
+    moved_axes = _moved_axes(changing)
+    named_axes = {quantity.name for quantities in panels.values() for quantity in quantities}
+
+    moving: list[SideGroup] = []
+    still: list[SideGroup] = []
+    for group in side_groups(robot):
+        axes = {robot.axes[index] for index in group.axes.values()}
+        if axes & moved_axes:
+            moving.append(group)
+        elif axes & named_axes:
+            still.append(group)
+    if not moving:
+        moving = still
+        still = []
+
+    left_out: list[str] = [group.name for group in still]
+    left_out += [
         message("results.of_every_axis", "{title} of every axis", title=panel.title)
         for panel in panels
         if panel not in changing
     ]
     remark = ""
-    if still:
-        remark = message("results.left_out_still", "left out, as they hardly change: {names}", names=join_texts(still))
+    if left_out:
+        names = join_texts(left_out)
+        remark = message("results.left_out_still", "left out, as they hardly change: {names}", names=names)
     stacks = [Stack(group.name, _axis_plots(group, robot, changing)) for group in moving]
     return Sheet(name, title, stacks, {"columns": min(2, len(stacks)), "width": PAPER, "remark": remark})
 
 
+def _moved_axes(panels: _Panels) -> set[str]:
+    """Names of the axes that change in one of the panels, by more than a little of the largest change there."""
+    names = set[str]()
+    for quantities in panels.values():
+        least_change = _LITTLE * max(quantity.change for quantity in quantities)
+        for quantity in quantities:
+            if quantity.varies and quantity.change > least_change:
+                names.add(quantity.name)
+    return names
+
+
 def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[Plot]:
-    """Return a plot of a group's axes for each panel, also of one that has none of them: rows of stacks are even."""
+    """Make a plot of the axes of a group for each panel.
+
+    A panel without these axes has an empty plot, so that all stacks of a row have the same count of plots.
+
+    Args:
+        group: the axes.
+        robot: the robot.
+        panels: panels whose quantities have the names of axes.
+    """
     plots = []
-    for (panel, ones), colour in zip(panels.items(), cycle(COLOURS), strict=False):
-        values = np.full((len(ones[0].values), len(robot.axes)), np.nan)
-        unit = ones[0].unit
-        for one in ones:
-            place = robot.axes.index(one.name)
-            values[:, place] = one.values
-            unit = one.unit if place == group.first else unit
+    for (panel, quantities), colour in zip(panels.items(), cycle(COLOURS), strict=False):
+        sample_count = len(quantities[0].values)
+        # Axes without a quantity stay NaN, which is not drawn.
+        values = np.full((sample_count, len(robot.axes)), np.nan)
+        unit = quantities[0].unit
+        for quantity in quantities:
+            axis = robot.axes.index(quantity.name)
+            values[:, axis] = quantity.values
+            if axis == group.first_axis:
+                unit = quantity.unit
         plots.append(Plot(_label(panel, unit), group.curves(values, panel.title, colour)))
     return plots
 
@@ -199,12 +336,12 @@ def _label(panel: Panel, unit: str) -> str:
     return f"{quantity}{bracket}{unit}]" if bracket and unit != "1" else quantity
 
 
-def _part(column: str) -> str:
-    """Return what a column is of its signal: "x", "joint_1"."""
+def _component(column: str) -> str:
+    """Last part of the name of a column, such as "x" of ``force.wrist.x`` or "joint_1" of ``q.joint_1``."""
     return column.rpartition(".")[2]
 
 
 def _finite(values: Vector) -> Vector:
-    """Return the finite ones of values; 0 where there are none."""
+    """Finite values of a signal, shape (k,). If no value is finite, the result is a single 0."""
     found = values[np.isfinite(values)]
     return found if found.size else np.zeros(1)

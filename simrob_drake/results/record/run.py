@@ -24,6 +24,7 @@ from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
+from simrob_drake.results.record.disturbances import LONGEST_FALL, last_disturbance
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.rebuilt import FORMAT, REBUILT, RebuiltRun, check_format, pickled_fields
 from simrob_drake.results.record.state import State, Trace
@@ -110,11 +111,14 @@ class MoveSpan:
         index: index of the move in its program, from 0.
         begin: when the move began, since the start of the program [s].
         end: when the move ended, or was ended by a monitor or the user, likewise [s].
+        is_named: whether messages name the move by its number. They do not if nobody stored moves, and the program only
+            plays the station's references.
     """
 
     index: int
     begin: float
     end: float
+    is_named: bool = True
 
 
 _USUAL_NAMES = {"columns": "names", "data": "values", "signal_names": "names", "t": "times", "time": "times"}
@@ -182,6 +186,9 @@ class RecordedRun:
         wandering: for a program, names of the pieces that change hands.
         trace: recorded states, from which the run can be continued; None for a program, and for other engines.
         in_own_diagram: whether the station was part of a diagram of the user's own.
+        is_continued: whether a change of the station cut the motion at the end of the run, so that the next run of the
+            program goes on with it.
+        continues: whether the run goes on with a motion that a change of the station cut.
     """
 
     config: StationConfig
@@ -219,6 +226,8 @@ class RecordedRun:
     wandering: tuple[str, ...] = ()
     trace: Trace | None = None
     in_own_diagram: bool = False
+    is_continued: bool = False
+    continues: bool = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Content of a pickled run: its fields, but for the plant and what is computed from it."""
@@ -386,13 +395,21 @@ class RecordedRun:
 
     @property
     def end_in_words(self) -> str:
-        """How the run ended, in words, with the name of the monitor if one ended it."""
-        return (
-            message(
-                "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
-            )
-            if self.ending == "monitor"
-            else self.message
+        """How the run ended, in words, with the monitor that ended it and the push before a fall."""
+        if self.ending != "monitor":
+            return self.message
+        end = message(
+            "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
+        )
+        cause = last_disturbance(self) if fallen(self) is not None else None
+        if cause is None or self.stop_time - cause.begin > LONGEST_FALL:
+            return end
+        return message(
+            "results.end_after_disturbance",
+            "{end}, {time:.2f} s after {cause}",
+            end=end,
+            time=self.stop_time - cause.begin,
+            cause=cause.text,
         )
 
     @property

@@ -373,7 +373,7 @@ class State:
                 message(
                     "results.start_names_file", "{problem}; `start` names the start.json of a result", problem=what
                 ),
-            ) from problem
+            ) from None
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)

@@ -22,7 +22,7 @@ from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.grips import measure_lost_piece
@@ -177,8 +177,12 @@ def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
 
 @_of_each_robot
 def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
-    """Measure the distance of each axis from its reference at the end of a run that ended regularly [rad or m]."""
-    if run.ending not in _REGULAR_ENDINGS:
+    """Measure the distance of each axis from its reference at the end of a run that ended regularly [rad or m].
+
+    Returns None for a run that a fall ended, or that the next run of its program continues: the motion is not at its
+    end there.
+    """
+    if run.ending not in _REGULAR_ENDINGS or fallen(run) is not None or run.is_continued:
         return None
     ends = np.full(len(robot.axes), run.stop_time)
     distances = _errors_at_end(run, robot)

@@ -140,7 +140,8 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
         subject: name of the axis, such as ``left.joint_2``.
     """
     axis = next((index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None)
-    if axis is None:
+    # A run that goes on with a motion begins where the robot is, which lags behind its reference.
+    if axis is None or run.continues:
         return None
     positions = run.axes("q", robot.name)
     references = run.axes("q_ref", robot.name)
@@ -162,10 +163,17 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
     return Remedy(text, key=f"{_robot_key(run, robot)}.initial_deg", value=start)
 
 
-def less_load(run: RecordedRun, entry: WorstValue) -> Remedy:
-    """Remedy of a robot that carries more than its rated payload."""
-    del run, entry  # the remedy is the same for all robots
-    return Remedy(message("results.remedy_less_load", "carry less, or take a robot with a larger payload"))
+def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
+    """Remedy of a robot that carries more than its rated payload: a smaller load, of which it names the parts."""
+    robot = robot_of(run, entry.subject)
+    if robot is None:
+        return None
+    text = message(
+        "results.remedy_less_load",
+        "carry less than {pieces}, or take a robot with a larger payload",
+        pieces=robot.load_in_words,
+    )
+    return Remedy(text)
 
 
 def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:

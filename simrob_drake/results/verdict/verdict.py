@@ -23,6 +23,7 @@ from simrob_drake.results.record.run import move_title
 from simrob_drake.results.verdict.remedies import MakeRemedy
 from simrob_drake.results.verdict.severity import VIOLATION, severity_of_value
 from simrob_drake.results.verdict.words import (
+    amount_for_users,
     amount_in_words,
     capitalised,
     count_in_words,
@@ -350,12 +351,14 @@ class Measure:
 
 def _amount_of_limit(entry: MeasuredValue) -> Message:
     """Write a share as an amount of its limit, such as ``37.2 of 150 N·m``."""
+    amount = amount_for_users(entry.value * entry.limit, entry.limit_unit)
+    limit = amount_for_users(entry.limit, entry.limit_unit)
     return message(
         "results.amount_of_limit",
-        "{amount:.3g} of {limit:.3g} {unit}",
-        amount=entry.value * entry.limit,
-        limit=entry.limit,
-        unit=entry.limit_unit,
+        "{amount:.6g} of {limit:.6g} {unit}",
+        amount=amount.number,
+        limit=limit.number,
+        unit=limit.unit,
     )
 
 
@@ -607,7 +610,7 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
         return ""
     for span in spans:
         if span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING and span.end > span.begin:
-            return move_title(span.index)
+            return move_title(span.index) if span.is_named else ""
     return ""
 
 

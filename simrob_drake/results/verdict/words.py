@@ -1,6 +1,7 @@
 """Values and counts as users read them: with units, and as the words of a sentence."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,6 +58,27 @@ def rounded_in_words(value: float, unit: str) -> Message:
     return in_words(value, unit)
 
 
+class Amount(NamedTuple):
+    """An amount as users read it.
+
+    Attributes:
+        number: the amount, rounded to three significant digits. It is to be written with the format ``.6g``, so that
+            1220 is not written as 1.22e+03.
+        unit: its unit.
+    """
+
+    number: float
+    unit: str
+
+
+def amount_for_users(value: float, unit: str) -> Amount:
+    """Convert an amount to the units of users: speeds of axes in deg/s, as positions are in degrees."""
+    if unit == "rad/s":
+        value = float(np.rad2deg(value))
+        unit = "deg/s"
+    return Amount(float(f"{value:.3g}"), unit)
+
+
 def amount_in_words(share: float, limit: float, unit: str) -> Message:
     """Write a share of a limit as an amount, such as ``37.2 N·m``.
 
@@ -65,7 +87,8 @@ def amount_in_words(share: float, limit: float, unit: str) -> Message:
         limit: what the value is a share of, in the unit.
         unit: the unit.
     """
-    return compound("{number:.3g} {unit}", number=share * limit, unit=unit)
+    amount = amount_for_users(share * limit, unit)
+    return compound("{number:.6g} {unit}", number=amount.number, unit=amount.unit)
 
 
 def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:

@@ -394,7 +394,7 @@ def test_a_loop_is_explained_by_a_picture():
     async def script(user, session):
         answer = Future()
         answer.set_result("<svg><text>ankles</text></svg>")
-        session.loop_picture = lambda name: session.calls.append(("loop_picture", name)) or answer
+        session.loop_picture = lambda name, language: session.calls.append(("loop_picture", name)) or answer
         press_that(user, "How it works: keep the balance")
         await heard()
         await user.should_see("arms, hips and at last a step bring it back")

@@ -73,7 +73,7 @@ class Station(StubSession):
         self.watched[viewer] = list(signals)
         return given(None)
 
-    def picture(self, folded):
+    def picture(self, folded, language):
         self.drawn += 1
         return given(station_svg(load_station("irb120_dynamic"), live=True, folded=folded) if folded else SVG)
 

@@ -6,7 +6,8 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stacked
-from simrob_drake.programs.gaits.climb import BallFootholds, Climb, SoleMargins, profile_ahead
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.climb_footholds import BallFootholds, SoleMargins, is_at_goal, profile_ahead
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_gait import planned_gait
 
@@ -28,12 +29,12 @@ def strides(ground, longest=0.1, distance=2.0):
     place, found = 0.0, []
     while (stride := ground.next_stride(place, SOLE, longest, distance)) is not None:
         found.append(stride)
-        place = stride.place
+        place = stride.position
     return found
 
 
 def places(found):
-    return [round(each.place, 2) for each in found]
+    return [round(each.position, 2) for each in found]
 
 
 def test_treads_are_the_level_stretches():
@@ -51,26 +52,28 @@ def test_toes_keep_from_what_rises_and_heels_hang_over_what_is_lower():
     # toes up to 0.18, then heels at 0.17 on the tread
     assert places(up) == [0.1, 0.24, 0.34, 0.44, 0.54, 0.6]
     rising = next(each for each in up if each.height > 0)
-    assert rising.place - SOLE.half == pytest.approx(0.2 - SOLE.overhang, abs=0.004)
-    assert max(each.place for each in up if not each.height) + SOLE.half == pytest.approx(0.2 - SOLE.margin, abs=0.015)
+    assert rising.position - SOLE.half == pytest.approx(0.2 - SOLE.overhang, abs=0.004)
+    assert max(each.position for each in up if not each.height) + SOLE.half == pytest.approx(
+        0.2 - SOLE.margin, abs=0.015
+    )
     down = strides(way((-0.2, 0.03), (0.2, 0.0)), distance=0.6)
     falling = next(each for each in down if each.height < 0.01)
-    assert falling.place - SOLE.half == pytest.approx(0.2 + SOLE.margin, abs=0.004)
-    before = max(each.place for each in down if each.height > 0.01)
+    assert falling.position - SOLE.half == pytest.approx(0.2 + SOLE.margin, abs=0.004)
+    before = max(each.position for each in down if each.height > 0.01)
     assert before + SOLE.half == pytest.approx(0.2 + SOLE.overhang, abs=0.004)
 
 
 def test_gaps_and_thresholds_are_stepped_over():
     gap = strides(way((0.2, -0.05), (0.26, 0.0)), distance=0.6)
     assert not any(each.height < 0 for each in gap)
-    over = next(each for each in gap if each.place - SOLE.half > 0.2)
-    assert over.place - SOLE.half == pytest.approx(0.26 - SOLE.overhang, abs=0.004)
+    over = next(each for each in gap if each.position - SOLE.half > 0.2)
+    assert over.position - SOLE.half == pytest.approx(0.26 - SOLE.overhang, abs=0.004)
     assert over.over == 0.0
     bar = strides(way((0.2, 0.04), (0.25, 0.0)), distance=0.6)
-    over = next(each for each in bar if each.place > 0.2)
+    over = next(each for each in bar if each.position > 0.2)
     assert over.over == pytest.approx(0.04)
-    assert over.place - SOLE.half == pytest.approx(0.25 + SOLE.margin, abs=0.004)
-    assert all(each.place + SOLE.half < 0.2 - SOLE.margin + 0.004 for each in bar if each.place < 0.2)
+    assert over.position - SOLE.half == pytest.approx(0.25 + SOLE.margin, abs=0.004)
+    assert all(each.position + SOLE.half < 0.2 - SOLE.margin + 0.004 for each in bar if each.position < 0.2)
 
 
 def test_what_is_too_short_for_a_sole_is_no_foothold():
@@ -78,7 +81,7 @@ def test_what_is_too_short_for_a_sole_is_no_foothold():
     assert 0.03 not in [round(each.height, 2) for each in strides(narrow, distance=1.0)]
     pits = way(*[(0.2 + 0.05 * number, -0.05 * (number % 2 == 0)) for number in range(40)], distance=1.0)
     assert places(strides(pits, distance=1.0))[-1] < 0.25
-    assert not pits.reaches(0.2, 1.0)
+    assert not is_at_goal(0.2, 1.0)
 
 
 def soles_of(motion, walker, kind):
@@ -95,7 +98,7 @@ def test_soles_clear_the_edge_and_the_weight_is_over_the_one_that_stands(rise):
     left = {foot.name: foot.home[1] for foot in walker.feet("soles")}
     edge = half + (0.02 if rise >= 0 else -0.035)
     ahead = edge + half + (-0.035 if rise >= 0 else 0.02)
-    motion = Climb.planned(
+    motion = Climb.plan_by_name(
         "zjudancer", 0, "climb",
         start={name: (0.0, at, 0.0, 0.0) for name, at in left.items()},
         goals={name: (ahead, at, rise, 0.0) for name, at in left.items()},
@@ -133,7 +136,7 @@ def test_four_feet_roll_on_their_heights_with_the_weight_between_the_three_that_
     feet = {foot.name: foot for foot in walker.feet(None)}
     start = {name: (foot.home[0], foot.home[1], 0.04 * name.startswith("front"), 0.0) for name, foot in feet.items()}
     goals = {name: (x + 0.12, y, z + rises.get(name, 0.04), 0.0) for name, (x, y, z, _) in start.items()}
-    motion = Climb.planned("yobotics", 0, "climb", start=start, goals=goals, over=0.08)
+    motion = Climb.plan_by_name("yobotics", 0, "climb", start=start, goals=goals, over=0.08)
     poses, _ = soles_of(motion, walker, None)
     step, points = (
         motion.times[1],

@@ -27,7 +27,7 @@ def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ah
     walker, turn = Walker.of(name), np.deg2rad(10.0)
     feet = {foot.name: foot for foot in walker.feet()}
     left = feet["left_foot"].home[1]
-    motion = Kick.planned(name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0)
+    motion = Kick.plan_by_name(name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0)
     facing = facing_rotation(walker.gaits.facing_deg)
     roots = stacked(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
     kicking, standing = (feet[side].poses(motion.positions, roots) for side in ("left_foot", "right_foot"))
@@ -102,7 +102,7 @@ def test_legs_that_do_not_turn_kick_ahead_alone():
     foot = {foot.name: foot for foot in walker.feet()}["right_foot"]
     assert np.ptp(motion.positions[:, list(foot.axes)], axis=0).max() > 0.2
     with pytest.raises(InvalidParameter, match=r"toward_deg is 5\.0; it must be 0, since the legs of humanoid"):
-        kick.changed({"toward_deg": 5}, 1.0, "kick").plan(walker)
+        kick.with_changes({"toward_deg": 5}, 1.0, "kick").plan(walker)
 
 
 def test_a_robot_on_four_legs_does_not_kick():

@@ -6,7 +6,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk
-from simrob_drake.programs.gaits.walker import Walker, upright
+from simrob_drake.programs.gaits.walker import Walker, upright_rotation
 from simrob_drake.programs.gaits.zmp import LEVEL, whole_body_zmp
 from simrob_drake.programs.legged_gait import _walker, planned_gait
 from simrob_drake.stations.resolve import resolve
@@ -52,7 +52,7 @@ def test_on_a_slope_the_zero_moment_point_is_where_the_line_of_weight_meets_the_
     com = np.average(skeleton.mass_points(skeleton.frames(angles, root))[0], axis=0, weights=skeleton.point_masses)
     expected = com[:2] + com[2] * gravity[:2] / 9.80665
     np.testing.assert_allclose(whole_body_zmp(skeleton, root, angles, 0.01, gravity)[1], expected, atol=1e-12)
-    np.testing.assert_allclose(upright(gravity) @ [0, 0, 1], -gravity / np.linalg.norm(gravity), atol=1e-12)
+    np.testing.assert_allclose(upright_rotation(gravity) @ [0, 0, 1], -gravity / np.linalg.norm(gravity), atol=1e-12)
 
 
 @pytest.mark.long

@@ -1,4 +1,9 @@
-"""Plans: feet where they were meant to be, the zero-moment point over them, and bad figures refused."""
+"""Planned gaits: the feet follow their plan, the zero-moment point stays over them, and wrong parameters are refused.
+
+Positions are in the frame of the plan: x ahead, y to the left, z up.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,9 +15,9 @@ from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, gait_plan
-from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
+from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, nearest_inside, three_legs, trot
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.programs.gaits.walker import Walker, facing_rotation, feet_of, rolled, rotations_about
+from simrob_drake.programs.gaits.walker import Foot, Walker, facing_rotation, feet_of, rolled_distances, rotations_about
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.clearance import standing
 from simrob_drake.stations.plant import add_plant
@@ -21,113 +26,231 @@ from simrob_drake.stations.resolve import resolve
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
 
 
-def feet_in_walking_direction(motion):
-    """Return the feet, the place of each (m, 3) and its rotation from flat and ahead (m, 3, 3)."""
-    skeleton, facing = skeleton_of(motion.model), load_gaits(motion.model).facing_deg
-    back = np.eye(4)
-    back[:3, :3] = facing_rotation(facing)
-    root, feet = back @ motion.root, feet_of(skeleton, facing, motion.feet)
+ON_FLOOR = 1e-6  # height below which a foot stands [m]
+
+
+class FeetInPlan(NamedTuple):
+    """Feet of a motion of m samples.
+
+    Attributes:
+        feet: the feet.
+        positions: middle of each sole, by foot, shape (m, 3) [m].
+        rotations: rotation of each foot from flat and ahead, shape (m, 3, 3).
+        zmp: zero-moment point, shape (m, 2) [m].
+    """
+
+    feet: list[Foot]
+    positions: dict[str, np.ndarray]
+    rotations: dict[str, np.ndarray]
+    zmp: np.ndarray
+
+
+def feet_in_plan(motion):
+    """Compute the feet of a motion, turned back from the direction in which the robot looks."""
+    skeleton = skeleton_of(motion.model)
+    facing_deg = load_gaits(motion.model).facing_deg
+    to_plan = np.eye(4)
+    to_plan[:3, :3] = facing_rotation(facing_deg)
+    root = to_plan @ motion.root
+    feet = feet_of(skeleton, facing_deg, motion.feet)
     poses = {foot.name: foot.poses(motion.positions, root) for foot in feet}
-    places = {foot.name: poses[foot.name][:, :3, 3] - [0, 0, foot.over] for foot in feet}
-    flat = {name: pose[:, :3, :3] for name, pose in poses.items()}
-    return feet, places, flat, whole_body_zmp(skeleton, root, motion.positions, SAMPLE)
+    return FeetInPlan(
+        feet=feet,
+        positions={foot.name: poses[foot.name][:, :3, 3] - [0, 0, foot.over] for foot in feet},
+        rotations={name: pose[:, :3, :3] for name, pose in poses.items()},
+        zmp=whole_body_zmp(skeleton, root, motion.positions, SAMPLE),
+    )
 
 
 def margin(corners, point):
+    """Distance of a point from the border of the convex hull of corners; negative outside."""
     sides = ConvexHull(corners).equations
     return -(sides[:, :2] @ point + sides[:, 2]).max()
 
 
+def standing_corners(plan, row):
+    """Corners of the soles of all feet that stand at a sample, shape (k, 2) [m]."""
+    corners = []
+    for foot in plan.feet:
+        position = plan.positions[foot.name][row]
+        if position[2] < ON_FLOOR:
+            corners += [position[:2] + foot.half * sign for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    return np.array(corners)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("robot", "name"), WALKS)
-def test_soles_stay_flat_and_the_zero_moment_point_over_those_that_stand(robot, name):
+def test_soles_stay_flat_and_rest_while_they_stand(robot, name):
+    """The soles stay level, do not sink into the floor, do not slide, and rise as high as the gait demands."""
+    lift = load_gaits(robot).walks[name].lift
+
+    plan = feet_in_plan(walk(robot, 6, name))
+
+    for foot in plan.feet:
+        positions = plan.positions[foot.name]
+        rotations = plan.rotations[foot.name]
+        is_standing = positions[:, 2] < ON_FLOOR
+        stays_down = is_standing[1:] & is_standing[:-1]
+        np.testing.assert_allclose(rotations, np.broadcast_to(np.eye(3), rotations.shape), atol=1e-4)
+        assert positions[:, 2].min() > -1e-5
+        assert positions[:, 2].max() == pytest.approx(lift, abs=1e-3)
+        assert np.abs(np.diff(positions[:, 0])[stays_down]).max() < 1e-5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("robot", "name"), WALKS)
+def test_the_zero_moment_point_of_a_walk_stays_over_the_standing_soles(robot, name):
+    """At every third sample it is at least 5 mm inside the area that the standing soles span."""
     motion = walk(robot, 6, name)
-    feet, places, flat, zmp = feet_in_walking_direction(motion)
-    for foot in feet:
-        assert places[foot.name][:, 2].min() > -1e-5
-        np.testing.assert_allclose(flat[foot.name], np.broadcast_to(np.eye(3), flat[foot.name].shape), atol=1e-4)
-        standing = places[foot.name][:, 2] < 1e-6
-        still = standing[1:] & standing[:-1]
-        assert np.abs(np.diff(places[foot.name][:, 0])[still]).max() < 1e-5  # no foot is dragged along
-        assert places[foot.name][:, 2].max() == pytest.approx(load_gaits(robot).walks[name].lift, abs=1e-3)
-    for row in range(0, len(zmp), 3):
-        corners = [
-            places[foot.name][row, :2] + foot.half * sign
-            for foot in feet
-            if places[foot.name][row, 2] < 1e-6
-            for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-        ]
-        assert margin(np.array(corners), zmp[row]) > 0.005, f"at {motion.times[row]:.2f} s"
+
+    plan = feet_in_plan(motion)
+
+    for row in range(0, len(plan.zmp), 3):
+        assert margin(standing_corners(plan, row), plan.zmp[row]) > 0.005, f"at {motion.times[row]:.2f} s"
 
 
 @pytest.mark.parametrize(("robot", "name"), WALKS)
-def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
-    _, wanted, planned = planned_walk(Walker.of(robot), 6, load_gaits(robot).walks[name])
-    assert np.abs(wanted - planned).max() < 5e-4
+def test_the_zero_moment_point_of_a_walk_is_the_desired_one(robot, name):
+    """A few rounds of the preview reduce its error to less than 0.5 mm."""
+    walk_parameters = load_gaits(robot).walks[name]
+
+    plan = planned_walk(Walker.of(robot), 6, walk_parameters)
+
+    assert np.abs(plan.desired_zmp - plan.zmp).max() < 5e-4
 
 
 @pytest.mark.parametrize("ramp_steps", [0, 1, 3, 9])
-def test_a_walk_goes_as_far_as_its_steps_say(ramp_steps):
-    motion = walk("roid1", 7, step_length=0.04, ramp_steps=ramp_steps)
-    assert motion.root[-1, 0, 3] == pytest.approx(7 * 0.04, abs=1e-3)
-    footfalls = 7 + min(ramp_steps, 7) + 1  # the last step brings the feet together
-    assert motion.duration == pytest.approx(2 * 0.6 + 0.3 * footfalls + 1.0)
-    assert motion.root[-1, 1, 3] == pytest.approx(0, abs=1e-3)
+def test_a_walk_goes_as_far_as_its_full_steps(ramp_steps):
+    """Steps of the ramps make a walk longer in time, but not in distance."""
+    steps = 7
+    step_length = 0.04  # [m]
+    step_time = 0.3  # of roid1 [s]
+    settle = 0.6  # [s]
+    rest = 1.0  # [s]
+    # One step is added for each step of a ramp, which has at most all steps, and one that brings the feet together.
+    touchdowns = steps + min(ramp_steps, steps) + 1
+
+    motion = walk("roid1", steps, step_length=step_length, ramp_steps=ramp_steps)
+
+    end = motion.root[-1, :3, 3]
+    assert end[0] == pytest.approx(steps * step_length, abs=1e-3)
+    assert end[1] == pytest.approx(0, abs=1e-3)
+    assert motion.duration == pytest.approx(2 * settle + step_time * touchdowns + rest)
     assert np.abs(motion.velocities[[0, -1]]).max() == 0
 
 
-def test_a_turning_walk_turns():
+def test_a_turning_walk_turns_by_its_full_steps():
+    """Nine steps of 6 degrees turn the trunk by 54 degrees."""
     motion = walk("zjudancer", 9, "turn", turn_deg=6)
-    heading = np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0])
+
+    trunk = motion.root[-1]
+    heading = np.arctan2(trunk[1, 0], trunk[0, 0])
     assert np.rad2deg(heading) == pytest.approx(9 * 6, abs=1e-6)
 
 
 def test_the_humanoid_walks_to_where_it_looks():
-    assert walk("humanoid", 6).root[-1, 1, 3] < -0.2
+    """The humanoid of MATLAB looks along -y while its root is not turned."""
+    motion = walk("humanoid", 6)
+
+    assert motion.root[-1, 1, 3] < -0.2
 
 
-def test_feet_of_a_crawl_roll_and_its_zero_moment_point_stays_inside():
+def test_the_zero_moment_point_of_a_crawl_stays_inside_the_standing_feet():
+    """It is at least 20 mm inside the triangle or quadrangle of the feet that stand."""
     motion = crawl("yobotics", 4)
-    _, places, _, zmp = feet_in_walking_direction(motion)
-    for row in range(0, len(zmp), 3):
-        corners = [place[row, :2] for place in places.values() if place[row, 2] < 1e-6]
-        assert margin(np.array(corners), zmp[row]) > 0.02, f"at {motion.times[row]:.2f} s"
+
+    plan = feet_in_plan(motion)
+
+    for row in range(0, len(plan.zmp), 3):
+        corners = [position[row, :2] for position in plan.positions.values() if position[row, 2] < ON_FLOOR]
+        assert margin(np.array(corners), plan.zmp[row]) > 0.02, f"at {motion.times[row]:.2f} s"
 
 
 @pytest.mark.parametrize("foot", CRAWL_ORDER)
-def test_a_foot_is_lifted_as_high_and_as_long_as_asked(foot):
-    motion = three_legs("yobotics", foot=foot, height=0.035, seconds=2.0)
-    _, places, _, _ = feet_in_walking_direction(motion)
-    assert (places[foot][:, 2] > 0.0349).sum() * SAMPLE >= 2.0
-    assert all(place[:, 2].max() < 1e-5 for name, place in places.items() if name != foot)
+def test_a_foot_is_raised_to_its_height_for_its_time(foot):
+    """The raised foot stays at 35 mm for two seconds, and the other three stay on the floor."""
+    height = 0.035
+    seconds = 2.0
+
+    plan = feet_in_plan(three_legs("yobotics", foot=foot, height=height, seconds=seconds))
+
+    time_at_height = (plan.positions[foot][:, 2] > height - 1e-4).sum() * SAMPLE
+    others = [position for name, position in plan.positions.items() if name != foot]
+    assert time_at_height >= seconds
+    assert all(position[:, 2].max() < 1e-5 for position in others)
 
 
-def test_a_ball_rolls_by_its_radius_times_the_angle():
-    angle = np.linspace(0, 0.4, 41)
+def test_a_ball_rolls_by_its_radius_times_its_angle():
+    """A ball of 25 mm that turns by 0.4 rad about y rolls 10 mm ahead."""
+    radius = 0.025
+    angles = np.linspace(0, 0.4, 41)
+    rotations = rotations_about(np.array([0.0, 1.0, 0.0]), angles)
+
+    distances = rolled_distances(rotations, np.ones(41, dtype=bool), radius)
+
+    np.testing.assert_allclose(distances[-1], [radius * 0.4, 0], rtol=1e-4)
+
+
+def test_a_ball_lands_where_it_is_planned_and_rolls_from_there():
+    """In the air the rolled distance returns to zero; afterwards only the angle since the touchdown counts."""
+    radius = 0.025
+    angles = np.linspace(0, 0.4, 41)
+    rotations = rotations_about(np.array([0.0, 1.0, 0.0]), angles)
     standing = np.ones(41, dtype=bool)
-    rotation = rotations_about(np.array([0.0, 1.0, 0.0]), angle)
-    np.testing.assert_allclose(rolled(rotation, standing, 0.025)[-1], [0.025 * 0.4, 0], rtol=1e-4)
     standing[20:30] = False
-    again = rolled(rotation, standing, 0.025)
-    np.testing.assert_allclose(again[30], 0, atol=1e-9)  # it lands where it was meant to
-    np.testing.assert_allclose(again[-1], [0.025 * 0.1, 0], rtol=1e-4)
+
+    distances = rolled_distances(rotations, standing, radius)
+
+    np.testing.assert_allclose(distances[30], 0, atol=1e-9)
+    np.testing.assert_allclose(distances[-1], [radius * 0.1, 0], rtol=1e-4)
 
 
-def test_moved_inside_goes_to_the_nearest_place():
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [
+        ([0.3, 0.3], [0.3, 0.3]),  # inside already
+        ([0.3, -2.0], [0.3, 0.1]),  # the nearest position is on a side
+        ([-1.0, -1.0], [0.1, 0.1]),  # the nearest position is a corner
+    ],
+)
+@pytest.mark.parametrize("sense", [1, -1], ids=["counterclockwise", "clockwise"])
+def test_the_nearest_position_inside_a_triangle(point, expected, sense):
+    """It is at least the margin away from all sides, whatever the order of the corners."""
+    triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])[::sense]
+
+    position = nearest_inside(np.array(point), triangle, margin=0.1)
+
+    np.testing.assert_allclose(position, expected)
+
+
+def test_a_triangle_that_is_too_small_for_the_margin_is_refused():
+    """No position of a triangle with sides of 1 m is 0.5 m away from all of them."""
     triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    np.testing.assert_allclose(moved_inside(np.array([0.3, 0.3]), triangle, 0.1), [0.3, 0.3])
-    np.testing.assert_allclose(moved_inside(np.array([0.3, -2.0]), triangle, 0.1), [0.3, 0.1])
-    np.testing.assert_allclose(moved_inside(np.array([-1.0, -1.0]), triangle[::-1], 0.1), [0.1, 0.1])
+
     with pytest.raises(InvalidParameter, match="inside"):
-        moved_inside(np.zeros(2), triangle, 0.5)
+        nearest_inside(np.zeros(2), triangle, margin=0.5)
 
 
-def test_a_swing_rises_and_lands():
-    phase = Phase(1.0, np.array([0.0, 0.1]), 0.5, {"foot": np.array([0.2, 0.0, 0.3])}, lift=0.05, delay=0.2, rest=0.2)
-    way = gait_plan({"foot": np.zeros(3)}, np.zeros(2), [phase])
-    np.testing.assert_allclose(way.feet["foot"][[20, 50, 80]], [[0, 0, 0, 0], [0.1, 0, 0.05, 0.15], [0.2, 0, 0, 0.3]],
-                               atol=1e-12)  # fmt: skip
-    np.testing.assert_allclose(way.zmp[[0, 25, 50, 100], 1], [0, 0.05, 0.1, 0.1])
+def test_a_swing_rises_and_lands_on_its_foothold():
+    """Half-way a foot is at its largest height; the zero-moment point moves at a constant speed."""
+    landing = np.array([0.2, 0.0, 0.3])  # ahead, left, turn
+    phase = Phase(
+        duration=1.0,
+        zmp=np.array([0.0, 0.1]),
+        transfer=0.5,
+        swing={"foot": landing},
+        lift=0.05,
+        delay=0.2,
+        rest=0.2,
+    )
+
+    plan = gait_plan({"foot": np.zeros(3)}, np.zeros(2), [phase])
+
+    at_liftoff, half_way, at_touchdown = plan.feet["foot"][[20, 50, 80]]
+    np.testing.assert_allclose(at_liftoff, [0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(half_way, [0.1, 0, 0.05, 0.15], atol=1e-12)
+    np.testing.assert_allclose(at_touchdown, [0.2, 0, 0, 0.3], atol=1e-12)
+    np.testing.assert_allclose(plan.zmp[[0, 25, 50, 100], 1], [0, 0.05, 0.1, 0.1])
 
 
 @pytest.mark.parametrize(
@@ -154,25 +277,31 @@ def test_a_swing_rises_and_lands():
         (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
     ],
 )
-def test_what_cannot_be_is_refused(plan, error, says):
+def test_wrong_parameters_are_refused(plan, error, says):
+    """The error names the parameter, the gait or the foot."""
     with pytest.raises(error, match=says):
         plan()
 
 
-def test_changes_keep_the_other_figures():
-    figures = BipedWalk.of(Walker.of("roid1"), "walk", {"lift": 0.01})
-    assert figures.lift == 0.01
-    assert figures.step_time == load_gaits("roid1").walks["walk"].step_time
+def test_changes_keep_the_other_parameters():
+    """A change of the lift leaves the time of a step as the robot's file has it."""
+    changed = BipedWalk.of(Walker.of("roid1"), "walk", {"lift": 0.01})
+
+    assert changed.lift == 0.01
+    assert changed.step_time == load_gaits("roid1").walks["walk"].step_time
 
 
 @pytest.mark.parametrize(("robot", "name"), WALKS)
 def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
+    """The station of a walk has its feet, its duration, and the posture in which it begins."""
     motion = walk(robot, 4, name)
+
     config = motion.station()
+
     plant = add_plant(DiagramBuilder(), resolve(config))
-    found = standing(plant, plant.robots["robot"])
-    assert found.gap == pytest.approx(0, abs=1e-5)
-    assert found.margin > 0.01
+    stance = standing(plant, plant.robots["robot"])
+    assert stance.gap == pytest.approx(0, abs=1e-5)
+    assert stance.margin > 0.01
     assert config.inputs == ("reference_velocity",)
     assert config.robots["robot"].feet == motion.feet
     assert config.duration == motion.duration

@@ -31,10 +31,10 @@ def test_names_are_told_apart(robot):
 def test_every_gait_is_planned_by_its_name(robot):
     walker = Walker.of(robot)
     for name, gait in gaits_of(robot, steps=True).items():
-        half = gait.changed({}, 0.5, name)
+        half = gait.with_changes({}, 0.5, name)
         assert gait.plan(walker, 2, 1.0).duration < half.plan(walker, 3, 0.5).duration
     for name, gait in gaits_of(robot, steps=False).items():
-        short, long = (gait.changed({"rest": rest}, 1.0, name).plan(walker, 0, 1.0) for rest in (0.5, 3.0))
+        short, long = (gait.with_changes({"rest": rest}, 1.0, name).plan(walker, 0, 1.0) for rest in (0.5, 3.0))
         assert long.duration > short.duration + 2.4
 
 

@@ -8,7 +8,7 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.sequences import march, posing, standing_height
-from simrob_drake.programs.gaits.walker import feet_of, mirrored
+from simrob_drake.programs.gaits.walker import exchange_sides, feet_of
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.resolve import resolve
 
@@ -29,7 +29,7 @@ def test_left_and_right_change_places_and_turns_their_sense():
     model = load_robot("roid1")
     values = model.axis_vector({"left_knee": 10, "right_hip_yaw": 5, "torso_yaw": 3, "right_hip_roll": 2}, "values")
     wanted = model.axis_vector({"right_knee": 10, "left_hip_yaw": -5, "torso_yaw": -3, "left_hip_roll": 2}, "values")
-    np.testing.assert_array_equal(mirrored(model, values), wanted)
+    np.testing.assert_array_equal(exchange_sides(model, values), wanted)
 
 
 @pytest.mark.parametrize(("robot", "name"), ALL)

@@ -140,7 +140,7 @@ def test_what_the_station_of_a_motion_is_told_stays():
     motion = walk("roid1", 6)
     config = motion.station()
     entry = LeggedRobot("roid1_dynamic")
-    adapted = motion.adapted(entry.cell.config, "robot")
+    adapted = motion.adapt_station(entry.cell.config, "robot")
     assert (adapted.floor, adapted.inputs, adapted.solver) == (config.floor, config.inputs, config.solver)
     assert adapted.servo_of("robot") == config.servo_of("robot")
     assert (config.solver.max_step, config.engine.has_fixed_steps) == (MAX_STEP, True)
@@ -167,4 +167,4 @@ def test_a_walk_at_its_own_steps_goes_as_far_as_at_finer_ones_and_its_station_sa
 
 def test_a_kinematic_station_is_as_it_was():
     config = load_station("humanoid_fixed", {"mode": "kinematic"})
-    assert posing("humanoid", "swim").adapted(config, "robot") is config
+    assert posing("humanoid", "swim").adapt_station(config, "robot") is config

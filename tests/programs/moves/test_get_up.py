@@ -64,7 +64,7 @@ def rising(attempts=2, *, ends=True):
     last = RisingGoal(RisingPosture(time=0.1), np.array([0.9]))
     sequence = [first, last]
     section = SimpleNamespace(attempts=attempts, ends=ends, rate=100.0)
-    return Rising(section, [sequence] * 2, 0.4, facing=0.0, ground=Ground(), name="nobody")
+    return Rising(section, [sequence] * 2, height=0.4, facing=0.0, ground=Ground(), name="nobody")
 
 
 def pose(lean_deg, height):
@@ -108,11 +108,11 @@ def test_it_waits_until_it_lies_still_and_goes_by_the_trunk():
 def test_it_begins_anew_where_the_trunk_is_not_as_it_should_be_and_gives_up(lean, after):
     life = Life(rising())
     life.until(lambda memory: memory["attempt"][0] == 1, lean, 0.1)
-    assert life.sample(lean, 0.1)["way"][0] == (lean < 0)
+    assert life.sample(lean, 0.1)["sequence"][0] == (lean < 0)
     if lean == 90.0:
         life.until(lambda memory: memory["target"][0] == 0.9, lean, 0.1)
     life.until(lambda memory: memory["attempt"][0] == 2, *after)
-    assert life.sample(*after)["way"][0] == (after[0] < 0)
+    assert life.sample(*after)["sequence"][0] == (after[0] < 0)
     assert (life.sample(*after)["target"][0] > 0.5) == (lean == 90.0)
     with pytest.raises(RunEnds, match="nobody lies: it did not get up in 2 attempts"):
         life.until(lambda memory: False, *after)

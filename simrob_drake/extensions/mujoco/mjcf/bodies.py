@@ -19,7 +19,16 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.trees import ROOT, add_between
 from simrob_drake.robots.imports import ImportReport
-from simrob_drake.robots.urdf import DRAKE, add_colour, add_frame, add_joint, place, set_inertia, text, written
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    add_colour,
+    add_frame,
+    add_joint,
+    format_number,
+    format_numbers,
+    place,
+    set_inertia,
+)
 
 _FREE, _BALL, _SLIDE = range(3)  # mjtJoint
 _PLANE, _HILLS, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(8)  # mjtGeom
@@ -192,7 +201,7 @@ class _Writer:
             child = name if last else add_between(self.robot, self._names, name, mass, moment)
             pose = place @ RigidTransform(anchor - shift) @ motion.back
             joint = add_joint(self.robot, motion.name, parent=carrier, child=child, pose=pose, kind=motion.kind)
-            ET.SubElement(joint, "axis", xyz=text(motion.axis))
+            ET.SubElement(joint, "axis", xyz=format_numbers(motion.axis))
             self.joints.append(UrdfJoint(joint, motion.joint, motion.part))
             carrier, place, shift = child, RigidTransform(), anchor
         if not motions:
@@ -284,14 +293,14 @@ class _Writer:
             return self._mesh(int(self.model.geom_dataid[geom]))
         shape: ET.Element | None = None
         if kind == _SPHERE:
-            shape = ET.Element("sphere", radius=written(size[0]))
+            shape = ET.Element("sphere", radius=format_number(size[0]))
         elif kind == _BOX:
-            shape = ET.Element("box", size=text(2 * size))
+            shape = ET.Element("box", size=format_numbers(2 * size))
         elif kind in (_CAPSULE, _CYLINDER):
             tag = "cylinder" if kind == _CYLINDER else f"{DRAKE}capsule"
-            shape = ET.Element(tag, radius=written(size[0]), length=written(2 * size[1]))
+            shape = ET.Element(tag, radius=format_number(size[0]), length=format_number(2 * size[1]))
         elif kind == _ELLIPSOID:
-            shape = ET.Element(f"{DRAKE}ellipsoid", dict(zip("abc", map(written, size), strict=True)))
+            shape = ET.Element(f"{DRAKE}ellipsoid", dict(zip("abc", map(format_number, size), strict=True)))
         else:
             self._lost[_LOST.get(kind, "shapes that are given by a function")] += 1
         return shape, RigidTransform()
@@ -320,7 +329,7 @@ class _Writer:
         moved = RigidTransform(turn, -scale * (turn @ model.mesh_refpos[mesh]))
         shape = ET.Element("mesh", {"filename": file, PLAIN: "true"})  # MuJoCo heeds no colours of mesh files
         if not np.array_equal(scale, np.ones(3)):
-            shape.set("scale", text(scale))
+            shape.set("scale", format_numbers(scale))
         return shape, own @ moved
 
     def _element(self, link: ET.Element, tag: str, geom: int, shape: ET.Element, pose: RigidTransform) -> ET.Element:

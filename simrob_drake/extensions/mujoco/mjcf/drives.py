@@ -13,7 +13,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.importer.loops import LoopCoupling
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
 from simrob_drake.robots.imports import ImportReport
-from simrob_drake.robots.urdf import DRAKE, add_motor, name_of, written
+from simrob_drake.robots.urdf import DRAKE, add_motor, format_number, name_of
 
 _FREE, _BALL = 0, 1  # mjtJoint
 _IN_JOINT, _IN_PARENT, _TENDON = 0, 1, 3  # mjtTrn
@@ -149,25 +149,25 @@ class DriveWriter:
         if model.jnt_limited[number]:
             lower, upper = model.jnt_range[number].tolist()
             lower = -upper if model.jnt_type[number] == _BALL else lower
-            limit.attrib |= {"lower": written(lower), "upper": written(upper)}
+            limit.attrib |= {"lower": format_number(lower), "upper": format_number(upper)}
         drive = self._drives.get(number, _Drive())
         effort = drive.effort
         if model.jnt_actfrclimited[number]:
             own = float(np.abs(model.jnt_actfrcrange[number]).max())
             effort = min(effort, own) if effort else own
         if effort:
-            limit.set("effort", written(effort))
+            limit.set("effort", format_number(effort))
         if drive.kp > 0:
             add_note(element, KP, drive.kp)
             add_note(element, KD, drive.kd)
         dof = model.jnt_dofadr[number] + joint.part
         friction = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
-        ET.SubElement(element, "dynamics", {key: written(value) for key, value in friction.items() if value})
+        ET.SubElement(element, "dynamics", {key: format_number(value) for key, value in friction.items() if value})
         # In a file with actuators, joints without one are passive, unless an equality makes them follow other joints.
         if number in self._drives or number in self._followers or not self._drives:
             motor = add_motor(self.robot, name_of(element), drive=f"{name_of(element)}_drive")
             if model.dof_armature[dof] > 0:
-                ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=written(model.dof_armature[dof]))
+                ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=format_number(model.dof_armature[dof]))
         elif model.dof_armature[dof] > 0:
             armature = message(
                 "mujoco.armature_without_motor",
@@ -281,7 +281,7 @@ class DriveWriter:
         follower_zero = float(model.qpos0[model.jnt_qposadr[ends[0]]])
         if ends[1] < 0:
             # A mimic must name a leader. With a multiplier of 0 it does not matter which: the joint names itself.
-            position = written(follower_zero + constant)
+            position = format_number(follower_zero + constant)
             ET.SubElement(follower, "mimic", joint=name_of(follower), multiplier="0", offset=position)
             return
         leader = elements.get(ends[1])
@@ -307,4 +307,6 @@ class DriveWriter:
         # y = c_1 x + offset, with offset = y0 + c_0 - c_1 x0.
         leader_zero = float(model.qpos0[model.jnt_qposadr[ends[1]]])
         offset = follower_zero + constant - slope * leader_zero
-        ET.SubElement(follower, "mimic", joint=name_of(leader), multiplier=written(slope), offset=written(offset))
+        ET.SubElement(
+            follower, "mimic", joint=name_of(leader), multiplier=format_number(slope), offset=format_number(offset)
+        )

@@ -27,7 +27,7 @@ from simrob_drake.importer.meshes.reading import mesh_content
 from simrob_drake.importer.reading.child import ChildFailed, in_child
 from simrob_drake.importer.reading.xml_file import included, xml_element
 from simrob_drake.robots.imports import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import MOST_TAGS, text
+from simrob_drake.robots.urdf import MOST_TAGS, format_numbers
 from simrob_drake.robots.urdf_check import numbers_in
 
 TIME_LIMIT = 120.0  # of a compilation [s]
@@ -171,7 +171,7 @@ class _Source:
             if mean is None:
                 continue
             own = numbers_in(material.get("rgba", "1 1 1 1")) or mean
-            material.set("rgba", text(a * b for a, b in zip(own, mean, strict=False)))
+            material.set("rgba", format_numbers(a * b for a, b in zip(own, mean, strict=False)))
             self.report.add(
                 "repaired",
                 message("mujoco.material_called", "material '{name}'", name=material.get("name")),

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from functools import partial
-from html import unescape
+from html import escape, unescape
 from typing import Any
 
 from nicegui import ui
@@ -16,7 +16,12 @@ from simrob_drake.results.block_diagram.graph import FOLDED
 _NODE = re.compile(r'<g class="node"><title>(.*?)</title>(.*?)</g>', re.DOTALL)
 _WIRE = re.compile(r'<g class="wire" data-wire="(\d+)" data-from="(.*?)" data-to="(.*?)">')
 _TEXT = re.compile(r"<text[^>]*>(.*?)</text>")
+_VALUE = re.compile(r'(<text class="value" data-value="(\d+)"[^>]*>)[^<]*')
 _WIDTH = re.compile(r'<svg ([^>]*width="(\d+)")')
+_SMALLEST = 0.6
+"""Smallest scale at which the picture opens: texts of 13 pixels are 8 pixels high then, the smallest that can be read."""
+_UNTIL_DRAWN = 100
+"""Time from a new drawing until a browser shows it [ms]."""
 _FOLDS = {"unfold_less": True, "unfold_more": False}
 _ZOOMS = {"zoom_in": 1.25, "zoom_out": 0.8, "fit_screen": 0}
 
@@ -55,6 +60,7 @@ class BlockPicture:
         self.wires: Wires = {}
         self.chosen = ""
         self._svg, self._wire = "", ""
+        self._values = dict[str, str]()  # what stands on the wires, by their numbers
         self.folded: list[str] = []
         self._on_block = on_block
         self._on_wire = on_wire
@@ -82,8 +88,9 @@ class BlockPicture:
             )
 
     def show(self, svg: str) -> None:
-        """Show a drawing, with the same block chosen as before if it is there."""
+        """Show a drawing, with the same block chosen as before if it is there. No values stand on its wires yet."""
         self._svg, self.labels, self._wire = svg, labels_of(svg), ""
+        self._values = {}
         self.wires = {
             number: (unescape(source), unescape(targets).split("|")) for number, source, targets in _WIRE.findall(svg)
         }
@@ -96,7 +103,8 @@ class BlockPicture:
             self._draw()
 
     def tell(self, values: Mapping[str, str]) -> None:
-        """Write values on wires, by their numbers."""
+        """Write values on wires, by their numbers. They stay there when a block or a wire is chosen."""
+        self._values |= values
         self._place.client.run_javascript(f"window.blocks.values({json.dumps(dict(values))})")
 
     def choose(self, block: str) -> None:
@@ -128,7 +136,11 @@ class BlockPicture:
         self._on_choice()
 
     def _draw(self) -> None:
-        self._place.set_content(with_buttons(self._svg, self.chosen, self._wire, self._changed))
+        """Draw the picture as it is now, with the chosen block or wire in sight."""
+        drawn = with_buttons(self._svg, self.chosen, self._wire, self._changed)
+        self._place.set_content(with_values(drawn, self._values))
+        if self.chosen or self._wire:
+            self._place.client.run_javascript(f"setTimeout(window.blocks.reveal, {_UNTIL_DRAWN})")
 
 
 def labels_of(svg: str) -> dict[str, str]:
@@ -141,7 +153,7 @@ def labels_of(svg: str) -> dict[str, str]:
 def with_buttons(svg: str, chosen: str = "", wire: str = "", changed: Collection[str] = ()) -> str:
     """Return a drawing whose blocks say that they are buttons; bars, which say nothing, are none.
 
-    It is as wide as its place, but never so small that it cannot be read, nor larger than twice as it was drawn, until
+    It is as wide as its place, but not so small that it cannot be read, nor larger than twice as it was drawn, until
     the user zooms. Blocks that are ``changed`` are marked, and so is the chosen block, or a wire.
     """
     labels = labels_of(svg)
@@ -154,6 +166,11 @@ def with_buttons(svg: str, chosen: str = "", wire: str = "", changed: Collection
         attributes = f'data-block="{found[1]}" tabindex="0" role="button" aria-pressed="{str(name == chosen).lower()}"'
         return found[0].replace('<g class="node">', f'<g class="node{marks}" {attributes}>')
 
-    size = r'style="--own: \2px; min-width: calc(0.9 * \2px); max-width: calc(2 * \2px)"'
+    size = rf'style="--own: \2px; min-width: calc({_SMALLEST} * \2px); max-width: calc(2 * \2px)"'
     drawn = _NODE.sub(button, _WIDTH.sub(rf"<svg {size} \1", svg, count=1))
     return drawn.replace(f'class="wire" data-wire="{wire}"', f'class="wire chosen" data-wire="{wire}"')
+
+
+def with_values(svg: str, values: Mapping[str, str]) -> str:
+    """Write values on the wires of a drawing, by the numbers of the wires. Other wires have none."""
+    return _VALUE.sub(lambda found: found[1] + escape(values.get(found[2], "")), svg)

@@ -36,11 +36,18 @@ window.blocks = (() => {
     if (event.buttons !== 1 || event.target.closest("button")) return;
     box(event.target).scrollBy(-event.movementX, -event.movementY);
   };
+  const reveal = () => { // scrolls the picture, and not the page, to what is chosen
+    const chosen = document.querySelector(".block-picture .chosen");
+    if (!chosen) return;
+    const [own, place] = [chosen.getBoundingClientRect(), box(chosen).getBoundingClientRect()];
+    const by = (low, high, from, to) => (low < from ? low - from : Math.max(Math.min(high - to, low - from), 0));
+    box(chosen).scrollBy(by(own.left, own.right, place.left, place.right), by(own.top, own.bottom, place.top, place.bottom));
+  };
   const values = (texts) => {
     for (const [wire, text] of Object.entries(texts)) {
       const place = document.querySelector(`.block-picture [data-value="${wire}"]`);
       if (place) place.textContent = text;
     }
   };
-  return { zoom, wheel, key, choose, enlarge, drag, values };
+  return { zoom, wheel, key, choose, enlarge, drag, values, reveal };
 })();

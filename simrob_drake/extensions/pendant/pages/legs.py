@@ -190,7 +190,7 @@ def _loops(session: Session, phrases: Phrases) -> None:
             switches[name].value = value
 
     async def explain(name: str) -> None:
-        picture = await wrap_future(session.setup.loop_picture(name))
+        picture = await wrap_future(session.setup.loop_picture(name, t.language))
         if picture:
             with ui.dialog(value=True) as dialog, ui.card().style("max-width: min(95vw, 70rem)"):
                 set_label(dialog, phrases.t("legs.how", loop=phrases.name(name)))

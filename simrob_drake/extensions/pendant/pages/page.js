@@ -23,6 +23,33 @@
     const answer = await fetch(location.href, { cache: "no-store" }).catch(() => null);
     if (answer?.status === 403) location.reload();
   }, 2000);
+  // Without a connection nothing can be pressed: a click would be lost, or arrive late. A click just before the loss may
+  // not have arrived. The page says so once the connection is back, also if it is loaded again for that.
+  const parts = ".pendant-bar, .pendant-conflict, .pendant-tour, .pendant-main";
+  const flag = "lost-click"; // name in the session's storage, and class of the body that shows the notice
+  let clicked = -Infinity; // time of the last click [ms]
+  let heard = 0; // time of the last message of the server [ms]
+  const show_lost_click = () => {
+    document.body.classList.toggle(flag, sessionStorage.getItem(flag) !== null);
+    sessionStorage.removeItem(flag);
+  };
+  const connection = (is_lost) => {
+    document.querySelectorAll(parts).forEach((part) => (part.inert = is_lost));
+    document.body.classList.toggle("offline", is_lost);
+    if (!is_lost) show_lost_click();
+    else if (clicked > heard) sessionStorage.setItem(flag, "");
+  };
+  document.addEventListener("click", ({ target }) => {
+    document.body.classList.remove(flag);
+    if (target.closest?.("button, input, [role]")) clicked = performance.now();
+  }, true);
+  window.addEventListener("load", () => {
+    show_lost_click();
+    window.socket?.onAny(() => { heard = performance.now(); });
+    const popup = document.getElementById("popup");
+    const look = () => connection(popup.ariaHidden === "false");
+    if (popup) new MutationObserver(look).observe(popup, { attributeFilter: ["aria-hidden"] });
+  });
   // The view is as high as what the header and the strip of a lesson leave of the window, so that its buttons are seen.
   const measure = () => {
     const high = (name) => document.querySelector(name)?.offsetHeight ?? 0;

@@ -72,13 +72,14 @@ def build(pendant: Pendant) -> None:
             _looks(pendant, t, language)
             _help(t)
     _conflict(session, t)
+    ui.label(t("shell.lost_click")).classes("pendant-lost").props("role=alert")
     lessons.build_strip()
     with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)
             view.build_bar(session, t)
             ProgramTimeline(session, t)
-            view.build_pad(session, t)
+            view.build_pad(session, t, pendant.push)
         with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
             set_label(teaching, t("shell.teaching"))
             _tabs(pendant, t, language)

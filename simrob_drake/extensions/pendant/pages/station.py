@@ -128,7 +128,7 @@ class _Page:
             self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
 
     async def _ask_for_picture(self) -> None:
-        picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded))
+        picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded, self._t.language))
         self._wrong_picture.text = "" if picture else self._t.render(str(self._session.message))
         if picture:
             self._picture.show(picture)

@@ -10,6 +10,8 @@ from simrob_drake.extensions.pendant.pages import drive, hand
 from simrob_drake.extensions.pendant.pages.elements import NumberField, allow, follow, icon_button, set_label
 from simrob_drake.extensions.pendant.pages.messages import Messages
 from simrob_drake.extensions.pendant.pages.words import Words
+from simrob_drake.extensions.pendant.pendant import PushFields
+from simrob_drake.extensions.pendant.push_sides import SIDES
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.timeline import GRID
 
@@ -68,52 +70,68 @@ def _stills(session: Session, t: Words) -> None:
     follow(session, show, "phase")
 
 
-_SIDES = tuple((f"{sign}{name}", axis, float(f"{sign}1")) for axis, name in enumerate("xyz") for sign in "-+")
-"""Each with its name, its axis and its direction."""
-_FORCE, _MOST = 10.0, 10_000.0  # N
-_DURATION, _LONGEST = 0.1, 60.0  # s
+_MOST = 10_000.0
+"""Largest force of a push [N]."""
+_LONGEST = 60.0
+"""Longest push [s]."""
 
 
-def build_pad(session: Session, t: Words) -> None:
-    """Build the pad; its buttons act while a run goes on."""
-    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full").props("dense"):
+def build_pad(session: Session, t: Words, kept: PushFields) -> None:
+    """Build the pad with which bodies are pushed; its buttons act while a run goes on.
+
+    Args:
+        session: the session of the page's user.
+        t: texts in the language of the page.
+        kept: the fields as the user left them. They are the same when the page is loaded again.
+    """
+    fold = ui.expansion(t("push.title"), icon="back_hand", value=kept.is_open).bind_value_to(kept, "is_open")
+    with fold.classes("w-full").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
             body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
-            force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")
-            duration = NumberField(t, t("push.duration"), _DURATION, low=0.01, high=_LONGEST, unit=" s", step=0.05)
-            for field in (force, duration):
-                field.field.classes("w-28")
+            force = NumberField(t, t("push.force"), kept.force, low=0.0, high=_MOST, unit=" N")
+            duration = NumberField(t, t("push.duration"), kept.duration, low=0.01, high=_LONGEST, unit=" s", step=0.05)
+            for field, name in ((force, "force"), (duration, "duration")):
+                field.field.classes("w-28").bind_value_to(kept, name)
         with ui.row().classes("w-full items-center gap-1") as pad:
             set_label(pad.props("role=group"), t("push.pad"))
-            buttons = [_button(t, name) for name, _, _ in _SIDES]
+            buttons = {side: ui.button(side).props("outline no-caps dense").classes("px-2") for side in SIDES}
         ui.label(t("push.hint")).classes("text-xs opacity-70")
 
-    def push(axis: int, direction: float) -> None:
-        size, seconds = force.needed(), duration.needed()
+    def push(side: str) -> None:
+        """Push the chosen body towards a side, if all fields are filled in."""
+        size = force.needed()
+        seconds = duration.needed()
         if size is not None and seconds is not None and body.value:
-            session.push(body.value, [direction * size if axis == one else 0.0 for one in range(3)], seconds)
+            session.push(body.value, (size * SIDES[side]).tolist(), seconds)
 
-    for button, (_, axis, direction) in zip(buttons, _SIDES, strict=True):
-        button.on_click(lambda axis=axis, direction=direction: push(axis, direction))
+    for side, button in buttons.items():
+        button.on_click(lambda side=side: push(side))
 
     def show_bodies() -> None:
+        """Offer the bodies of the station."""
         bodies = list(session.description.get("bodies", ()))
         if bodies != body.options:
             first = session.book.robot if session.book.robot in bodies else next(iter(bodies), None)
-            body.set_options(bodies, value=body.value if body.value in bodies else first)
+            body.set_options(bodies, value=kept.body if kept.body in bodies else first)
+        show_sides()
+
+    def show_sides() -> None:
+        """Say on each button where the side of the chosen body points."""
+        kept.body = body.value or kept.body
+        words = session.description.get("push_sides", {}).get(body.value, {})
+        for side, button in buttons.items():
+            text = f"{side} {t('push.' + words[side])}" if side in words else side
+            button.text = text
+            set_label(button, t("push.along", side=text))
 
     def show_phase() -> None:
-        for button in buttons:
+        """Allow the buttons while a run goes on."""
+        for button in buttons.values():
             allow(button, _unless(session, t, *_RUNS))
 
+    body.on_value_change(show_sides)
     follow(session, show_bodies, "description")
     follow(session, show_phase, "phase")
-
-
-def _button(t: Words, side: str) -> ui.button:
-    button = ui.button(side).props("outline no-caps dense").classes("w-10")
-    set_label(button, t("push.along", side=side))
-    return button
 
 
 PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)

@@ -25,7 +25,7 @@ from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.imports import ImportReport
-from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, six_moments, text
+from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, format_numbers, place, set_inertia, six_moments
 
 
 class UniqueNames(FreeNames):
@@ -122,11 +122,11 @@ class UrdfWriter:
         kind = ("revolute" if any(map(isfinite, bounds.values())) else "continuous") if freedom.turns else "prismatic"
         parent, child, origin = ends
         joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
-        ET.SubElement(joint, "axis", xyz=text((sign * freedom.axis).tolist()))
-        limit = ET.SubElement(joint, "limit", effort=text([AMPLE]), velocity="1000")
+        ET.SubElement(joint, "axis", xyz=format_numbers((sign * freedom.axis).tolist()))
+        limit = ET.SubElement(joint, "limit", effort=format_numbers([AMPLE]), velocity="1000")
         for end, bound in bounds.items() if kind != "continuous" else ():
-            limit.set(end, text([bound if isfinite(bound) else np.sign(bound) * _FAR]))
-        ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
+            limit.set(end, format_numbers([bound if isfinite(bound) else np.sign(bound) * _FAR]))
+        ET.SubElement(joint, "dynamics", damping=format_numbers([freedom.damping]))
 
     def _link(self, robot: RobotFile, link: ET.Element, body: RigidPart, frame: RigidTransform) -> None:
         inverse = frame.inverse()
@@ -150,7 +150,7 @@ class UrdfWriter:
         place(visual, pose)
         shape, size = look
         keys = _SIZES.get(shape, ("filename",))
-        texts = [size] if shape == "mesh" else map(text, np.split(np.array(size), len(keys)))
+        texts = [size] if shape == "mesh" else map(format_numbers, np.split(np.array(size), len(keys)))
         ET.SubElement(ET.SubElement(visual, "geometry"), shape, dict(zip(keys, texts, strict=True)))
         add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
 

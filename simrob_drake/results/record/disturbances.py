@@ -1,0 +1,90 @@
+"""The pushes and pulls on the bodies of a station during a run, to name the one before which a robot fell."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from simrob_drake.base.messages import Message, message
+from simrob_drake.parts.forces import Drag, Push
+
+if TYPE_CHECKING:  # this import would be circular: how a run ended names its last disturbance
+    from simrob_drake.results.record.run import RecordedRun
+
+LONGEST_FALL = 5.0
+"""Longest time from a disturbance to a fall that is put down to it [s]. A robot that stumbles for longer than this
+walks or stands again."""
+
+_ROUNDING = 1e-6
+"""Times that differ by at most this are equal [s]."""
+
+
+class Disturbance(NamedTuple):
+    """A push or a pull on a body.
+
+    Attributes:
+        begin: when it began, in the time of the whole run [s].
+        end: when it ends, likewise.
+        text: what it is, in words, such as "the push of 60 N on trunk".
+    """
+
+    begin: float
+    end: float
+    text: Message
+
+
+class _SingleRun(NamedTuple):
+    """One of the runs that follow each other in a program.
+
+    Attributes:
+        run: the run.
+        shift: time of the whole program at the run's time zero [s].
+    """
+
+    run: "RecordedRun"
+    shift: float
+
+
+def last_disturbance(run: "RecordedRun") -> Disturbance | None:
+    """Find the push or pull that began last before the end of a run. Returns None if there is none.
+
+    A program cuts a push where another change begins. Its parts count as one push, which began with the first part.
+    """
+    known = dict[str, Disturbance]()  # the latest of each name
+    for single in _single_runs(run, 0.0 if run.runs else run.start_time):
+        for name, found in _disturbances_of(single):
+            before = known.get(name)
+            begins_with_run = found.begin <= single.shift + single.run.start_time + _ROUNDING
+            continues = before is not None and begins_with_run and before.end >= found.begin - _ROUNDING
+            known[name] = found._replace(begin=before.begin) if before is not None and continues else found
+    return max(known.values(), key=lambda disturbance: disturbance.begin, default=None)
+
+
+def _single_runs(run: "RecordedRun", begin: float) -> Iterator[_SingleRun]:
+    """Yield the runs that a program consists of, also those of a move that changes have cut.
+
+    Args:
+        run: a program or a single run.
+        begin: time of the whole program at which it begins [s].
+    """
+    if not run.runs:
+        yield _SingleRun(run, begin - run.start_time)
+        return
+    for part in run.runs:
+        yield from _single_runs(part, begin)
+        begin += part.simulated_time
+
+
+def _disturbances_of(single: _SingleRun) -> Iterator[tuple[str, Disturbance]]:
+    """Yield the names of the pushes and pulls that begin before the end of a run, each with what it is."""
+    config = single.run.config
+    for name, force in config.forces.items():
+        if not isinstance(force, Push | Drag) or force.start >= single.run.stop_time:
+            continue
+        body = force.at or config.only_robot or name
+        if isinstance(force, Push):
+            size = float(np.linalg.norm(force.force))
+            text = message("results.push_on", "the push of {size:.3g} N on {body}", size=size, body=body)
+        else:
+            text = message("results.pull_on", "the pull on {body}", body=body)
+        yield name, Disturbance(single.shift + force.start, single.shift + force.end, text)
