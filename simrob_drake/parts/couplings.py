@@ -86,6 +86,7 @@ def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *,
     linear = STIFFNESS * mass
     angular = STIFFNESS * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
+    # Stiffnesses along x, y, z [N/m] and against roll, pitch, yaw [N·m/rad].
     linear_stiffness = np.full(3, linear)
     angular_stiffness = np.array([angular, angular, stiffness_about_z])
 
@@ -285,6 +286,7 @@ class Weld(BetweenFrames):
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Difference of the two frames: the larger of their distance [m] and the angle between them [rad]."""
+        # The relative pose of a closed weld is the identity.
         turn = self.relative_pose(plant, context).rotation()
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
@@ -538,7 +540,7 @@ class Spring(BetweenPoints):
             first.pose.translation(),
             second.body,
             second.pose.translation(),
-            max(self.length, _SHORTEST_SPRING),
+            max(self.length, _SHORTEST_SPRING),  # Drake refuses the length 0
             self.stiffness,
             self.damping,
         )

@@ -141,6 +141,7 @@ def add_joint_servos(
     torque = add_servo_blocks(builder, signals, gains, names=names, prefix=f"{name}.")
     # From the joints' order to that of the instance's actuators, which also has actuators of other joints.
     actuation_matrix = axes.actuation_matrix(plant, owner, passive)
+    # Without any actuator, the port has no entries.
     if not passive.all():
         builder.Connect(add_matrix_gain(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port)
     return JointServos(
@@ -217,7 +218,7 @@ def add_joint_limit_monitor(
     names = [joint.name() for joint in found]
     lower = np.array([joint.position_lower_limit() for joint in found])
     upper = np.array([joint.position_upper_limit() for joint in found])
-    places = AxisMap.of_joints(plant, found).position_places
+    places = AxisMap.of_joints(plant, found).position_places  # indices of the joints' positions in the state
 
     def distances_beyond(state: Vector) -> Vector:
         """Compute how far each joint is beyond its nearer limit, shape (n,); negative within the range."""
@@ -407,6 +408,7 @@ def _joints_of(
             one_of(message("parts.joint_of_one_axis", "joint of one axis"), name, known)
             # Several model instances may have a joint of this name; the check below finds that.
             found += [joint for joint in single if joint.name() == name]
+    # The actuators of an instance share one port, so servos for several instances would need several blocks.
     instances = {int(joint.model_instance()) for joint in found}
     if len(instances) > 1:
         listed = ", ".join(plant.GetModelInstanceName(ModelInstanceIndex(index)) for index in sorted(instances))

@@ -98,7 +98,7 @@ class ResolvedRobot:
 
     @property
     def load_in_words(self) -> Message:
-        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are left out."""
+        """Mass of each carried piece, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are not listed."""
         masses = [
             compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass
         ]

@@ -129,6 +129,7 @@ class Walk(LoopSection):
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)
         self._check_feet(key, robot, parameters)
+        # The height map is read around the measured pose of the robot, which a walk without feedback does not use.
         if self.height_map and parameters.feedback is None:
             raise InvalidParameter(
                 f"{key}.height_map",
@@ -272,6 +273,7 @@ class Walk(LoopSection):
         Args:
             commands: commands in the order of their times, at least one.
         """
+        # A command holds until the next one, so commands of the section after the first new one would interrupt it.
         before = [entry for entry in self.commands if entry.time < commands[0].time]
         return self.model_copy(update={"commands": (*before, *map(_entry_of_command, commands))})
 

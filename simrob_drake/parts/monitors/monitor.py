@@ -135,7 +135,7 @@ def add_monitor(
     block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
     builder.AddNamedSystem(system_name, block)
     label = message("parts.block_monitor", "Monitor\n{name}", name=name)
-    owner = None if robot is None else site.robot(robot)
+    owner = None if robot is None else site.robot(robot)  # the block is drawn in its robot's part of the picture
     site.picture.draw(system_name, "sensor", label, owner)
     # The block's input ports have the names of the outputs that they read.
     for output in trigger.condition.watched:
@@ -206,6 +206,7 @@ class SensorMonitorSection(MonitorSection):
             InvalidParameter: no sensor is named, and the station has none or several of this kind.
         """
         key = f"monitors.{name}.sensor"
+        # A sensor of another kind has other outputs, so it does not count even if it is named.
         known = [own for own, sensor in station.sensors.items() if sensor.kind == kind]
         what = message("parts.sensor_for", "{kind} sensor for {key}", kind=kind, key=key)
         return name_or_only(self.sensor, known, kind=what, key=key)
@@ -232,7 +233,7 @@ def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
     watched = {output: len(XYZ_QUATERNION_NAMES)}
     if port == "base_pose":
         return WatchedPose(subject=robot.name, watched=watched, start=robot.base)
-    # ``tcp_pose`` alone is the pose of the tool in use.
+    # ``tcp_pose`` alone is the pose of the tool in use; a name after the dot is another tool.
     tool = port.partition(".")[2]
     has_tool = tool in robot.tool_names if tool else robot.tcp != ""
     if not has_tool:

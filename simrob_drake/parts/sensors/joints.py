@@ -116,7 +116,7 @@ class JointEncoders(SampledBlock):
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measured positions and speeds at this sample."""
+        """Compute the measured positions and speeds at this sample, by the equations of the class."""
         count = int(memory["count"][0])
         noise = self._noise * normal_noise(self.seed, count, len(self._noise))
         position = round_to_resolution(read["position"] + noise, self._resolution)
