@@ -162,7 +162,7 @@ class LoopSection(ControllerSection):
         return robot
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Find settings that will not work as they are written, in words.
+        """Find settings of the section that have another effect than they seem to have, in words.
 
         Args:
             key: key of the section in the station file, such as ``controllers.balance``.
@@ -332,6 +332,7 @@ def check_loops(station: StationContents, loops: Mapping[str, LoopSection]) -> N
         second = loops[second_name]
         robot = station.robot(first.robot, "controllers")
         drive_same_robot = robot is station.robot(second.robot, "controllers")
+        # Weights, or different priorities, say how two loops act together on an axis.
         have_weights = first.weight is not None and second.weight is not None
         if not drive_same_robot or have_weights or first.layer != second.layer:
             continue
@@ -429,6 +430,7 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
         one_of(message("parts.input_for_reads", "input of {key} for {key}.reads", key=key), input_name, inputs)
     for input_name, port in inputs.items():
         source = section.source(builder, input_name, robot, site, key)
+        # Drake's own error would not name the key of the station.
         if source.size() != port.size():
             raise InvalidParameter(
                 f"{key}.reads.{input_name}",

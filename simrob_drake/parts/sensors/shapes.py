@@ -296,7 +296,8 @@ class MomentumBalance:
         self._body = set(body)
         self._other = None if other is None else set(other)
 
-        # All shapes of the model to which the body belongs.
+        # All shapes of the model to which the body belongs. The momentum is that of the whole model, in which forces
+        # between its own bodies cancel out.
         inspector = site.plant.scene_graph.model_inspector()
         any_shape = next(iter(self._body))
         self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(any_shape)).model_instance()
@@ -404,5 +405,6 @@ class MomentumBalance:
         # f = (P1 - P0) / h - m g
         durations = (step_times[ends] - step_times[ends - 1])[:, np.newaxis]
         rates = (momenta[ends] - momenta[ends - 1]) / durations
+        # m g
         weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
         return np.asarray(rates - weight)
