@@ -102,7 +102,8 @@ def draft_station(
 
     Raises:
         InvalidModel: the robot cannot be imported.
-        Unsuitable: options are given for a YAML file.
+        Unsuitable: options are given for a YAML file, or a YAML file describes a robot with a floating base that has no
+            collision shapes.
     """
     file = robot_file(urdf, "urdf")
     own_folder = None if folder is None else as_path(folder, "folder")
@@ -114,8 +115,15 @@ def draft_station(
         )
     robot = read_robot(file, options)
     remarks = list[str]()
-    # A robot of a YAML file is not imported, so that its own base counts.
-    if not is_description and _falls_through(robot):
+    falls_through = _falls_through(robot)
+    # The base of a robot that a YAML file describes is the user's choice.
+    if falls_through and is_description:
+        raise Unsuitable(
+            compound("{file}: base", file=file.name),
+            message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
+            message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
+        )
+    if falls_through:
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         reason = message(
