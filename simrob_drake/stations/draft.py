@@ -119,7 +119,7 @@ def draft_station(
     # The base of a robot that a YAML file describes is the user's choice.
     if falls_through and is_description:
         raise Unsuitable(
-            compound("{file}: base", file=file.name),
+            compound("{file}: {key}", file=file.name, key="base"),
             message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
             message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
         )
