@@ -17,13 +17,13 @@ from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.parts import (
     MeshPart,
     as_png,
+    clean,
+    combine_without_look,
     decimate,
-    distinct,
+    distinct_rows,
     face_count,
-    mend,
-    plain,
-    shaded,
     size_of,
+    with_normals,
 )
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
@@ -89,7 +89,7 @@ class MeshLibrary:
             ) from problem
         source = read_mesh(path, others)
         faces, place = face_count(source.parts), np.diag([*scale, 1.0])
-        mended = [part for part in (mend(part.moved(place)) for part in source.parts) if len(part.faces)]
+        mended = [part for part in (clean(part.transform(place)) for part in source.parts) if len(part.faces)]
         source.parts.clear()  # of a million faces it takes a sixth of a gigabyte
         if not mended:
             raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
@@ -152,7 +152,7 @@ def drake_mesh(file: Path) -> Path:
         content = [mesh_content(path) for path in (file, *others.values())]
         converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
         if not converted.is_file():
-            part = mend(plain(read_mesh(file, others).parts))
+            part = clean(combine_without_look(read_mesh(file, others).parts))
             if not len(part.faces):
                 raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
             written_at_once(converted, obj_text(_outside_out(part)).decode())
@@ -230,16 +230,16 @@ def _relabelled(data: bytes, library: str) -> bytes:
 
 def obj_text(part: MeshPart, library: str = "") -> bytes:
     """Return a part as an OBJ file; the library is named only if there is a texture."""
-    lit = shaded(part)
+    lit = with_normals(part)
     assert lit.normals is not None
     blocks = [f"mtllib {library}\nusemtl {_MATERIAL}\n"] if part.image is not None else []
     blocks.append(_rows("v", lit.vertices))
-    normals, normal_index = distinct(lit.normals.reshape(-1, 3), 4)
+    normals, normal_index = distinct_rows(lit.normals.reshape(-1, 3), 4)
     blocks.append(_rows("vn", normals))
     columns = [lit.faces.reshape(-1), normal_index]
     corner = "%d//%d"
     if part.image is not None and lit.uv is not None:
-        uv, uv_index = distinct(lit.uv.reshape(-1, 2), 6)
+        uv, uv_index = distinct_rows(lit.uv.reshape(-1, 2), 6)
         blocks.append(_rows("vt", uv))
         columns.insert(1, uv_index)
         corner = "%d/%d/%d"

@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.base.messages import message
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, decode_texture, face_count, group_by_look
 
 _MOST_FACES = 1_500_000  # more take more than a gigabyte of memory to decimate
 _MOST_SHADED = 200_000  # a mesh with more faces is decimated, which leaves nothing of its normals
@@ -54,7 +54,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     content, notes = checked(data, kind)
     try:
         with _quiet():
-            parts = grouped_by_look(_parts(_loaded(content, kind, others), kind, notes))
+            parts = group_by_look(_parts(_loaded(content, kind, others), kind, notes))
     except UnreadableMesh:
         raise
     except Exception as problem:  # readers of damaged files raise whatever they like
@@ -152,7 +152,7 @@ def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     for matrix, mesh in meshes:
         place = turn @ (np.diag([*[_unit(mesh)] * 3, 1.0]) @ matrix if kind == ".dae" else matrix)
         if np.isfinite(place).all():
-            yield from (part.moved(place) for part in _looks(mesh, kind, notes))
+            yield from (part.transform(place) for part in _looks(mesh, kind, notes))
 
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -209,7 +209,7 @@ def _plain(mesh: Any) -> MeshPart:
 def _textured(plain: MeshPart, mesh: Any, kind: str) -> MeshPart:
     """Return a geometry with its material: a texture where it has one that can be shown, else a colour."""
     material, uv = mesh.visual.material, mesh.visual.uv
-    image = usable(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
+    image = decode_texture(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
     colour = np.asarray(material.main_color, dtype=float)[:4] / 255
     if kind in (".gltf", ".glb"):  # glTF's factors are amounts of light
         colour[:3] = np.where(colour[:3] <= 0.0031308, 12.92 * colour[:3], 1.055 * colour[:3] ** (1 / 2.4) - 0.055)

@@ -18,7 +18,7 @@ from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, combine_without_look, points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.robots.imports import ImportOptions, ImportReport
@@ -117,7 +117,10 @@ class _Shapes:
                 self._next(link, "visual")
         else:
             loaded = self._library.load(uri, scale)
-            drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
+            drawn = [
+                self._file(link, loaded, part)
+                for part in ([combine_without_look(loaded.parts)] if bare else loaded.parts)
+            ]
             self._shown[key] = loaded.remembered(), drawn
         note = self._library.places.find(uri).note
         notes = (

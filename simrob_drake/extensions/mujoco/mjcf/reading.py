@@ -21,7 +21,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.extensions.mujoco.mjcf.bodies import robot_from_model
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
-from simrob_drake.importer.meshes.parts import mean_colour, usable
+from simrob_drake.importer.meshes.parts import decode_texture, mean_colour
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content
 from simrob_drake.importer.reading.child import ChildFailed, in_child
@@ -182,7 +182,7 @@ class _Source:
         from PIL import Image
 
         try:
-            image = usable(Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE))))
+            image = decode_texture(Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE))))
         except (MeshMissing, OutsideBorder, OSError, ValueError):
             return None
         return None if image is None else mean_colour(image)
