@@ -339,7 +339,7 @@ def load_mesh(file: Path) -> MeshPart:
     """
     if file.suffix.lower() in STEP:
         return _from_step(file, file.stat().st_mtime_ns)
-    parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
+    parts = [part for part in map(clean, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
         raise UnreadableMesh(message("simulink.no_area", "holds no triangle with an area"))
     return combine_without_look(parts)
