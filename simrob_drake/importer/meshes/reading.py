@@ -15,7 +15,7 @@ from simrob_drake.base.files import NotRead, TooLarge, content_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.base.messages import message
-from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
+from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, check_mesh, decode
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, decode_texture, face_count, group_by_look
 
 _MOST_FACES = 1_500_000  # more take more than a gigabyte of memory to decimate
@@ -51,7 +51,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
             )
         )
     data = mesh_content(path)
-    content, notes = checked(data, kind)
+    content, notes = check_mesh(data, kind)
     try:
         with _quiet():
             parts = group_by_look(_parts(_loaded(content, kind, others), kind, notes))
@@ -129,7 +129,7 @@ def _resolver(others: Mapping[str, Path]) -> Any:
             if path is None:
                 raise FileNotFoundError(key)
             data = content_of(path, LARGEST_FILE)
-            return decoded(data).encode() if path.suffix.lower() == ".mtl" else data
+            return decode(data).encode() if path.suffix.lower() == ".mtl" else data
 
         def keys(self) -> list[str]:
             return list(others)

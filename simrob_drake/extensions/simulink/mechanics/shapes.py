@@ -20,7 +20,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.library import obj_text
-from simrob_drake.importer.meshes.parts import MeshPart, combine_without_look
+from simrob_drake.importer.meshes.parts import MeshPart, clean, combine_without_look
 from simrob_drake.importer.meshes.places import in_any_case
 from simrob_drake.importer.meshes.reading import read_mesh
 
