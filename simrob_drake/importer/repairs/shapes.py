@@ -121,7 +121,7 @@ class _Shapes:
                 self._file(link, loaded, part)
                 for part in ([combine_without_look(loaded.parts)] if bare else loaded.parts)
             ]
-            self._shown[key] = loaded.remembered(), drawn
+            self._shown[key] = loaded.without_content(), drawn
         note = self._library.places.find(uri).note
         notes = (
             [message("importer.visual_for_each_colour", "{count} colours, a <visual> for each", count=len(drawn))]
@@ -266,7 +266,7 @@ class _Shapes:
             )
         stem = self._next(link, "collision")  # only now that nothing can fail: the next import counts the same
         name = self._writer.write(part, role="collision", stem=stem, original=original)
-        self._hulls[key] = loaded.remembered(), name, change
+        self._hulls[key] = loaded.without_content(), name, change
         return loaded, name, change
 
 
