@@ -69,7 +69,7 @@ class CheckedMesh(NamedTuple):
 
 
 def references(path: Path) -> list[str]:
-    """Find the names of the files to which a mesh or a material library refers, as they stand in the file.
+    """Find the names of the files to which a mesh or a material library refers.
 
     Raises:
         OSError: the file cannot be read.

@@ -339,7 +339,7 @@ def has_common_lines_only(data: bytes) -> bool:
 
 
 def _set_material_library(data: bytes, library: str) -> bytes:
-    """Let an OBJ file refer to another material library. If the new name is empty, its materials are removed."""
+    """Make an OBJ file refer to another material library. If the new name is empty, its materials are removed."""
     if not library:
         return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
     data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE)
