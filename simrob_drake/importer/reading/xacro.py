@@ -26,7 +26,7 @@ from simrob_drake.base.messages import as_data, compound, join_texts, message, m
 from simrob_drake.base.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.meshes.places import unknown_package
 from simrob_drake.importer.reading.child import ChildFailed, in_child
-from simrob_drake.importer.reading.xml_file import included, xml_text
+from simrob_drake.importer.reading.xml_file import read_included, xml_text
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 XACRO = "xacro:"  # what stands before the names of xacro's elements
@@ -39,7 +39,7 @@ _LINK = re.compile(r"<link[\s/>]")
 _MOST_LISTED = 200  # that a pattern may name
 
 
-def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport) -> str:
+def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportReport) -> str:
     """Return a xacro file's expansion, made in a process of its own; raises InvalidModel: no xacro, or it fails."""
     package = importlib.util.find_spec("xacro")
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
@@ -129,7 +129,7 @@ class _Files:
 
     def _xml(self, name: str) -> str:
         if name not in self.texts:
-            self.texts[name] = included(xml_text, self._file(name), self.report)
+            self.texts[name] = read_included(xml_text, self._file(name), self.report)
         return self.texts[name]
 
     def _listed(self, pattern: str) -> list[str]:

@@ -25,7 +25,7 @@ from simrob_drake.importer.meshes.parts import decode_texture, mean_colour
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content
 from simrob_drake.importer.reading.child import ChildFailed, in_child
-from simrob_drake.importer.reading.xml_file import included, xml_element
+from simrob_drake.importer.reading.xml_file import read_included, xml_element
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, format_numbers
 from simrob_drake.robots.urdf_check import numbers_in
@@ -134,7 +134,7 @@ class _Source:
             path = self.places.find(name).path
         except (MeshMissing, OutsideBorder) as problem:
             raise self.report.refusal(where, str(problem)) from problem
-        return included(xml_element, path, self.report)
+        return read_included(xml_element, path, self.report)
 
     def take_file_names(self) -> dict[str, str]:
         """Take the names of all files out of the text, and return those of meshes by the meshes' names."""
