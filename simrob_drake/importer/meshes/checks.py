@@ -331,9 +331,9 @@ def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
     entries = header.get(key, [])
     if not isinstance(entries, list):
         return [invalid]
-    values = []
+    values: list[int] = []
     for entry in entries:
-        value = entry.get(name, 0) if isinstance(entry, dict) else None
+        value: Any = entry.get(name, 0) if isinstance(entry, dict) else None
         # The type is compared, because a bool is an int, too.
         is_count = type(value) is int and value >= 0
         values.append(value if is_count else invalid)
