@@ -63,7 +63,7 @@ class Hull:
     thickened: float
 
 
-class Box(NamedTuple):
+class TightBox(NamedTuple):
     """A box around a mesh.
 
     Attributes:
@@ -115,7 +115,7 @@ def is_hull(part: MeshPart) -> bool:
 
 
 @heard_afterwards()
-def box_of(points: Vector) -> Box:
+def box_of(points: Vector) -> TightBox:
     """Compute the tightest box around points (n, 3) [m].
 
     A box along the axes of the frame is preferred if its volume is larger by 2 % at most, because its pose is easy to
@@ -137,7 +137,7 @@ def box_of(points: Vector) -> Box:
         size = straight_size
     if np.prod(straight_size) <= _LARGER_BOX * np.prod(size):
         centre = ((lower + upper) / 2).round(_DIGITS) + 0.0
-        return Box(straight_size.round(_DIGITS), RigidTransform(centre), thickness)
+        return TightBox(straight_size.round(_DIGITS), RigidTransform(centre), thickness)
 
     pose = np.linalg.inv(to_box)
     if np.linalg.det(pose[:3, :3]) < 0:
@@ -145,7 +145,7 @@ def box_of(points: Vector) -> Box:
         pose[:3, 0] *= -1
     rotation = RotationMatrix.ProjectToRotationMatrix(pose[:3, :3])
     centre = pose[:3, 3].round(_DIGITS) + 0.0
-    return Box(np.asarray(size).round(_DIGITS), RigidTransform(rotation, centre), thickness)
+    return TightBox(np.asarray(size).round(_DIGITS), RigidTransform(rotation, centre), thickness)
 
 
 def _principal_axes(centred: Vector) -> Vector:

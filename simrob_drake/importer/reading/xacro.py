@@ -437,8 +437,8 @@ def _other_names(argument: str, elements: Iterable[_Element]) -> Iterator[str]:
 
 def _comparisons(text: str) -> Iterator[_Comparison]:
     """Yield the comparisons of names with texts in the expressions of a xacro file."""
-    for in_braces, evaluated in islice(_EXPRESSION.findall(text), _MOST_EXPRESSIONS):
-        expression = html.unescape(in_braces or evaluated).strip()
+    for bracket_text, eval_text in islice(_EXPRESSION.findall(text), _MOST_EXPRESSIONS):
+        expression = html.unescape(bracket_text or eval_text).strip()
         # Expressions that are not valid are reported by xacro itself.
         with suppress(SyntaxError, ValueError, RecursionError, MemoryError):
             for node in ast.walk(ast.parse(expression, mode="eval")):
