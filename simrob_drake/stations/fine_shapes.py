@@ -37,7 +37,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.convex_parts import cached_convex_parts
-from simrob_drake.importer.meshes.parts import Faces, mend, plain
+from simrob_drake.importer.meshes.parts import Faces, clean, combine_without_look
 from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.parts.station_plant import StationPlant
 
@@ -287,7 +287,7 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
         raise UnreadableMesh(message("stations.in_memory_only", "is in memory only"))
     file = read_mesh(Path(mesh.source().path()), {})
     # All parts of the file as one mesh, without colours, equal vertices and faces without an area.
-    part = mend(plain(file.parts))
+    part = clean(combine_without_look(file.parts))
     # The file's vertices are scaled, then moved from the frame of the shape to that of the body.
     pose_in_body = inspector.GetPoseInFrame(shape)
     scaled = part.vertices * mesh.scale3()

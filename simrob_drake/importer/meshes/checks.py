@@ -1,4 +1,8 @@
-"""Look into the bytes of a mesh file before a library does: what it asks for, and that nothing grows beyond it."""
+"""Check the bytes of mesh files before a library parses them, and find the files to which they refer.
+
+The libraries that parse meshes trust a file's own counts and references. A small, damaged or malicious file could
+therefore fill the memory. The checks here refuse such files and repair small damage, format by format.
+"""
 
 import json
 import math
@@ -7,7 +11,7 @@ import struct
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 from xml.sax.saxutils import unescape
 
 from simrob_drake.base.errors import shortened
@@ -16,35 +20,77 @@ from simrob_drake.base.messages import message
 
 MESH_FORMATS = (".stl", ".dae", ".obj", ".gltf", ".glb", ".ply", ".off")
 """Formats of meshes that are read, for robots, for pieces and for Simulink models."""
-FORMATS_WITHOUT_UNIT = (".stl", ".obj", ".ply", ".off")
-"""Formats that do not say in which unit they are; COLLADA does, and glTF is in metres."""
-LARGEST_FILE = 100_000_000
-"""Larger files are not read [bytes]: the largest mesh of a robot that is worth simulating has a tenth of it."""
 
-_STL_HEADER, _STL_FACE = 84, 50  # bytes
+FORMATS_WITHOUT_UNIT = (".stl", ".obj", ".ply", ".off")
+"""Formats that do not define their length unit. COLLADA files contain it, and glTF is in metres."""
+
+LARGEST_FILE = 100_000_000
+"""Largest mesh file that is read [bytes]. The meshes of robots have at most a tenth of this size."""
+
+_STL_HEADER = 84
+"""Size of a binary STL's header: 80 bytes of text and the count of faces [bytes]."""
+
+_STL_FACE = 50
+"""Size of a face in a binary STL [bytes]."""
+
 _MOST_NODES = 20_000
+"""Largest count of nodes in a scene."""
+
 _MOST_ITEMS = 30_000_000
+"""Largest count of numbers or vectors in a glTF file."""
+
 _MOST_BYTES = 300_000_000
+"""Largest size of a glTF file's buffer views together [bytes]."""
+
 _MOST_TAGS = 1_000_000
-_LARGEST_HEADER = 20_000_000  # bytes of JSON
+"""Largest count of opening and closing tags in a COLLADA file."""
+
+_LARGEST_HEADER = 20_000_000
+"""Largest size of a glTF file's JSON [bytes]."""
+
+_MOST_NESTED = 200
+"""Largest depth of nested nodes in a COLLADA scene."""
+
+
+class UnreadableMesh(Exception):
+    """Raised when a file contains no usable mesh. The text of the error is the reason."""
+
+
+class CheckedMesh(NamedTuple):
+    """The content of a mesh file that may be given to a library.
+
+    Attributes:
+        data: the bytes of the file, with small damage repaired.
+        notes: sentences for the user about repairs and about content that is ignored.
+    """
+
+    data: bytes
+    notes: list[str]
 
 
 def references(path: Path) -> list[str]:
-    """Return the names, as written, of the files that a mesh or material library asks for; raises OSError: not read."""
-    scan = _SCANS.get(path.suffix.lower())
-    if scan is None:
+    """Find the names of the files to which a mesh or a material library refers.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    find_names = _REFERENCE_FINDERS.get(path.suffix.lower())
+    if find_names is None:
         return []
-    return list(
-        dict.fromkeys(name for name in scan(content_of(path, LARGEST_FILE)) if name and not name.startswith("data:"))
-    )
+    names = find_names(content_of(path, LARGEST_FILE))
+    # A data: URI contains its data and refers to no file.
+    files = [name for name in names if name and not name.startswith("data:")]
+    return list(dict.fromkeys(files))  # each name once, in their order
 
 
 def gltf_header(data: bytes) -> Any:
-    """Return the JSON of a glTF or GLB file; None if there is none."""
+    """Parse the JSON of a glTF or GLB file. Returns None if there is none, or if it is too large."""
     if data[:4] == b"glTF":
+        # A GLB begins with 12 bytes of header and 8 bytes that introduce the JSON, of which four are its length.
         if len(data) < 20:
             return None
-        data = data[20 : 20 + int(struct.unpack("<I", data[12:16])[0])]
+        length = int(struct.unpack("<I", data[12:16])[0])
+        data = data[20 : 20 + length]
     if len(data) > _LARGEST_HEADER:
         return None
     try:
@@ -53,49 +99,80 @@ def gltf_header(data: bytes) -> Any:
         return None
 
 
-def _images(data: bytes) -> list[str]:
-    images = (part.partition(b"</image>")[0] for part in re.split(rb"<image\b", data)[1:])
-    found = (re.search(rb"<init_from>\s*+(?:<ref>)?([^<>]+)<", image) for image in images)  # elsewhere it names one
-    return [unescape(_text(match.group(1))) for match in found if match]
-
-
-def _uris(data: bytes) -> list[str]:
-    header = gltf_header(data)
-    if not isinstance(header, dict):
-        return []
-    listed = [header.get(key) for key in ("buffers", "images")]
-    entries = [entry for entries in listed if isinstance(entries, list) for entry in entries if isinstance(entry, dict)]
-    return [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
-
-
-def decoded(data: bytes) -> str:
-    """Return bytes as text: UTF-8, or else the encoding in which every byte is a letter."""
+def decode(data: bytes) -> str:
+    """Decode text in UTF-8, or else in Latin-1, in which every sequence of bytes is valid."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
 
 
-def _text(name: bytes) -> str:
-    return decoded(name).strip()
+def _decode_name(name: bytes) -> str:
+    """Decode the name of a file, without white space around it."""
+    return decode(name).strip()
 
 
-class UnreadableMesh(Exception):
-    """No mesh can be had from a file; the text says why."""
+def _obj_references(data: bytes) -> list[str]:
+    """Names of the material libraries of an OBJ file."""
+    return [_decode_name(name) for name in _MATERIAL_LIBRARY.findall(data)]
 
 
-def checked(data: bytes, kind: str) -> tuple[bytes, list[str]]:
-    """Return the bytes for a mesh library, and what was mended; raises UnreadableMesh: cut off, empty, too large."""
+def _mtl_references(data: bytes) -> list[str]:
+    """Names of the colour textures in a material library. Other textures do not change what is displayed."""
+    return [_decode_name(name) for name in _COLOUR_MAP.findall(data)]
+
+
+def _dae_references(data: bytes) -> list[str]:
+    """Names of the images in a COLLADA file."""
+    names = []
+    for section in re.split(rb"<image\b", data)[1:]:
+        # An <init_from> outside of an <image> refers to an image by its id, not to a file.
+        image = section.partition(b"</image>")[0]
+        found = re.search(rb"<init_from>\s*+(?:<ref>)?([^<>]+)<", image)
+        if found:
+            names.append(unescape(_decode_name(found.group(1))))
+    return names
+
+
+def _gltf_references(data: bytes) -> list[str]:
+    """URIs of the buffers and images of a glTF or GLB file."""
+    header = gltf_header(data)
+    if not isinstance(header, dict):
+        return []
+    uris = []
+    for key in ("buffers", "images"):
+        entries = header.get(key)
+        if not isinstance(entries, list):
+            continue
+        for entry in entries:
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str):
+                uris.append(uri)
+    return uris
+
+
+def check_mesh(data: bytes, suffix: str) -> CheckedMesh:
+    """Check the content of a mesh file, and repair small damage.
+
+    Args:
+        data: the bytes of the file.
+        suffix: the file's format, as the lower-case end of its name, such as ``.stl``.
+
+    Raises:
+        UnreadableMesh: the file is empty, cut off, or so large that parsing it could fill the memory.
+    """
     if not data.strip(b"\0 \t\r\n"):
         raise UnreadableMesh(message("importer.is_empty", "is empty"))
-    check: Callable[[bytes], tuple[bytes, list[str]]] | None = _CHECKS.get(kind)
-    return (data, []) if check is None else check(data)
+    check = _CHECKS.get(suffix)
+    return CheckedMesh(data, []) if check is None else check(data)
 
 
-def _stl(data: bytes) -> tuple[bytes, list[str]]:
-    """Cut what follows the last face of a binary STL off; one that has less than it says is no mesh."""
-    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]:  # binary ones may begin so, too
-        return _obj(data)
+def _check_stl(data: bytes) -> CheckedMesh:
+    """Check the count of faces of an STL file, and remove bytes after the last face of a binary one."""
+    # Binary files may begin with "solid", too, but have zeros in their header.
+    is_text = data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]
+    if is_text:
+        return _check_obj(data)
     if len(data) < _STL_HEADER:
         raise UnreadableMesh(
             message(
@@ -104,40 +181,54 @@ def _stl(data: bytes) -> tuple[bytes, list[str]]:
                 count=len(data),
             )
         )
+
     (count,) = struct.unpack("<I", data[80:84])
-    there = (len(data) - _STL_HEADER) // _STL_FACE
-    if count > there:
+    present = (len(data) - _STL_HEADER) // _STL_FACE
+    if count > present:
         raise UnreadableMesh(
             message(
-                "importer.faces_cut_off", "is cut off: of its {count} faces {there} are there", count=count, there=there
+                "importer.faces_cut_off",
+                "is cut off: of its {count} faces {there} are there",
+                count=count,
+                there=present,
             )
         )
     if count == 0:
         raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
+
     end = _STL_HEADER + count * _STL_FACE
-    beyond = data[end:]
-    if len(beyond) % _STL_FACE == 0 and beyond.strip(b"\0"):
+    rest = data[end:]
+    has_more_faces = len(rest) % _STL_FACE == 0 and rest.strip(b"\0")
+    if has_more_faces:
         raise UnreadableMesh(
-            message("importer.counts_faces", "counts {count} faces, and {there} are there", count=count, there=there)
+            message(
+                "importer.counts_faces",
+                "counts {count} faces, and {there} are there",
+                count=count,
+                there=present,
+            )
         )
-    return data[:end], [
-        message("importer.bytes_left_out", "{count} bytes after its last face left out", count=len(beyond))
-    ] if beyond else []
+    notes: list[str] = []
+    if rest:
+        notes.append(
+            message("importer.bytes_left_out", "{count} bytes after its last face left out", count=len(rest)),
+        )
+    return CheckedMesh(data[:end], notes)
 
 
-def _obj(data: bytes) -> tuple[bytes, list[str]]:
-    """Write a text in UTF-8: comments and names of materials are often in another encoding."""
-    return decoded(data).encode(), []
+def _check_obj(data: bytes) -> CheckedMesh:
+    """Convert a mesh in text form to UTF-8. Its comments and names of materials are often in another encoding."""
+    return CheckedMesh(decode(data).encode(), [])
 
 
-def _dae(data: bytes) -> tuple[bytes, list[str]]:
-    """Refuse document types, entities, archives, and nodes that multiply; tell the up axis."""
+def _check_dae(data: bytes) -> CheckedMesh:
+    """Refuse COLLADA files with entities, too many elements or nodes, or a wrong unit; note an up axis other than Z."""
     if data.count(b"<") > _MOST_TAGS:
         raise UnreadableMesh(
             message("importer.too_many_elements", "has more than {most} elements", most=_MOST_TAGS // 2)
         )
     try:
-        root = ET.fromstring(data, ET.XMLParser(target=_Builder()))
+        root = ET.fromstring(data, ET.XMLParser(target=_BuilderWithoutDoctype()))
     except (ET.ParseError, ValueError, LookupError) as problem:
         raise UnreadableMesh(
             message("importer.not_readable_dae", "is not readable as DAE ({problem})", problem=problem)
@@ -145,9 +236,12 @@ def _dae(data: bytes) -> tuple[bytes, list[str]]:
     if _node_count(root) > _MOST_NODES:
         raise UnreadableMesh(
             message(
-                "importer.too_many_nodes", "has more than {most} nodes, or nodes within themselves", most=_MOST_NODES
+                "importer.too_many_nodes",
+                "has more than {most} nodes, or nodes within themselves",
+                most=_MOST_NODES,
             )
         )
+
     unit = root.find("{*}asset/{*}unit")
     meter = "1" if unit is None else unit.get("meter", "1")
     try:
@@ -156,14 +250,19 @@ def _dae(data: bytes) -> tuple[bytes, list[str]]:
         metres = math.nan
     if not 0 < metres < math.inf:
         raise UnreadableMesh(message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter)))
-    up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
-    return data, [] if up == "Z_UP" else [
-        message("importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up)
-    ]
+
+    notes: list[str] = []
+    up_axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
+    if up_axis != "Z_UP":
+        notes.append(message("importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up_axis))
+    return CheckedMesh(data, notes)
 
 
-class _Builder(ET.TreeBuilder):
-    """Builds elements, but of no file with a document type: before it nothing can be defined that grows."""
+class _BuilderWithoutDoctype(ET.TreeBuilder):
+    """Builds the elements of an XML file, and refuses a document type.
+
+    Entities can be defined in a document type only. Without one, no short text can expand to a huge one.
+    """
 
     def doctype(self, *_: Any) -> NoReturn:
         raise UnreadableMesh(
@@ -172,67 +271,103 @@ class _Builder(ET.TreeBuilder):
 
 
 def _node_count(root: ET.Element) -> int:
-    """Return how many nodes a COLLADA scene has once its instances are put in; too many for a circle."""
-    named = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
-    counts: dict[int, int] = {}
+    """Count the nodes of a COLLADA file's largest scene, with a node counted for each of its instances.
 
-    def count(node: ET.Element, depth: int) -> int:
-        if id(node) not in counts:
-            if depth > 200:
-                return _MOST_NODES + 1
-            counts[id(node)] = _MOST_NODES + 1  # until it is known: a node within itself
-            targets = (named.get(child.get("url", "")) for child in node if child.tag.endswith("}instance_node"))
-            inner = [child for child in node if child.tag.endswith("}node")]
-            below = (count(child, depth + 1) for child in (*inner, *(t for t in targets if t is not None)))
-            counts[id(node)] = min(_MOST_NODES + 1, 1 + sum(below))
-        return counts[id(node)]
+    Returns at most one more than the allowed count, also for a node that contains itself.
+    """
+    too_many = _MOST_NODES + 1
+    node_of_url = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
+    counts: dict[int, int] = {}  # count of nodes by the identity of an element
 
-    return max((count(scene, 0) for scene in root.iter() if scene.tag.endswith("}visual_scene")), default=0)
+    def count_below(element: ET.Element, depth: int) -> int:
+        """Count an element and the nodes below it."""
+        if id(element) in counts:
+            return counts[id(element)]
+        if depth > _MOST_NESTED:
+            return too_many
+        # Until the count is known, an element that is reached from itself counts as too many.
+        counts[id(element)] = too_many
+        below = []
+        for child in element:
+            if child.tag.endswith("}node"):
+                below.append(child)
+            elif child.tag.endswith("}instance_node") and child.get("url", "") in node_of_url:
+                below.append(node_of_url[child.get("url", "")])
+        total = 1
+        for node in below:
+            total += count_below(node, depth + 1)
+        counts[id(element)] = min(too_many, total)
+        return counts[id(element)]
+
+    scenes = [element for element in root.iter() if element.tag.endswith("}visual_scene")]
+    return max((count_below(scene, 0) for scene in scenes), default=0)
 
 
-def _gltf(data: bytes) -> tuple[bytes, list[str]]:
-    """Refuse files whose numbers and slices are larger than any mesh's."""
+def _check_gltf(data: bytes) -> CheckedMesh:
+    """Refuse glTF files that declare more numbers, bytes or nodes than a mesh can have."""
     header = gltf_header(data)
     if not isinstance(header, dict):
         raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))
-    items = sum(_numbers(header, "accessors", "count"))
-    sliced = sum(_numbers(header, "bufferViews", "byteLength"))
-    if items > _MOST_ITEMS or sliced > _MOST_BYTES or len(_numbers(header, "nodes", "mesh")) > _MOST_NODES:
+    items = sum(_declared_values(header, "accessors", "count"))
+    size = sum(_declared_values(header, "bufferViews", "byteLength"))
+    nodes = len(_declared_values(header, "nodes", "mesh"))
+    if items > _MOST_ITEMS or size > _MOST_BYTES or nodes > _MOST_NODES:
         raise UnreadableMesh(message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has"))
-    return data, []
+    return CheckedMesh(data, [])
 
 
-def _numbers(header: dict[str, Any], key: str, name: str) -> list[int]:
-    """Return one figure of each entry of a list; 0 where there is none, too many where it is none."""
+def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
+    """Read one whole number from each entry of a list in a glTF file's JSON.
+
+    Args:
+        header: the JSON.
+        key: key of the list.
+        name: key of the number in each entry.
+
+    Returns:
+        the numbers, 0 for an entry without the number. A number too large for any mesh stands for invalid content.
+    """
+    invalid = _MOST_BYTES + 1
     entries = header.get(key, [])
     if not isinstance(entries, list):
-        return [_MOST_BYTES + 1]
-    values = [entry.get(name, 0) if isinstance(entry, dict) else None for entry in entries]
-    return [value if type(value) is int and value >= 0 else _MOST_BYTES + 1 for value in values]
+        return [invalid]
+    values: list[int] = []
+    for entry in entries:
+        value: Any = entry.get(name, 0) if isinstance(entry, dict) else None
+        # The type is compared, because a bool is an int, too.
+        is_count = type(value) is int and value >= 0
+        values.append(value if is_count else invalid)
+    return values
 
 
-def _counted(data: bytes) -> tuple[bytes, list[str]]:
-    """Refuse a PLY whose header counts more than the file has bytes."""
-    head = data[: data.find(b"end_header")] if b"end_header" in data[:100_000] else data[:10_000]
-    if any(int(count) > len(data) for count in re.findall(rb"element\s+\w+\s+(\d{1,18})\b", head)):
+def _check_ply(data: bytes) -> CheckedMesh:
+    """Refuse PLY files whose header counts more elements than the file has bytes."""
+    end = data[:100_000].find(b"end_header")
+    header = data[: end if end >= 0 else 10_000]
+    counts = re.findall(rb"element\s+\w+\s+(\d{1,18})\b", header)
+    if any(int(count) > len(data) for count in counts):
         raise UnreadableMesh(message("importer.header_counts_more", "is cut off: its header counts more than is there"))
-    return data, []
+    return CheckedMesh(data, [])
 
 
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
+_MATERIAL_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _COLOUR_MAP = re.compile(rb"^[ \t]*map_kd[ \t]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE)
-_SCANS: dict[str, Callable[[bytes], list[str]]] = {
-    ".obj": lambda data: [_text(name) for name in _LIBRARY.findall(data)],
-    ".mtl": lambda data: [_text(name) for name in _COLOUR_MAP.findall(data)],  # other maps change nothing that is shown
-    ".dae": _images,
-    ".gltf": _uris,
-    ".glb": _uris,
+
+_REFERENCE_FINDERS: dict[str, Callable[[bytes], list[str]]] = {
+    ".obj": _obj_references,
+    ".mtl": _mtl_references,
+    ".dae": _dae_references,
+    ".gltf": _gltf_references,
+    ".glb": _gltf_references,
 }
-_CHECKS: dict[str, Callable[[bytes], tuple[bytes, list[str]]]] = {
-    ".stl": _stl,
-    ".obj": _obj,
-    ".dae": _dae,
-    ".gltf": _gltf,
-    ".glb": _gltf,
-    ".ply": _counted,
+"""Functions that find the names of other files, by the format of the file."""
+
+_CHECKS: dict[str, Callable[[bytes], CheckedMesh]] = {
+    ".stl": _check_stl,
+    ".obj": _check_obj,
+    ".dae": _check_dae,
+    ".gltf": _check_gltf,
+    ".glb": _check_gltf,
+    ".ply": _check_ply,
 }
+"""Functions that check the content of a mesh file, by its format."""

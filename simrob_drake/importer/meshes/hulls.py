@@ -1,7 +1,11 @@
-"""Shapes to collide with: the convex hull of a mesh, or the tightest box around it."""
+"""Simple collision shapes around meshes: the convex hull, or the tightest box.
+
+A convex hull has few corners, so that contact is computed quickly. Corners are chosen one round after another, those
+that stick out farthest first, until the hull fits the mesh. A flat mesh has no volume, so it is thickened first.
+"""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -16,87 +20,164 @@ if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 MOST_CORNERS = 130
-"""A convex body with that many corners has at most 256 faces: contact stays quick, and no robot needs more."""
-_CLOSE = 1e-3  # corners are left out while the hull stays within this part of the mesh's size, in each direction
+"""Largest count of corners of a hull. A convex body with n corners has at most 2 n - 4 faces, here 256."""
+
+_CLOSE = 1e-3
+"""A hull fits if no point sticks out by more than this share of the mesh's size, in each direction."""
+
 _GROWTH = 0.3
-"""By which part the corners of a hull may grow in a round: slow growth spreads them better, and takes longer."""
+"""Largest growth of the count of corners in a round, as a share. Small rounds spread corners better, but cost time."""
+
 _THIN = 1e-4
-"""A mesh thinner than half of this part of its size is flat, and made this thick: the next import finds it solid."""
+"""Least thickness of a mesh, as a share of its size.
+
+A mesh with less than half of it counts as flat and is made this thick. The result does not count as flat any more, so
+that a second import leaves it unchanged.
+"""
+
+_LARGER_BOX = 1.02
+"""A box along the axes of the frame is preferred up to this multiple of the tightest box's volume."""
+
+_SAME_VOLUME = 1e-6
+"""Largest difference between equal volumes, as a share."""
+
+_LEAST_SPREAD = 1e-3
+"""Points fill a volume if their smallest singular value is larger than this. Bodies are scaled to size 1 before."""
+
+_DIGITS = 9
+"""Digits to which results are rounded [m]."""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """A convex body."""
+    """A convex body around a mesh.
 
-    part: MeshPart  # its surface
-    gap: float  # how far the farthest point of the mesh sticks out [m]
-    thickened: float  # how thick a flat mesh was made [m]; 0 for a solid one
+    Attributes:
+        part: its surface.
+        gap: distance by which the mesh's farthest point sticks out of it [m].
+        thickened: thickness that a flat mesh was given [m]; 0 for a solid mesh.
+    """
+
+    part: MeshPart
+    gap: float
+    thickened: float
+
+
+class TightBox(NamedTuple):
+    """A box around a mesh.
+
+    Attributes:
+        size: lengths of the sides, shape (3,) [m].
+        pose: pose of the box's centre, with its axes, in the frame of the mesh.
+        thickened: thickness that a flat mesh was given [m]; 0 for a solid mesh.
+    """
+
+    size: Vector
+    pose: RigidTransform
+    thickened: float
 
 
 def hull_of(points: Vector) -> Hull:
-    """Return the convex hull of points (n, 3), with as many corners as it needs but no more than `MOST_CORNERS`.
+    """Compute a convex hull of points with few corners, at most `MOST_CORNERS`.
 
-    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's. Raises
-    UnreadableMesh: the points are too close together.
+    The corners are some of the points, so that the hull is never larger than the mesh. It has the bounding box of the
+    mesh.
+
+    Args:
+        points: the points, shape (n, 3) [m].
+
+    Raises:
+        UnreadableMesh: the points are too close together.
     """
-    solid, thickness = _thick(points)
+    solid, thickness = _thicken(points)
     corners = solid[convex_hull(solid).vertices]
-    chosen, gap = _fewest(corners)
-    return Hull(_surface(corners[chosen].round(9) + 0.0), gap, thickness)
+    chosen, gap = _choose_corners(corners)
+    # The sum turns -0 into 0.
+    surface = _hull_surface(corners[chosen].round(_DIGITS) + 0.0)
+    return Hull(surface, gap, thickness)
 
 
 @heard_afterwards()
 def is_hull(part: MeshPart) -> bool:
-    """Return whether a mesh is a convex body already, with no more corners than contact should have."""
+    """Whether a mesh is a convex body already, with no more corners than a hull may have."""
     from trimesh import Trimesh
 
     mesh = Trimesh(part.vertices, part.faces, process=False)
-    if len(part.faces) > 2 * MOST_CORNERS or not (mesh.is_watertight and mesh.is_winding_consistent):
+    is_closed = mesh.is_watertight and mesh.is_winding_consistent
+    if len(part.faces) > 2 * MOST_CORNERS or not is_closed:
         return False
-    solid, thickness = _thick(part.vertices)
-    return not thickness and bool(abs(mesh.volume - convex_hull(solid).volume) <= 1e-6 * mesh.volume)
+    solid, thickness = _thicken(part.vertices)
+    if thickness:
+        return False
+    # A closed mesh is convex if it has the volume of its hull.
+    difference = abs(mesh.volume - convex_hull(solid).volume)
+    return bool(difference <= _SAME_VOLUME * mesh.volume)
 
 
 @heard_afterwards()
-def box_of(points: Vector) -> tuple[Vector, RigidTransform, float]:
-    """Return the size (3,) [m] and the pose of the tightest box around points (n, 3), and how thick it was made.
+def box_of(points: Vector) -> TightBox:
+    """Compute the tightest box around points (n, 3) [m].
 
-    The box stands along the axes where that costs less than 2 % of its volume: such figures can be read.
+    A box along the axes of the frame is preferred if its volume is larger by 2 % at most, because its pose is easy to
+    read.
+
+    Raises:
+        UnreadableMesh: the points are too close together.
     """
     from trimesh.bounds import oriented_bounds
 
-    solid, thickness = _thick(points)
-    lower, upper = solid.min(axis=0), solid.max(axis=0)
-    straight = upper - lower
+    solid, thickness = _thicken(points)
+    lower = solid.min(axis=0)
+    upper = solid.max(axis=0)
+    straight_size = upper - lower
     try:
         to_box, size = oriented_bounds(solid[convex_hull(solid).vertices])  # type: ignore[no-untyped-call]
-    except TypeError:  # it finds none where the volume is lost in rounding
-        to_box, size = np.eye(4), straight
-    if np.prod(straight) <= 1.02 * np.prod(size):
-        return straight.round(9), RigidTransform(((lower + upper) / 2).round(9) + 0.0), thickness
+    except TypeError:  # raised if the volume is lost in rounding
+        to_box = np.eye(4)
+        size = straight_size
+    if np.prod(straight_size) <= _LARGER_BOX * np.prod(size):
+        centre = ((lower + upper) / 2).round(_DIGITS) + 0.0
+        return TightBox(straight_size.round(_DIGITS), RigidTransform(centre), thickness)
+
     pose = np.linalg.inv(to_box)
     if np.linalg.det(pose[:3, :3]) < 0:
-        pose[:3, 0] *= -1  # a box looks the same mirrored
-    turn = RotationMatrix.ProjectToRotationMatrix(pose[:3, :3])
-    return np.asarray(size).round(9), RigidTransform(turn, pose[:3, 3].round(9) + 0.0), thickness
+        # A mirrored frame is no rotation. With one axis reversed it is one, and the box is the same.
+        pose[:3, 0] *= -1
+    rotation = RotationMatrix.ProjectToRotationMatrix(pose[:3, :3])
+    centre = pose[:3, 3].round(_DIGITS) + 0.0
+    return TightBox(np.asarray(size).round(_DIGITS), RigidTransform(rotation, centre), thickness)
 
 
-def _thick(points: Vector) -> tuple[Vector, float]:
-    """Return points that fill a volume, and how thick flat ones were made for that [m]."""
-    centre = points.mean(axis=0)
-    _, axes = np.linalg.eigh(np.cov((points - centre).T))
-    along = (points - centre) @ axes
-    least = _THIN * float(np.ptp(along, axis=0).max())
-    flat = np.ptp(along, axis=0) < least / 2
-    for axis in np.flatnonzero(flat):
+def _principal_axes(centred: Vector) -> Vector:
+    """Principal axes of points (n, 3) around zero, as the columns of a matrix (3, 3)."""
+    return np.asarray(np.linalg.eigh(np.cov(centred.T))[1])
+
+
+def _thicken(points: Vector) -> tuple[Vector, float]:
+    """Thicken points (n, 3) that lie in a plane or on a line, so that they fill a volume.
+
+    Returns:
+        the points, or copies of them on both sides of the plane, and the thickness [m]. The thickness is 0 if the
+        points fill a volume as they are.
+    """
+    centred = points - points.mean(axis=0)
+    axes = _principal_axes(centred)
+    lengths = np.ptp(centred @ axes, axis=0)
+    least = _THIN * float(lengths.max())
+    is_flat = lengths < least / 2
+    for axis in np.flatnonzero(is_flat):
         offset = axes[:, axis] * least / 2
         points = np.concatenate([points - offset, points + offset])
-    return points, least if flat.any() else 0.0
+    return points, least if is_flat.any() else 0.0
 
 
 @heard_afterwards()
 def convex_hull(points: Vector) -> "ConvexHull":
-    """Return the convex hull of points (n, 3); raises UnreadableMesh: they fill no volume."""
+    """Compute the convex hull of points (n, 3).
+
+    Raises:
+        UnreadableMesh: the points do not fill a volume.
+    """
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
 
     try:
@@ -107,52 +188,82 @@ def convex_hull(points: Vector) -> "ConvexHull":
         ) from problem
 
 
-def _fewest(corners: Vector) -> tuple[list[int], float]:
-    """Choose corners, the farthest out first, until the hull of the chosen ones is close or they are many.
+def _choose_corners(corners: Vector) -> tuple[list[int], float]:
+    """Choose some corners of a convex body whose hull fits the body, at most `MOST_CORNERS`.
 
-    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a needle
-    stays as round as a ball. Returns their indices in order, and how far others stick out at most [m].
+    Args:
+        corners: all corners of the body, shape (n, 3) [m].
+
+    Returns:
+        the indices of the chosen corners in ascending order, and the distance by which the others stick out at most
+        [m].
     """
+    # Along each principal axis the body is scaled to length 1, so that a needle becomes as round as a ball.
     centred = corners - corners.mean(axis=0)
-    along = centred @ np.linalg.eigh(np.cov(centred.T))[1]
-    even = along / np.ptp(along, axis=0)
-    chosen, rest = _extremes(np.hstack([corners, even])), np.arange(len(corners))
+    along_axes = centred @ _principal_axes(centred)
+    scaled = along_axes / np.ptp(along_axes, axis=0)
+
+    # The extremes along the frame's axes keep the bounding box of the mesh.
+    chosen = _extremes(np.hstack([corners, scaled]))
+    rest = np.arange(len(corners))
     while len(rest) and len(chosen) < MOST_CORNERS:
-        planes = convex_hull(even[chosen]).equations
-        above = _heights(even[rest], planes)
-        out = above.max(axis=1)
-        tops = np.unique(above.argmax(axis=0))  # the farthest over each face, as quickhull does
-        tops = tops[out[tops] > max(_CLOSE, 0.5 * out.max())]
-        room = min(MOST_CORNERS - len(chosen), max(1, int(_GROWTH * len(chosen))))
-        chosen += rest[tops[np.argsort(-out[tops], kind="stable")][:room]].tolist()
-        rest = rest[out > _CLOSE]  # the hull only grows: what is within stays within
+        planes = convex_hull(scaled[chosen]).equations
+        heights = _heights(scaled[rest], planes)
+        distance_out = heights.max(axis=1)
+        # As in quickhull, the candidates are the farthest points over each face.
+        tops = np.unique(heights.argmax(axis=0))
+        tops = tops[distance_out[tops] > max(_CLOSE, 0.5 * distance_out.max())]
+        farthest_first = tops[np.argsort(-distance_out[tops], kind="stable")]
+        round_size = min(MOST_CORNERS - len(chosen), max(1, int(_GROWTH * len(chosen))))
+        chosen += rest[farthest_first[:round_size]].tolist()
+        # The hull only grows, so that a point within it stays within it.
+        rest = rest[distance_out > _CLOSE]
+
     gap = _heights(corners, convex_hull(corners[chosen]).equations).max()
     return sorted(chosen), max(0.0, float(gap))
 
 
 def _heights(points: Vector, planes: Vector) -> Vector:
-    """Return how far each point (n, 3) is over each plane (m, 4), as (n, m)."""
+    """Compute the signed distance of n points from m planes, shape (n, m), positive on the outer side.
+
+    Args:
+        points: the points, shape (n, 3).
+        planes: for each plane its outer unit normal a and its offset b, shape (m, 4). Its points have a . x + b = 0.
+    """
     return np.asarray(np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3])
 
 
 def _extremes(points: Vector) -> list[int]:
-    """Return the first points at each end of each column, and more until they fill a volume of the last three."""
+    """Find points at the ends of a body that together fill a volume.
+
+    Args:
+        points: coordinates of the points, shape (n, 6): in the frame of the mesh, and scaled along the body's axes.
+
+    Returns:
+        the indices, in ascending order, of the first points at both ends of each coordinate, and of further points if
+        these lie in a plane.
+    """
     chosen = {int(index) for index in (*points.argmin(axis=0), *points.argmax(axis=0))}
-    even = points[:, -3:]
+    scaled = points[:, -3:]
     for _ in range(3):
-        middle = even[sorted(chosen)].mean(axis=0)
-        _, sizes, axes = np.linalg.svd(even[sorted(chosen)] - middle, full_matrices=True)
-        if len(sizes) == 3 and sizes[2] > 1e-3:
+        # The singular values are the extents of the chosen points along their own axes, the smallest last.
+        middle = scaled[sorted(chosen)].mean(axis=0)
+        _, extents, axes = np.linalg.svd(scaled[sorted(chosen)] - middle, full_matrices=True)
+        if len(extents) == 3 and extents[2] > _LEAST_SPREAD:
             break
-        chosen.add(int(abs((even - middle) @ axes[2]).argmax()))
+        # The point farthest from the plane of the chosen ones.
+        chosen.add(int(abs((scaled - middle) @ axes[2]).argmax()))
     return sorted(chosen)
 
 
-def _surface(points: Vector) -> MeshPart:
-    """Return the surface of the convex hull of points, its faces seen counterclockwise from outside."""
+def _hull_surface(points: Vector) -> MeshPart:
+    """Convert the convex hull of points (n, 3) to a mesh, with corners counterclockwise as seen from outside."""
     hull = convex_hull(points)
-    vertices, faces = points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
+    vertices = points[hull.vertices]
+    faces = np.searchsorted(hull.vertices, hull.simplices)
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward, ::-1]
+    outward = hull.equations[:, :3]
+    # qhull does not order the corners. Faces whose normal points inwards are reversed.
+    points_inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), outward) < 0
+    faces[points_inward] = faces[points_inward, ::-1]
     return MeshPart(vertices, faces.astype(np.int64))

@@ -1,4 +1,8 @@
-"""The meshes of one robot: found, read, scaled and mended, each file once; and written as OBJ, each content once."""
+"""Read the meshes of a robot, and write them as OBJ files.
+
+:class:`MeshLibrary` finds, reads, scales and cleans meshes. :class:`MeshWriter` writes them into the output folder of
+an import, where equal meshes share one file. :func:`drake_mesh` converts a single file for Drake.
+"""
 
 import hashlib
 import re
@@ -17,48 +21,76 @@ from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.parts import (
     MeshPart,
     as_png,
+    clean,
+    combine_without_look,
     decimate,
-    distinct,
+    distinct_rows,
     face_count,
-    mend,
-    plain,
-    shaded,
     size_of,
+    with_normals,
 )
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
 
 Scale = tuple[float, float, float]
-_KEPT = 4  # how many meshes are kept in memory: the same file is mostly used again at once, for the collision
-_LARGE = 50.0  # a robot's part that is larger was drawn in millimetres [m]
+"""Factors along x, y and z by which a mesh is scaled, as in a URDF's ``<mesh scale>``."""
+
+_MOST_LOADED = 4
+"""Count of meshes kept in memory. A mesh is mostly used again at once, for the collision after the visual."""
+
+_LARGE = 50.0
+"""A mesh larger than this was probably drawn in millimetres [m]."""
+
+_NO_SCALE = (1, 1, 1)
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh that can be used."""
+    """A mesh that was read, scaled and cleaned.
 
-    path: Path  # its file
-    parts: list[MeshPart]  # one for each colour or texture, mended, in metres
-    faces: int  # how many the file has
-    original: bytes | None  # the bytes of the file if it can stay as it is, else None
-    changes: list[str]  # what was mended, in words
-    remarks: list[str]  # what is worth knowing, in words
+    Attributes:
+        path: its file.
+        parts: one for each colour or texture [m].
+        faces: count of the faces in the file.
+        original: the bytes of the file if it can be copied without a change; else None.
+        changes: sentences about the differences from the file.
+        remarks: further sentences for the user.
+    """
 
-    def remembered(self) -> "Mesh":
-        """Return what is worth keeping when the mesh is written: not its content, and its remarks are told."""
+    path: Path
+    parts: list[MeshPart]
+    faces: int
+    original: bytes | None
+    changes: list[str]
+    remarks: list[str]
+
+    def without_content(self) -> "Mesh":
+        """Copy of this mesh for later uses of the same mesh, after its file is written.
+
+        It needs no triangles any more, and its remarks were reported once. Empty bytes show that the file was copied.
+        """
         return replace(self, parts=[], original=None if self.original is None else b"", remarks=[])
 
 
 @dataclass
 class MeshLibrary:
-    """Reads the meshes of one robot."""
+    """Reads the meshes of one robot, and keeps the last few.
 
-    places: MeshPlaces  # where they may lie
+    Attributes:
+        places: finds the files of the meshes.
+    """
+
+    places: MeshPlaces
     _meshes: dict[tuple[Path, Scale], Mesh] = field(default_factory=dict, init=False)
     _failures: dict[Path, str] = field(default_factory=dict, init=False)
 
     def path_of(self, uri: str) -> Path:
-        """Return the file of a mesh; raises UnreadableMesh: nowhere, or can't be read; OutsideBorder: it may not."""
+        """Find the file of a mesh by its name in the URDF.
+
+        Raises:
+            UnreadableMesh: there is no such file, or an earlier attempt to read it failed.
+            OutsideBorder: the file is outside of the folders from which files may be read.
+        """
         try:
             path = self.places.find(uri).path
         except MeshMissing as problem:
@@ -68,19 +100,33 @@ class MeshLibrary:
         return path
 
     def load(self, uri: str, scale: Scale) -> Mesh:
-        """Return a mesh; raises UnreadableMesh: none, unreadable, empty; OutsideBorder: its files may not be read."""
+        """Read a mesh, or return it again if it is among the last few.
+
+        Args:
+            uri: its name in the URDF.
+            scale: factors along x, y and z.
+
+        Raises:
+            UnreadableMesh: there is no such file, or it contains no usable mesh.
+            OutsideBorder: the file, or one to which it refers, is outside of the folders from which files may be read.
+        """
         path = self.path_of(uri)
-        if (path, scale) not in self._meshes:
-            while len(self._meshes) >= _KEPT:
-                self._meshes.pop(next(iter(self._meshes)))
-            try:
-                self._meshes[path, scale] = self._read(path, scale)
-            except UnreadableMesh as problem:
-                self._failures[path] = str(problem)
-                raise
-        return self._meshes[path, scale]
+        if (path, scale) in self._meshes:
+            return self._meshes[path, scale]
+        # The oldest are released before the next is read, because meshes take much memory.
+        while len(self._meshes) >= _MOST_LOADED:
+            oldest = next(iter(self._meshes))
+            self._meshes.pop(oldest)
+        try:
+            mesh = self._read(path, scale)
+        except UnreadableMesh as problem:
+            self._failures[path] = str(problem)
+            raise
+        self._meshes[path, scale] = mesh
+        return mesh
 
     def _read(self, path: Path, scale: Scale) -> Mesh:
+        """Read, scale, clean and simplify a mesh, and describe the changes. See :meth:`load`."""
         try:
             others, missing = self.places.needed_by(path)
         except OSError as problem:
@@ -88,56 +134,89 @@ class MeshLibrary:
                 message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
             ) from problem
         source = read_mesh(path, others)
-        faces, place = face_count(source.parts), np.diag([*scale, 1.0])
-        mended = [part for part in (mend(part.moved(place)) for part in source.parts) if len(part.faces)]
-        source.parts.clear()  # of a million faces it takes a sixth of a gigabyte
-        if not mended:
+        face_total = face_count(source.parts)
+        scaling = np.diag([*scale, 1.0])
+        cleaned = [clean(part.transform(scaling)) for part in source.parts]
+        cleaned = [part for part in cleaned if len(part.faces)]
+        source.parts.clear()  # a million faces take a sixth of a gigabyte
+        if not cleaned:
             raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
-        parts = decimate(mended)
-        good, few = face_count(mended), face_count(parts)
-        changes: list[str] = (
-            [
-                message(
-                    "importer.textures_missing", "textures or materials missing: {missing}", missing=", ".join(missing)
-                )
-            ]
-            if missing
-            else []
+        parts = decimate(cleaned)
+
+        changes = _describe_changes(
+            missing,
+            before=face_total,
+            cleaned=face_count(cleaned),
+            after=face_count(parts),
         )
-        changes += (
-            [message("importer.degenerate_faces", "{faces} degenerate faces left out", faces=faces - good)]
-            if good < faces
-            else []
+        is_unchanged = not changes and not source.notes and len(parts) == 1 and scale == _NO_SCALE
+        can_be_copied = path.suffix.lower() == ".obj" and is_unchanged and has_common_lines_only(source.data)
+        return Mesh(
+            path,
+            parts,
+            faces=face_total,
+            original=source.data if can_be_copied else None,
+            changes=changes,
+            remarks=[*source.notes, *_advice_on_size(parts)],
         )
-        changes += (
-            [message("importer.decimated", "decimated from {before} to {after} faces", before=good, after=few)]
-            if few < good
-            else []
+
+
+def _describe_changes(missing: list[str], *, before: int, cleaned: int, after: int) -> list[str]:
+    """Sentences about the differences between a mesh and its file.
+
+    Args:
+        missing: names of missing textures and material libraries.
+        before: count of the faces in the file.
+        cleaned: count of the faces without degenerate ones.
+        after: count of the faces after simplification.
+    """
+    changes: list[str] = []
+    if missing:
+        names = ", ".join(missing)
+        changes.append(
+            message("importer.textures_missing", "textures or materials missing: {missing}", missing=names),
         )
-        unchanged = not changes and not source.notes and len(parts) == 1
-        stays = path.suffix.lower() == ".obj" and unchanged and scale == (1, 1, 1) and may_stay(source.data)
-        size = float(size_of(parts).max())
-        advice = message(
+    if cleaned < before:
+        changes.append(
+            message("importer.degenerate_faces", "{faces} degenerate faces left out", faces=before - cleaned),
+        )
+    if after < cleaned:
+        changes.append(
+            message("importer.decimated", "decimated from {before} to {after} faces", before=cleaned, after=after),
+        )
+    return changes
+
+
+def _advice_on_size(parts: list[MeshPart]) -> list[str]:
+    """A sentence about the unit if a mesh is too large for a robot; an empty list if it is not."""
+    size = float(size_of(parts).max())
+    if size <= _LARGE:
+        return []
+    return [
+        message(
             "importer.drawn_in_millimetres",
             'is {size:.0f} m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"',
             size=size,
         )
-        remarks = [*source.notes, *([advice] if size > _LARGE else [])]
-        return Mesh(path, parts, faces, source.data if stays else None, changes, remarks)
+    ]
 
 
 _CODE = [Path(__file__).parent]
+"""The code that writes cached files: after a change of it they are written again."""
 
 
 def drake_mesh(file: Path) -> Path:
-    """Return an OBJ file with the triangles of a mesh file, faces outwards; colours and textures are left out.
+    """Convert a mesh file to an OBJ file that Drake reads, without colours and textures, and with faces outwards.
 
-    It lies in the cache, in a folder whose name follows from the file's content. Other files that the mesh names, as
-    the buffers of a glTF, are read from its own folder only. Raises InvalidModel: the file is missing, too large, of
-    another format, garbage, or holds no triangles; OutputError: the cache cannot be written.
+    The OBJ file is kept in the cache, in a folder whose name follows from the content of the mesh file. Other files to
+    which the mesh refers, such as the buffers of a glTF, are read from the folder of the mesh only.
+
+    Raises:
+        InvalidModel: the file is missing, too large or damaged, has another format, or contains no triangles.
+        OutputError: the cache cannot be written.
     """
-    kind = file.suffix.lower()
-    if kind not in MESH_FORMATS:
+    suffix = file.suffix.lower()
+    if suffix not in MESH_FORMATS:
         raise InvalidModel(
             file,
             "",
@@ -148,14 +227,16 @@ def drake_mesh(file: Path) -> Path:
             ),
         )
     try:
-        others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
+        source = file.resolve()
+        others, _ = MeshPlaces(source, ()).needed_by(source)
         content = [mesh_content(path) for path in (file, *others.values())]
-        converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
+        entry = cache_entry("pieces", made_of=[suffix.encode(), *content], made_by=_CODE)
+        converted = entry / "mesh.obj"
         if not converted.is_file():
-            part = mend(plain(read_mesh(file, others).parts))
+            part = clean(combine_without_look(read_mesh(file, others).parts))
             if not len(part.faces):
                 raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
-            written_at_once(converted, obj_text(_outside_out(part)).decode())
+            written_at_once(converted, obj_text(_orient_outwards(part)).decode())
     except OSError as problem:
         raise InvalidModel(
             file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
@@ -166,8 +247,11 @@ def drake_mesh(file: Path) -> Path:
 
 
 @heard_afterwards()
-def _outside_out(part: MeshPart) -> MeshPart:
-    """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
+def _orient_outwards(part: MeshPart) -> MeshPart:
+    """Orient the faces of a closed mesh outwards, because its volume and mass are computed from them.
+
+    An open mesh has no outside and is returned as it is.
+    """
     from trimesh import Trimesh
 
     mesh = Trimesh(part.vertices, part.faces, process=False)
@@ -178,76 +262,118 @@ def _outside_out(part: MeshPart) -> MeshPart:
 
 
 FOLDER = "meshes"
+"""Folder of the mesh files, in the output folder of an import."""
+
 _MATERIAL = "texture"
+"""Name of the material in the material libraries that are written."""
+
 _KEYWORDS = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"usemtl", b"mtllib"}
-"""Lines of an OBJ file that every reader understands."""
+"""First words of the lines of an OBJ file that every reader understands."""
+
+_NORMAL_DIGITS = 4
+_UV_DIGITS = 6
+"""Digits to which normals and texture coordinates are written."""
 
 
 @dataclass
 class MeshWriter:
-    """The mesh files of one import."""
+    """Writes the mesh files of one import, each content once.
 
-    folder: Path | None  # the output folder; None writes nothing, but names are given all the same
-    _written: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
+    Attributes:
+        folder: output folder of the import. If it is None, no files are written, but they get names as if they were.
+    """
+
+    folder: Path | None
+    _name_of: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
+    """Names of the files by role and hash of the content."""
 
     def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
-        """Write a part, unless the same was written before, and return the file's name relative to the folder.
+        """Write a part, unless the same content was written for this role before.
 
-        ``role`` is ``visual`` or ``collision``, each with files of its own; ``stem`` is the file's name without its
-        ending, ``original`` the OBJ file that the part was read from, if that is to be kept as it is.
+        Args:
+            part: the part.
+            role: ``visual`` or ``collision``. The two do not share files.
+            stem: name for the file, without its extension.
+            original: an OBJ file with this part, if its text is to be kept.
+
+        Returns:
+            the file's name, relative to the output folder. It has the name of the first file with this content.
         """
         library = f"{stem}.mtl"
-        kept = None if original is None else _relabelled(original, library if part.image else "")
-        text = kept if kept is not None else obj_text(part, library)
+        if original is None:
+            text = obj_text(part, library)
+        else:
+            text = _set_material_library(original, library if part.image else "")
         png = b"" if part.image is None else as_png(part.image)
+
+        # The name of the library differs between equal meshes, so it does not belong to the content.
         content = hashlib.sha256(text.replace(library.encode(), b"") + b"\0" + png).hexdigest()
-        name = self._written.setdefault((role, content), f"{FOLDER}/{stem}.obj")
-        if name == f"{FOLDER}/{stem}.obj":
-            self._save(f"{stem}.obj", text)
-            if part.image is not None:
-                self._save(library, f"newmtl {_MATERIAL}\nKd 1 1 1\nmap_Kd {stem}.png\n".encode())
-                self._save(f"{stem}.png", png)
+        own_name = f"{FOLDER}/{stem}.obj"
+        name = self._name_of.setdefault((role, content), own_name)
+        if name != own_name:
+            return name
+        self._save(f"{stem}.obj", text)
+        if part.image is not None:
+            self._save(library, f"newmtl {_MATERIAL}\nKd 1 1 1\nmap_Kd {stem}.png\n".encode())
+            self._save(f"{stem}.png", png)
         return name
 
     def _save(self, name: str, data: bytes) -> None:
+        """Write a file into the folder of the meshes, if there is an output folder."""
         if self.folder is not None:
             (self.folder / FOLDER).mkdir(exist_ok=True)
             (self.folder / FOLDER / name).write_bytes(data)
 
 
-def may_stay(data: bytes) -> bool:
-    """Return whether an OBJ file holds nothing but what every reader understands."""
-    lines = (line.split() for line in data.splitlines() if line.strip() and not line.lstrip().startswith(b"#"))
-    return all(words[0] in _KEYWORDS and (words[0] != b"v" or len(words) == 4) for words in lines)
+def has_common_lines_only(data: bytes) -> bool:
+    """Whether every line of an OBJ file is understood by all readers, so that the file can be copied."""
+    for line in data.splitlines():
+        words = line.split()
+        if not words or words[0].startswith(b"#"):
+            continue
+        # Vertices with more than three numbers have colours, which not all readers understand.
+        is_odd_vertex = words[0] == b"v" and len(words) != 4
+        if words[0] not in _KEYWORDS or is_odd_vertex:
+            return False
+    return True
 
 
-def _relabelled(data: bytes, library: str) -> bytes:
-    data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE) if library else data
-    if library:
-        return re.sub(rb"^[ \t]*usemtl\b.*$", f"usemtl {_MATERIAL}".encode(), data, flags=re.MULTILINE)
-    return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
+def _set_material_library(data: bytes, library: str) -> bytes:
+    """Make an OBJ file refer to another material library. If the new name is empty, its materials are removed."""
+    if not library:
+        return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
+    data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE)
+    return re.sub(rb"^[ \t]*usemtl\b.*$", f"usemtl {_MATERIAL}".encode(), data, flags=re.MULTILINE)
 
 
 def obj_text(part: MeshPart, library: str = "") -> bytes:
-    """Return a part as an OBJ file; the library is named only if there is a texture."""
-    lit = shaded(part)
-    assert lit.normals is not None
-    blocks = [f"mtllib {library}\nusemtl {_MATERIAL}\n"] if part.image is not None else []
-    blocks.append(_rows("v", lit.vertices))
-    normals, normal_index = distinct(lit.normals.reshape(-1, 3), 4)
-    blocks.append(_rows("vn", normals))
-    columns = [lit.faces.reshape(-1), normal_index]
+    """Write a part as the content of an OBJ file. It refers to the material library only if it has a texture."""
+    part = with_normals(part)
+    assert part.normals is not None
+    blocks = []
+    if part.image is not None:
+        blocks.append(f"mtllib {library}\nusemtl {_MATERIAL}\n")
+    blocks.append(_matrix_lines("v", part.vertices))
+
+    normals, normal_index = distinct_rows(part.normals.reshape(-1, 3), _NORMAL_DIGITS)
+    blocks.append(_matrix_lines("vn", normals))
+    # A corner is written as vertex//normal, or as vertex/texture/normal.
+    columns = [part.faces.reshape(-1), normal_index]
     corner = "%d//%d"
-    if part.image is not None and lit.uv is not None:
-        uv, uv_index = distinct(lit.uv.reshape(-1, 2), 6)
-        blocks.append(_rows("vt", uv))
+    if part.image is not None and part.uv is not None:
+        uv, uv_index = distinct_rows(part.uv.reshape(-1, 2), _UV_DIGITS)
+        blocks.append(_matrix_lines("vt", uv))
         columns.insert(1, uv_index)
         corner = "%d/%d/%d"
+
+    # One format for all faces is many times faster than one for each. Indices in OBJ files begin at 1.
     indices = (np.stack(columns, axis=1) + 1).reshape(-1).tolist()
-    blocks.append((f"f {corner} {corner} {corner}\n" * len(lit.faces)) % tuple(indices))
+    face_line = f"f {corner} {corner} {corner}\n"
+    blocks.append((face_line * len(part.faces)) % tuple(indices))
     return "".join(blocks).encode()
 
 
-def _rows(keyword: str, values: Vector) -> str:
-    row = f"{keyword}{' %r' * values.shape[1]}\n"
-    return (row * len(values)) % tuple(values.reshape(-1).tolist())
+def _matrix_lines(keyword: str, values: Vector) -> str:
+    """Write a matrix (n, k) as n lines of an OBJ file, each a keyword and k numbers."""
+    line = f"{keyword}{' %r' * values.shape[1]}\n"
+    return (line * len(values)) % tuple(values.reshape(-1).tolist())

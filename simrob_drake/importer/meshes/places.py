@@ -1,10 +1,16 @@
-"""Find the file behind the name of a mesh, and only where meshes may be read from."""
+"""Find the files of a robot's meshes, in the folders from which files may be read.
+
+A URDF names a mesh by a path, or by a URI such as ``package://arms/meshes/link1.stl``. Published robots often name
+meshes wrongly: with the folders of their author, in other capital letters, or with a package that was renamed. The
+search therefore tries the end of such a path in the robot's folders, too. The border is the set of folders from which
+files may be read: the robot's own package and those that the user allows.
+"""
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from os.path import exists, isfile  # which are false for names that no file can have
+from os.path import exists, isfile  # unlike Path's methods, they are false for names that no file can have
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -16,22 +22,48 @@ from simrob_drake.importer.meshes.checks import references
 from simrob_drake.robots.imports import ImportOptions
 
 _NETWORK = ("http", "https", "ftp")
-_ENDS = 12  # how many parts of a path that is wrong at its beginning are tried
+"""Schemes of URIs whose files would have to be downloaded."""
+
+_MOST_TRIED_PARTS = 12
+"""Largest count of folders and names at the end of a wrong path with which files are searched."""
 
 
 class MeshMissing(Exception):
-    """No file is behind a name; the text says what was looked for."""
+    """Raised when no file has the name of a mesh. The text of the error contains the reason."""
 
 
-class Place(NamedTuple):
-    """Where a file lies, without symbolic links; ``note`` is what had to be mended in its name, if anything."""
+class FoundFile(NamedTuple):
+    """A file that was found.
+
+    Attributes:
+        path: its path without symbolic links.
+        note: a sentence for the user if the file has another name than the robot gives; else empty.
+    """
 
     path: Path
     note: str = ""
 
 
-class _Name(NamedTuple):
-    """A name taken apart: in which package it is, and the path from there."""
+class _ExistingFile(NamedTuple):
+    """A file that exists.
+
+    Attributes:
+        path: its path without symbolic links.
+        is_exact: whether its name has the same capital letters as the path that was searched.
+    """
+
+    path: Path
+    is_exact: bool
+
+
+class _ParsedName(NamedTuple):
+    """The components of a mesh's name.
+
+    Attributes:
+        package: name of the package in which the file is; empty if the name contains none.
+        path: the path in the package, or the whole path.
+        scheme: the beginning of a URI, such as ``package`` or ``file``; empty for a plain path.
+    """
 
     package: str
     path: str
@@ -40,160 +72,235 @@ class _Name(NamedTuple):
 
 @dataclass
 class MeshPlaces:
-    """Where the meshes of one robot may lie."""
+    """Finds the mesh files of one robot.
 
-    source: Path  # the URDF, an absolute path
-    mesh_path: tuple[Path, ...] = ()  # further folders that the user allows
-    named_packages: Mapping[str, Path] = field(default_factory=dict)  # folders of packages that the user names
-    _found: dict[str, Place] = field(default_factory=dict, init=False)
+    Attributes:
+        source: absolute path of the robot's URDF.
+        mesh_path: further folders that the user allows.
+        named_packages: folders of packages, by their names, that the user gives.
+        border: the folders from which files may be read.
+    """
+
+    source: Path
+    mesh_path: tuple[Path, ...] = ()
+    named_packages: Mapping[str, Path] = field(default_factory=dict)
+    _found: dict[str, FoundFile] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self.border = Border(self.source, self.mesh_path, self.named_packages)
 
-    def find(self, uri: str) -> Place:
-        """Return the file of a mesh.
+    def find(self, uri: str) -> FoundFile:
+        """Find the file of a mesh.
 
-        Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may hold backslashes, %20 and letters
-        in the wrong case. A path that is not there as a whole is tried by its end: authors leave their own folders in,
-        and rename packages. Raises MeshMissing: it is nowhere; OutsideBorder: it lies outside of the folders that may
-        be read.
+        Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may contain backslashes, ``%20`` and
+        wrong capital letters. If no file has the whole path, files with the end of the path are searched.
+
+        Args:
+            uri: name of the mesh, as it stands in the URDF.
+
+        Raises:
+            MeshMissing: no file has this name.
+            OutsideBorder: the file is outside of the folders from which files may be read.
         """
-        if uri not in self._found:
-            parsed = _named(uri)
-            if parsed.scheme in _NETWORK:
-                raise MeshMissing(
-                    message(
-                        "importer.on_the_network",
-                        "is on the network, where nothing is read from; download it beside the URDF",
-                    )
+        if uri in self._found:
+            return self._found[uri]
+        name = _parse_name(uri)
+        if name.scheme in _NETWORK:
+            raise MeshMissing(
+                message(
+                    "importer.on_the_network",
+                    "is on the network, where nothing is read from; download it beside the URDF",
                 )
-            folder = self.border.package(parsed.package) if parsed.package else self.source.parent
-            exact = [] if folder is None else [folder / parsed.path]
-            self._found[uri] = self._first(uri, parsed, exact, self._by_end(parsed))
+            )
+        folder = self.border.package(name.package) if name.package else self.source.parent
+        exact_paths = [] if folder is None else [folder / name.path]
+        self._found[uri] = self._first_readable(uri, name, exact_paths, self._paths_by_end(name))
         return self._found[uri]
 
     def needed_by(self, path: Path) -> tuple[dict[str, Path], list[str]]:
-        """Return the files that a mesh asks for, such as textures, by its names for them, and the missing names.
+        """Find the files to which a mesh refers, such as material libraries and textures.
 
-        Raises OutsideBorder: one lies outside of the folders that may be read; OSError: the mesh cannot be read.
+        Args:
+            path: the mesh, or a material library.
+
+        Returns:
+            the files by their names in the mesh, and the names of files that are missing.
+
+        Raises:
+            OutsideBorder: a file is outside of the folders from which files may be read.
+            OSError: the mesh cannot be read.
         """
         found: dict[str, Path] = {}
         missing: list[str] = []
         for name in references(path):
-            file = name.rsplit(maxsplit=1)[-1] if re.match(r"-[a-z]", name) else name  # behind options as -s 1 1 1
+            # Options may stand before the file, as in "-s 1 1 1 wood.png".
+            has_options = re.match(r"-[a-z]", name)
+            file_name = name.rsplit(maxsplit=1)[-1] if has_options else name
             try:
-                found[name] = self._near_owner(path, file).path
+                found[name] = self._find_near(path, file_name).path
             except MeshMissing:
                 missing.append(name)
                 continue
-            if path.suffix.lower() == ".obj" != found[name].suffix.lower():  # its libraries name textures
-                inner, lost = self.needed_by(found[name])
-                found |= inner
-                missing += lost
+            # The material libraries of an OBJ refer to textures.
+            is_library = path.suffix.lower() == ".obj" and found[name].suffix.lower() != ".obj"
+            if is_library:
+                textures, missing_textures = self.needed_by(found[name])
+                found |= textures
+                missing += missing_textures
         return found, missing
 
-    def _near_owner(self, owner: Path, name: str) -> Place:
-        parsed = _named(name)
+    def _find_near(self, owner: Path, name: str) -> FoundFile:
+        """Find a file to which a mesh refers: in the folder of the mesh, or in the package that the name contains.
+
+        Args:
+            owner: the mesh.
+            name: name of the file in the mesh.
+
+        Raises:
+            MeshMissing: no file has this name.
+            OutsideBorder: the file is outside of the folders from which files may be read.
+        """
+        parsed = _parse_name(name)
         last = PurePosixPath(parsed.path).name
         if parsed.scheme in _NETWORK or not last:
             raise MeshMissing(message("importer.no_file_beside_mesh", "is no file beside the mesh"))
         if parsed.package:
             return self.find(name)
-        return self._first(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
+        # Authors often leave their own folders in the name; the file itself is delivered with the mesh.
+        return self._first_readable(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
 
-    def _first(self, uri: str, parsed: _Name, exact: Iterable[Path], other: Iterable[Path]) -> Place:
-        """Return the first candidate that is a file and may be read, by its exact name or in another case."""
+    def _first_readable(
+        self,
+        uri: str,
+        name: _ParsedName,
+        exact_paths: Iterable[Path],
+        other_paths: Iterable[Path],
+    ) -> FoundFile:
+        """Find the first path of a file that exists and may be read.
+
+        Args:
+            uri: name of the file, for errors.
+            name: the components of the name.
+            exact_paths: paths that follow from the name.
+            other_paths: paths that are tried afterwards. A file found there gets a note.
+
+        Raises:
+            MeshMissing: there is no such file.
+            OutsideBorder: there are such files, but none may be read.
+        """
+        candidates = [(path, True) for path in exact_paths]
+        candidates += [(path, False) for path in other_paths]
         outside: OutsideBorder | None = None
-        for candidate, right in (*((path, True) for path in exact), *((path, False) for path in other)):
-            path, same = _existing(candidate)
-            if path is None:
+        for candidate, is_from_name in candidates:
+            existing = _existing_file(candidate)
+            if existing is None:
                 continue
             try:
-                self.border.readable(path)
+                self.border.readable(existing.path)
             except OutsideBorder as problem:
                 outside = outside or problem
-            else:
-                root = resolved(self.border.root)
-                shown = path.relative_to(root) if path.is_relative_to(root) else path
-                return Place(
-                    path, "" if right and same else message("importer.found_as", "found as {shown}", shown=shown)
-                )
+                continue
+            if is_from_name and existing.is_exact:
+                return FoundFile(existing.path)
+            shown = self._relative_to_package(existing.path)
+            return FoundFile(existing.path, message("importer.found_as", "found as {shown}", shown=shown))
+
         if outside is not None:
             raise OutsideBorder(
                 message("importer.mesh_outside", "mesh '{uri}': {outside}", uri=shortened(uri), outside=outside)
             )
-        unknown = parsed.package and self.border.package(parsed.package) is None
-        raise MeshMissing(
-            message(
-                "importer.no_such_file",
-                "there is no such file{hint}",
-                hint=compound("; {unknown_package}", unknown_package=unknown_package(parsed.package))
-                if unknown
-                else "",
-            )
-        )
+        hint = ""
+        if name.package and self.border.package(name.package) is None:
+            hint = compound("; {unknown_package}", unknown_package=unknown_package(name.package))
+        raise MeshMissing(message("importer.no_such_file", "there is no such file{hint}", hint=hint))
 
-    def _by_end(self, parsed: _Name) -> Iterator[Path]:
-        """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        path = PurePosixPath(parsed.package, parsed.path)
-        parts = [part for part in path.parts if part not in ("/", "..", ".")][-_ENDS:]
-        for start in range(len(parts)):
-            for folder in dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path)):
-                yield folder.joinpath(*parts[start:])
+    def _relative_to_package(self, path: Path) -> Path:
+        """Shorten a path to the part below the robot's package. A path outside of the package stays."""
+        root = resolved(self.border.root)
+        return path.relative_to(root) if path.is_relative_to(root) else path
+
+    def _paths_by_end(self, name: _ParsedName) -> Iterator[Path]:
+        """Yield paths that end like a name, in the folders of the robot and of the user, the longest end first."""
+        path = PurePosixPath(name.package, name.path)
+        parts = [part for part in path.parts if part not in ("/", "..", ".")]
+        last_parts = parts[-_MOST_TRIED_PARTS:]
+        folders = list(dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path)))
+        for start in range(len(last_parts)):
+            for folder in folders:
+                yield folder.joinpath(*last_parts[start:])
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
-    """Return every file that a robot's meshes are read from, as far as it exists and may be read, in order."""
-    places, found = MeshPlaces(source, options.mesh_path, options.package_folders), dict[Path, None]()
-    for name in dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh")):
+    """Find all files from which a robot's meshes are read, in order. Files that are missing are left out.
+
+    Args:
+        robot: the ``robot`` element.
+        source: absolute path of the robot's URDF.
+        options: options of the import, with the folders that the user allows.
+    """
+    places = MeshPlaces(source, options.mesh_path, options.package_folders)
+    names = dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh"))
+    files: list[Path] = []
+    for name in names:
         try:
             path = places.find(name).path
-            found |= dict.fromkeys((path, *places.needed_by(path)[0].values()))
+            needed, _ = places.needed_by(path)
         except (MeshMissing, OutsideBorder, OSError):
             continue
-    return list(found)
+        files += [path, *needed.values()]
+    return list(dict.fromkeys(files))
 
 
-def _named(uri: str) -> _Name:
+def _parse_name(uri: str) -> _ParsedName:
+    """Take the name of a mesh apart. The drive of a Windows path, such as ``C:``, is left out."""
+    # ROS 1 also knows the form $(find arms)/meshes/link1.stl.
     text = re.sub(r"^\$\(find ([\w.-]+)\)/*", r"package://\1/", uri.strip().replace("\\", "/"))
-    scheme, found, rest = text.partition("://")
+    scheme, separator, rest = text.partition("://")
     scheme = scheme.lower()
-    if not found:
-        return _Name("", re.sub(r"^[A-Za-z]:/", "/", text), "")
+    if not separator:
+        return _ParsedName(package="", path=re.sub(r"^[A-Za-z]:/", "/", text), scheme="")
     if scheme in ("package", "model"):
         package, _, path = rest.partition("/")
-        return _Name(unquote(package), path.lstrip("/"), scheme)
-    return _Name("", re.sub(r"^/[A-Za-z]:/", "/", rest), scheme)
+        return _ParsedName(unquote(package), path.lstrip("/"), scheme)
+    return _ParsedName(package="", path=re.sub(r"^/[A-Za-z]:/", "/", rest), scheme=scheme)
 
 
-def _existing(path: Path) -> tuple[Path | None, bool]:
-    """Return the file with this path, without symbolic links in it, and whether its letters are in the same case."""
-    for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
+def _existing_file(path: Path) -> _ExistingFile | None:
+    """Find a file by its path, also with wrong capital letters or characters written like ``%20``.
+
+    Returns None if there is no such file.
+    """
+    # The unchanged path comes first, because the name of a file may contain %20 itself.
+    for name in dict.fromkeys((str(path), unquote(str(path)))):
         if isfile(Path(name)):
-            return resolved(Path(name)), True
+            return _ExistingFile(resolved(Path(name)), is_exact=True)
         found = in_any_case(Path(name))
         if found is not None:
-            return resolved(found), False
-    return None, False
+            return _ExistingFile(resolved(found), is_exact=False)
+    return None
 
 
 def in_any_case(path: Path) -> Path | None:
-    """Return the file whose path differs in the case of letters only; the first of several in order."""
+    """Find the file whose path equals a given absolute one up to capital letters.
+
+    Returns the first in order if there are several such files, and None if there is none.
+    """
     folder = Path(path.anchor)
     for part in path.parts[1:]:
         exact = folder / part
         if part == ".." or exists(exact):
             folder = exact
             continue
-        close = next((name for name in sorted_entries(folder) if name.lower() == part.lower()), None)
-        if close is None:
+        matching = (name for name in sorted_entries(folder) if name.lower() == part.lower())
+        entry = next(matching, None)
+        if entry is None:
             return None
-        folder = folder / close
+        folder = folder / entry
     return folder if isfile(folder) else None
 
 
 def unknown_package(name: str) -> str:
-    """Say that a package is not found, and how it would be."""
+    """Sentence for a package that is not found, with the option that would give its folder."""
     return message(
         "importer.package_not_found", "package '{name}' is not found, name its folder with --mesh-path DIR", name=name
     )

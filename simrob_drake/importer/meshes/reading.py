@@ -1,4 +1,8 @@
-"""Load a mesh file of any format into plain parts."""
+"""Read mesh files of all formats as :class:`MeshPart`.
+
+The library trimesh parses the files. It may open only those further files that the caller has found and allowed. This
+module converts its scenes: one part for each colour or texture, in the place in which the scene's nodes put it.
+"""
 
 import gc
 import io
@@ -6,6 +10,7 @@ import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -15,90 +20,134 @@ from simrob_drake.base.files import NotRead, TooLarge, content_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.base.messages import message
-from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
+from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, check_mesh, decode
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, decode_texture, face_count, group_by_look
 
-_MOST_FACES = 1_500_000  # more take more than a gigabyte of memory to decimate
-_MOST_SHADED = 200_000  # a mesh with more faces is decimated, which leaves nothing of its normals
+_MOST_FACES = 1_500_000
+"""Meshes with more faces are refused, because their simplification takes more than a gigabyte of memory."""
+
+_MOST_SHADED = 200_000
+"""Meshes with more faces lose their normals, because they are simplified, after which normals do not fit any more."""
+
 _MOST_COLOURS = 16
-"""A mesh with more vertex colours than that gets their mean: each colour is a shape of its own in the simulator."""
+"""A mesh with more colours gets their mean, because each colour is a shape of its own in the simulator."""
+
+_LONGEST_REASON = 120
+"""Largest count of characters of a library's error in a message."""
+
+_LEAST_NORMAL = 1e-6
+"""Least length of a normal that has a direction."""
+
+_LEAST_OPACITY = 0.01
+"""A part with less opacity would be invisible, which is mostly an error of the exporter. It becomes opaque."""
+
+_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+"""Rotation by 90 degrees about x, which turns y to z."""
 
 
 class MeshFile(NamedTuple):
-    """What was read from a file."""
+    """The content of a mesh file.
 
-    parts: list[MeshPart]  # one for each colour or texture, in metres but for what a URDF's scale says
-    data: bytes  # the bytes of the file, if it is an OBJ, which may stay as it is
-    notes: list[str]  # what is worth knowing, in words
+    Attributes:
+        parts: one for each colour or texture, in metres, before the scale of the URDF.
+        data: the bytes of the file if it is an OBJ, which may be copied as it is; else empty.
+        notes: sentences for the user about repairs and about content that is ignored.
+    """
+
+    parts: list[MeshPart]
+    data: bytes
+    notes: list[str]
 
 
 @heard_afterwards()
 def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
-    """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
+    """Read a mesh file.
 
-    COLLADA's unit is applied; its up axis is not, as in ROS, where a URDF's origins are written for that. glTF has Y
-    upwards by definition and is turned, as Drake turns it. Raises UnreadableMesh: it is too large, garbage, or holds no
-    triangles; the text says what.
+    The length unit of a COLLADA file is applied. Its up axis is ignored, as in ROS, where the origins in URDFs are
+    written for that. glTF files are rotated from y up to z up, as Drake does.
+
+    Args:
+        path: the file.
+        others: the files to which the mesh may refer, by their names in it. It cannot open other files.
+
+    Raises:
+        UnreadableMesh: the file is too large or damaged, or contains no triangles.
     """
-    kind = path.suffix.lower()
-    if kind not in MESH_FORMATS:
+    suffix = path.suffix.lower()
+    if suffix not in MESH_FORMATS:
         raise UnreadableMesh(
             message(
                 "importer.unread_format",
                 "is of a format '{kind}' that is not read; {formats} are",
-                kind=kind,
+                kind=suffix,
                 formats=", ".join(MESH_FORMATS),
             )
         )
     data = mesh_content(path)
-    content, notes = checked(data, kind)
+    checked = check_mesh(data, suffix)
+    notes = checked.notes
     try:
-        with _quiet():
-            parts = grouped_by_look(_parts(_loaded(content, kind, others), kind, notes))
+        with _without_output():
+            scene = _load_scene(checked.data, suffix, others)
+            parts = group_by_look(_scene_parts(scene, suffix, notes))
     except UnreadableMesh:
         raise
-    except Exception as problem:  # readers of damaged files raise whatever they like
-        reason = " ".join(str(problem).split())[:120] or type(problem).__name__
+    except Exception as problem:  # for damaged files, libraries raise errors of all classes
+        reason = " ".join(str(problem).split())[:_LONGEST_REASON] or type(problem).__name__
         raise UnreadableMesh(
             message(
                 "importer.not_readable_as",
                 "is not readable as {kind} ({reason})",
-                kind=kind.removeprefix(".").upper(),
+                kind=suffix.removeprefix(".").upper(),
                 reason=reason,
             )
         ) from problem
     if not parts:
         raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
     if face_count(parts) > _MOST_SHADED:
-        gc.collect()  # the objects of mesh libraries hold each other: a quarter of a gigabyte for a million faces
-    return MeshFile(parts, data if kind == ".obj" else b"", notes)
+        # The objects of trimesh refer to each other, so that only the collector frees them: a quarter of a gigabyte
+        # for a million faces.
+        gc.collect()
+    return MeshFile(parts, data if suffix == ".obj" else b"", notes)
 
 
 def mesh_content(path: Path) -> bytes:
-    """Return the bytes of a mesh, or of a file of it; raises UnreadableMesh: it is too large, or cannot be read."""
+    """Read the bytes of a mesh file, or of a file to which it refers.
+
+    Raises:
+        UnreadableMesh: the file is too large or cannot be read.
+    """
     try:
         return content_of(path, LARGEST_FILE)
     except NotRead as problem:
-        hint = (
-            message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
-            if isinstance(problem, TooLarge)
-            else ""
-        )
+        hint = ""
+        if isinstance(problem, TooLarge):
+            hint = message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
         raise UnreadableMesh(
             message("importer.cannot_be_read_hint", "cannot be read ({problem}){hint}", problem=problem, hint=hint)
         ) from problem
 
 
-def _loaded(data: bytes, kind: str, others: Mapping[str, Path]) -> Any:
+def _load_scene(data: bytes, suffix: str, others: Mapping[str, Path]) -> Any:
+    """Parse a mesh file with trimesh.
+
+    Args:
+        data: the bytes of the file.
+        suffix: its format, such as ``.stl``.
+        others: the files to which it may refer, by their names in it.
+
+    Returns:
+        a ``trimesh.Scene``: geometries, and a graph of nodes that place them.
+    """
     import trimesh
 
-    name = kind.removeprefix(".")
-    return trimesh.load_scene(io.BytesIO(data), file_type=name, resolver=_resolver(others), process=False)
+    format_name = suffix.removeprefix(".")
+    return trimesh.load_scene(io.BytesIO(data), file_type=format_name, resolver=_resolver(others), process=False)
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep a mesh library from writing its tracebacks and warnings on the screen: what matters is told by us."""
+def _without_output() -> Iterator[None]:
+    """Suppress the warnings and tracebacks that trimesh prints. The errors that matter are reported by this module."""
     log = logging.getLogger("trimesh")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -111,10 +160,14 @@ def _quiet() -> Iterator[None]:
 
 
 def _resolver(others: Mapping[str, Path]) -> Any:
-    """Return what hands a mesh library the files that it asks for: those that were found and allowed, no other."""
+    """Create the object through which trimesh opens further files. It opens the given ones only.
+
+    Args:
+        others: the files by their names in the mesh.
+    """
     from trimesh.resolvers import Resolver
 
-    class Allowed(Resolver):
+    class AllowedFiles(Resolver):
         def __init__(self) -> None:
             pass
 
@@ -129,37 +182,66 @@ def _resolver(others: Mapping[str, Path]) -> Any:
             if path is None:
                 raise FileNotFoundError(key)
             data = content_of(path, LARGEST_FILE)
-            return decoded(data).encode() if path.suffix.lower() == ".mtl" else data
+            # trimesh expects material libraries in UTF-8.
+            return decode(data).encode() if path.suffix.lower() == ".mtl" else data
 
         def keys(self) -> list[str]:
             return list(others)
 
-    return Allowed()
+    return AllowedFiles()
 
 
-def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
-    """Yield the parts of a scene, each geometry where its nodes place it."""
+class _PlacedMesh(NamedTuple):
+    """A geometry of a scene at one of its places.
+
+    Attributes:
+        matrix: transform from the geometry to the scene, shape (4, 4).
+        mesh: the geometry, a ``trimesh.Trimesh``.
+    """
+
+    matrix: Vector
+    mesh: Any
+
+
+def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart]:
+    """Yield the parts of a scene, in metres and with z up.
+
+    Args:
+        scene: the ``trimesh.Scene``.
+        suffix: format of the file, such as ``.dae``.
+        notes: gets sentences about content that is left out.
+
+    Raises:
+        UnreadableMesh: the scene has too many faces.
+    """
     from trimesh import Trimesh
 
-    nodes = [(scene.graph[node]) for node in scene.graph.nodes_geometry]
-    placed = [(matrix, scene.geometry[name]) for matrix, name in nodes]
-    meshes = [(matrix, mesh) for matrix, mesh in placed if isinstance(mesh, Trimesh) and len(mesh.faces)]
-    if sum(len(mesh.faces) for _, mesh in meshes) > _MOST_FACES:
+    placed_meshes = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        # Scenes may contain curves and points, too.
+        if isinstance(geometry, Trimesh) and len(geometry.faces):
+            placed_meshes.append(_PlacedMesh(matrix, geometry))
+    if sum(len(placed.mesh.faces) for placed in placed_meshes) > _MOST_FACES:
         raise UnreadableMesh(
             message("importer.too_many_faces", "has more than {most} faces; decimate it", most=_MOST_FACES)
         )
-    turn = _Y_UP if kind in (".gltf", ".glb") else np.eye(4)
-    for matrix, mesh in meshes:
-        place = turn @ (np.diag([*[_unit(mesh)] * 3, 1.0]) @ matrix if kind == ".dae" else matrix)
-        if np.isfinite(place).all():
-            yield from (part.moved(place) for part in _looks(mesh, kind, notes))
+
+    to_z_up = _Y_UP if suffix in (".gltf", ".glb") else np.eye(4)
+    for placed in placed_meshes:
+        matrix = placed.matrix
+        if suffix == ".dae":
+            unit = _collada_unit(placed.mesh)
+            matrix = np.diag([unit, unit, unit, 1.0]) @ matrix
+        transform = to_z_up @ matrix
+        if np.isfinite(transform).all():
+            for part in _geometry_parts(placed.mesh, suffix, notes):
+                yield part.transform(transform)
 
 
-_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-
-
-def _unit(mesh: Any) -> float:
-    """Return COLLADA's unit [m]; 1 where it is none."""
+def _collada_unit(mesh: Any) -> float:
+    """Length unit of a COLLADA file [m]. It is 1 if the file has none that is known."""
     from trimesh.units import unit_conversion
 
     try:
@@ -169,10 +251,17 @@ def _unit(mesh: Any) -> float:
     return float(length) if np.isfinite(length) and length > 0 else 1.0
 
 
-def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
-    """Yield the parts of one geometry, each with one colour or texture."""
-    plain = _plain(mesh)
-    lost = np.count_nonzero(~np.isfinite(plain.vertices[plain.faces]).all(axis=(1, 2)))
+def _geometry_parts(mesh: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart]:
+    """Yield the parts of one geometry, each with one colour or texture.
+
+    Args:
+        mesh: the geometry, a ``trimesh.Trimesh``.
+        suffix: format of the file, such as ``.dae``.
+        notes: gets sentences about content that is left out.
+    """
+    bare = _part_without_look(mesh)
+    is_finite = np.isfinite(bare.vertices[bare.faces]).all(axis=(1, 2))
+    lost = np.count_nonzero(~is_finite)
     if lost:
         notes.append(
             message(
@@ -183,69 +272,119 @@ def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
         )
     visual = mesh.visual
     if visual.kind == "texture":
-        yield _textured(plain, mesh, kind)
+        yield _part_with_material(bare, mesh, suffix)
     elif visual.kind in ("vertex", "face") and len(visual.face_colors) == len(mesh.faces):
-        yield from _coloured(plain, visual.face_colors, notes)
+        yield from _split_by_colour(bare, visual.face_colors, notes)
     else:
-        yield plain
+        yield bare
 
 
-def _plain(mesh: Any) -> MeshPart:
-    """Return a geometry without its look; faces that point at no vertex are left out."""
+def _part_without_look(mesh: Any) -> MeshPart:
+    """Convert a geometry, without its colour or texture. Faces with indices of vertices that do not exist are left out.
+
+    The normals of the file are kept if all faces and normals are valid, and the mesh is not so large that it will be
+    simplified.
+    """
     vertices = np.asarray(mesh.vertices, dtype=float).reshape(-1, 3)
     faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    normals = mesh._cache.cache.get("vertex_normals")  # asking the mesh for them would make them up
     part = MeshPart(vertices, faces)
-    inside = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
-    lost = normals is None or np.shape(normals) != vertices.shape or len(faces) > _MOST_SHADED
-    if lost or not inside.all():
-        return part.only(inside)
-    corners = np.asarray(normals, dtype=float)[faces]
-    lengths = np.linalg.norm(corners, axis=-1)
-    good = np.isfinite(corners).all() and bool((lengths > 1e-6).all())
-    return MeshPart(vertices, faces, corners / lengths[..., None]) if good else part
+    is_valid = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
+
+    # The property vertex_normals would compute normals if the file has none. The cache has those of the file only.
+    normals = mesh._cache.cache.get("vertex_normals")
+    has_normals = normals is not None and np.shape(normals) == vertices.shape
+    if not has_normals or len(faces) > _MOST_SHADED or not is_valid.all():
+        return part.only(is_valid)
+
+    corner_normals = np.asarray(normals, dtype=float)[faces]
+    lengths = np.linalg.norm(corner_normals, axis=-1)
+    has_directions = np.isfinite(corner_normals).all() and bool((lengths > _LEAST_NORMAL).all())
+    if not has_directions:
+        return part
+    return MeshPart(vertices, faces, corner_normals / lengths[..., None])
 
 
-def _textured(plain: MeshPart, mesh: Any, kind: str) -> MeshPart:
-    """Return a geometry with its material: a texture where it has one that can be shown, else a colour."""
-    material, uv = mesh.visual.material, mesh.visual.uv
-    image = usable(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
-    colour = np.asarray(material.main_color, dtype=float)[:4] / 255
-    if kind in (".gltf", ".glb"):  # glTF's factors are amounts of light
-        colour[:3] = np.where(colour[:3] <= 0.0031308, 12.92 * colour[:3], 1.055 * colour[:3] ** (1 / 2.4) - 0.055)
-    opacity = getattr(material, "kwargs", {}) or {}
-    try:  # MTL: d is the opacity, Tr is what lacks to it
-        alpha = float(opacity["d"][0]) if "d" in opacity else 1 - float(opacity["tr"][0]) if "tr" in opacity else None
-    except (ValueError, IndexError, TypeError):
-        alpha = None
-    rgba = _rgba([*colour[:3], colour[3] if alpha is None else alpha])
-    if image is not None and uv is not None and len(uv) == len(mesh.vertices) and len(plain.faces) == len(mesh.faces):
-        corners = np.asarray(uv, dtype=float)[plain.faces][..., :2]
+def _part_with_material(bare: MeshPart, mesh: Any, suffix: str) -> MeshPart:
+    """Give a part the material of its geometry: the texture if there is a usable one, else the colour.
+
+    Args:
+        bare: the part without colour and texture.
+        mesh: the geometry, a ``trimesh.Trimesh``.
+        suffix: format of the file, such as ``.glb``.
+    """
+    material = mesh.visual.material
+    uv = mesh.visual.uv
+    image = decode_texture(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
+    # Texture coordinates belong to vertices. They fit only if no face was left out.
+    has_coordinates = uv is not None and len(uv) == len(mesh.vertices) and len(bare.faces) == len(mesh.faces)
+    if image is not None and has_coordinates:
+        corners = np.asarray(uv, dtype=float)[bare.faces][..., :2]
         if np.isfinite(corners).all():
-            return MeshPart(plain.vertices, plain.faces, plain.normals, corners, image=image)
-    return MeshPart(plain.vertices, plain.faces, plain.normals, rgba=rgba)
+            return replace(bare, uv=corners, image=image)
+    return replace(bare, rgba=_material_colour(material, suffix))
 
 
-def _coloured(plain: MeshPart, colours: Any, notes: list[str]) -> Iterator[MeshPart]:
-    """Yield a part for each colour of the faces, or one with their mean where they are many."""
-    if len(plain.faces) != len(colours):
-        yield plain
+def _material_colour(material: Any, suffix: str) -> Rgba:
+    """Read the colour and the opacity of a material.
+
+    Args:
+        material: the material of trimesh.
+        suffix: format of the file, such as ``.glb``.
+    """
+    colour = np.asarray(material.main_color, dtype=float)[:4] / 255
+    if suffix in (".gltf", ".glb"):
+        # The colours of glTF are linear in the amount of light. The equation converts them to sRGB (IEC 61966-2-1):
+        # 12.92 c for c <= 0.0031308, and 1.055 c^(1/2.4) - 0.055 above.
+        linear = colour[:3]
+        colour[:3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    opacity = _mtl_opacity(material)
+    return _rgba([*colour[:3], colour[3] if opacity is None else opacity])
+
+
+def _mtl_opacity(material: Any) -> float | None:
+    """Read the opacity of a material of an OBJ file. Returns None if it has none, or one that is no number."""
+    entries = getattr(material, "kwargs", {}) or {}
+    try:
+        if "d" in entries:
+            return float(entries["d"][0])
+        if "tr" in entries:
+            return 1 - float(entries["tr"][0])  # Tr is the transparency
+    except (ValueError, IndexError, TypeError):
+        return None
+    return None
+
+
+def _split_by_colour(bare: MeshPart, colours: Any, notes: list[str]) -> Iterator[MeshPart]:
+    """Yield a part for each colour of the faces, or one with their mean if there are too many colours.
+
+    Args:
+        bare: the part without colour.
+        colours: red, green, blue and opacity of each face, shape (m, 4), from 0 to 255.
+        notes: gets a sentence if the mean is taken.
+    """
+    if len(bare.faces) != len(colours):
+        # Invalid faces were left out, so that it is unknown which colour belongs to which face.
+        yield bare
         return
-    distinct, which = np.unique(np.asarray(colours), axis=0, return_inverse=True)
+    distinct, colour_index = np.unique(np.asarray(colours), axis=0, return_inverse=True)
     if len(distinct) > _MOST_COLOURS:
         notes.append(
             message(
-                "importer.colours_become_mean", "{count} colours of its vertices become their mean", count=len(distinct)
+                "importer.colours_become_mean",
+                "{count} colours of its vertices become their mean",
+                count=len(distinct),
             )
         )
-        distinct, which = np.mean(colours, axis=0, keepdims=True), np.zeros(len(colours), dtype=int)
+        distinct = np.mean(colours, axis=0, keepdims=True)
+        colour_index = np.zeros(len(colours), dtype=int)
     for index, colour in enumerate(distinct):
-        part = plain.only(which.reshape(-1) == index)
-        yield MeshPart(part.vertices, part.faces, part.normals, rgba=_rgba(np.asarray(colour) / 255))
+        part = bare.only(colour_index.reshape(-1) == index)
+        yield replace(part, rgba=_rgba(np.asarray(colour) / 255))
 
 
 def _rgba(colour: Any) -> Rgba:
-    """Return a colour with figures from 0 to 1; one that nobody could see is opaque instead."""
-    values: Vector = np.nan_to_num(np.clip(np.asarray(colour, dtype=float), 0, 1), nan=1.0).round(4)
-    red, green, blue, alpha = values.tolist()
-    return red, green, blue, alpha if alpha > 0.01 else 1.0
+    """Limit the numbers of a colour to 0 to 1, and make an invisible colour opaque."""
+    limited = np.clip(np.asarray(colour, dtype=float), 0, 1)
+    values: Vector = np.nan_to_num(limited, nan=1.0).round(4)
+    red, green, blue, opacity = values.tolist()
+    return red, green, blue, opacity if opacity > _LEAST_OPACITY else 1.0

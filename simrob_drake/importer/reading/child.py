@@ -1,8 +1,11 @@
-"""A process that works for an import on its own: confined by the system, and with nothing but what it asks for.
+"""Run a job of an import in a confined process, for files that compute, such as xacro files.
 
-Both sides talk by lines of JSON. The process gets a job, asks for what it needs, and ends with a result or with what
-is wrong. On Linux Landlock refuses it every file and port (landlock(7)), and a seccomp filter every system call but
-those of memory, time, open files and the end (seccomp(2)); both hold for good.
+The parent starts the process and sends it the job. The process asks the parent for what it needs, such as the texts of
+files, and ends with a result or a problem. Both exchange lines of JSON over the standard input and output.
+
+The process confines itself before it reads the job. On Linux, Landlock refuses it all files and network ports
+(landlock(7)), and a seccomp filter refuses all system calls but those for memory, time, open files and its end
+(seccomp(2)). A process cannot undo either.
 """
 
 import ctypes
@@ -16,65 +19,84 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import IO, Any, cast
+from typing import IO, Any, NamedTuple, cast
 
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.messages import Message, as_data, compound, from_data, join_texts, message, message_of
 from simrob_drake.robots.imports import ImportReport
 
-MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]
-_ENVIRONMENT = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")  # without which some builds of Python do not start
-_SETTINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}  # sets keep one order
+MAX_OUTPUT = 20_000_000
+"""Largest line that the process may send [bytes]."""
+
+_KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")
+"""Environment variables that the process inherits, without which some builds of Python do not start."""
+
+_SETTINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+"""Environment variables of the process: no threads, and the same order of sets in each run."""
+
+_LONGEST_PROBLEM = 400
+"""Largest count of characters of a problem that the process reports."""
 
 Answer = Callable[[str, str], Any]
-"""Returns what the process asks for: of a kind, and about what; None if it may not have it."""
+"""Function of the parent that answers a request of the process. It takes the kind of the request and its subject, such
+as ``("xml", "/robots/arm.xacro")``, and returns a value that JSON can represent."""
 
 
 class ChildFailed(Exception):
-    """The process came to no result; the text says why."""
+    """Raised when the process ends without a result. The text of the error is the reason."""
 
 
 def in_child(
     module: str, job: dict[str, Any], answer: Answer, report: ImportReport, *, seconds: float
 ) -> dict[str, Any]:
-    """Let a module serve a job in a process of its own, and return the result.
+    """Run a job in a process of its own.
 
-    ``answer`` gives what it asks for; it may take so many seconds. Raises ChildFailed: it does not end in time, dies,
-    or says what is wrong with the job.
+    Args:
+        module: name of the module that the process runs. It calls :func:`serve`.
+        job: the job, as values that JSON can represent.
+        answer: function that answers the requests of the process.
+        report: gets an entry if the system cannot confine the process.
+        seconds: longest time for the job [s].
+
+    Returns:
+        the result of the job.
+
+    Raises:
+        ChildFailed: the process does not end in time, crashes, or reports a problem.
     """
-    environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ} | _SETTINGS
+    environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+    environment |= _SETTINGS
     environment["PYTHONPATH"] = os.pathsep.join(folder for folder in sys.path if folder)
     command = [sys.executable, "-P", "-X", "utf8", "-m", module]
     with (
         tempfile.TemporaryFile() as errors,
         subprocess.Popen(
-            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors
+            command,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
         ) as child,
     ):
         timer = threading.Timer(seconds, child.kill)
         timer.start()
         try:
-            end = _exchange(job, answer, child)
+            result = _exchange(job, answer, child)
         finally:
-            in_time = timer.is_alive()
+            is_in_time = timer.is_alive()
             timer.cancel()
             child.kill()
-            with suppress(OSError):  # of what it did not hear any more
+            with suppress(OSError):  # what the process did not read any more
                 cast(IO[bytes], child.stdin).close()
-        if end is None and not in_time:
+        if result is None and not is_in_time:
             raise ChildFailed(message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds))
-        if end is None:
-            errors.seek(0)
-            text = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
-            raise ChildFailed(
-                text[-1]
-                if text
-                else message("importer.its_process_ended", "its process ended with code {code}", code=child.wait())
-            )
-    if "problem" in end:
-        raise ChildFailed(_received(end["problem"]))
-    if end["unconfined"]:
-        missing = join_texts(end["unconfined"], message("base.and", " and "))
+        if result is None:
+            raise ChildFailed(_crash_reason(errors, child))
+
+    if "problem" in result:
+        raise ChildFailed(_read_problem(result["problem"]))
+    if result["unconfined"]:
+        missing = join_texts(result["unconfined"], message("base.and", " and "))
         report.add(
             "read",
             "",
@@ -84,16 +106,29 @@ def in_child(
                 missing=missing,
             ),
         )
-    return end
+    return result
+
+
+def _crash_reason(errors: IO[bytes], child: subprocess.Popen[bytes]) -> str:
+    """Reason why a process ended without a result: the last line of its standard error, or else its exit code."""
+    errors.seek(0)
+    lines = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
+    if lines:
+        return lines[-1]
+    return message("importer.its_process_ended", "its process ended with code {code}", code=child.wait())
 
 
 def _exchange(job: dict[str, Any], answer: Answer, child: subprocess.Popen[bytes]) -> dict[str, Any] | None:
-    """Talk to the process until it ends; return what it says last, None if it ends without a word."""
-    replies, requests = cast(IO[bytes], child.stdout), cast(IO[bytes], child.stdin)
-    text: Any = job
+    """Send the job to the process, and answer its requests until it sends a result or a problem.
+
+    Returns None if the process ends before, or sends anything else than JSON.
+    """
+    replies = cast(IO[bytes], child.stdout)
+    requests = cast(IO[bytes], child.stdin)
+    to_send: Any = job
     try:
         while True:
-            requests.write(json.dumps(text).encode() + b"\n")
+            requests.write(json.dumps(to_send).encode() + b"\n")
             requests.flush()
             line = replies.readline(MAX_OUTPUT)
             if len(line) == MAX_OUTPUT:
@@ -107,23 +142,28 @@ def _exchange(job: dict[str, Any], answer: Answer, child: subprocess.Popen[bytes
             reply = json.loads(line)
             if "ask" not in reply:
                 return dict(reply)
-            text = answer(reply["ask"], reply["about"])
+            to_send = answer(reply["ask"], reply["about"])
     except (OSError, ValueError):
         return None
 
 
 def ask(kind: str, about: str) -> Any:
-    """Return, in the process, what was answered."""
+    """Send a request to the parent, and return its answer. Called in the process.
+
+    Args:
+        kind: kind of the request, which the parent's function knows.
+        about: subject of the request, such as a file.
+    """
     print(json.dumps({"ask": kind, "about": about}), flush=True)
     return json.loads(sys.stdin.readline())
 
 
-def _received(problem: Any) -> str:
+def _read_problem(problem: Any) -> str:
     """Read the problem that the process reported: a message as data, or a text."""
     try:
         return str(from_data(problem))
     except (LookupError, TypeError, ValueError, RecursionError):
-        # The process is confined because it may be deceived: what it says is not trusted.
+        # The file that is read may control the process, so that its reports are not trusted.
         return shortened(str(problem), _LONGEST_PROBLEM)
 
 
@@ -135,15 +175,17 @@ def _in_one_line(problem: Exception) -> str:
     return shortened(" ".join(found.split()), _LONGEST_PROBLEM) or type(problem).__name__
 
 
-_LONGEST_PROBLEM = 400
-"""Largest count of characters of a problem that the process reports."""
-
-
 def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> None:
-    """Serve one job, in the process: confined from now on, with so much processor time."""
+    """Confine this process, read one job, and send its result or its problem. Called in the process.
+
+    Args:
+        work: function that computes the result of a job.
+        seconds: processor time that the process may take [s].
+    """
     missing = confine(seconds)
     try:
-        end = {**work(json.loads(sys.stdin.readline())), "unconfined": missing}
+        job = json.loads(sys.stdin.readline())
+        end = {**work(job), "unconfined": missing}
     except MemoryError:
         too_much = message(
             "importer.takes_too_much_memory",
@@ -159,20 +201,65 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
     print(json.dumps(end), flush=True)
 
 
-MEMORY = 1_000_000_000  # what a confined process may take [bytes]
-_COMPLAINTS = 1_000_000  # bytes that it may write to a file that is open already, as standard errors may be
+MEMORY = 1_000_000_000
+"""Largest memory of a confined process [bytes]."""
 
-_NO_NEW_PRIVILEGES, _SET_SECCOMP, _FILTER_MODE = 38, 22, 2  # of prctl(2)
-_CREATE_RULESET, _RESTRICT_SELF = 444, 446  # the same on every machine
-_FILES = {1: 0x1FFF, 2: 0x3FFF, 3: 0x7FFF, 4: 0x7FFF}  # rights that a version of Landlock knows; later ones 0xFFFF
-_PORTS, _SIGNALS_AND_SOCKETS = 0x3, 0x3  # from the versions 4 and 6 on
-_LOAD, _EQUAL, _RETURN = 0x20, 0x15, 0x06  # BPF: load a word, jump if equal, return
-_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | 1  # the call, or the error EPERM
-_CALLS = {  # by machine: its number for the kernel, and the numbers of
-    # read write close fstat lseek mmap mprotect munmap brk rt_sigaction rt_sigprocmask rt_sigreturn mremap madvise
-    # sched_yield getpid exit futex clock_gettime exit_group getrandom
-    "x86_64": (0xC000003E, (0, 1, 3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 25, 28, 24, 39, 60, 202, 228, 231, 318)),
-    "aarch64": (
+_MOST_WRITTEN = 1_000_000
+"""Largest size to which the process can extend a file that is open already, such as its standard error [bytes]."""
+
+# Options of prctl(2), from linux/prctl.h.
+_PR_SET_NO_NEW_PRIVS = 38
+_PR_SET_SECCOMP = 22
+_SECCOMP_MODE_FILTER = 2
+
+# System calls of Landlock, with the same numbers on all machines.
+_LANDLOCK_CREATE_RULESET = 444
+_LANDLOCK_RESTRICT_SELF = 446
+_LANDLOCK_GET_VERSION = 1  # flag of the first call
+
+_FILE_RIGHTS = {1: 0x1FFF, 2: 0x3FFF, 3: 0x7FFF, 4: 0x7FFF}
+"""Rights to files, as bits, by the version of Landlock that knows them."""
+
+_LATER_FILE_RIGHTS = 0xFFFF
+"""Rights to files in later versions."""
+
+_PORT_RIGHTS = 0x3
+"""Rights to bind and to connect to ports, from version 4 on."""
+
+_SCOPES = 0x3
+"""Signals and abstract sockets of other processes, from version 6 on."""
+
+# Instructions of the kernel's packet filter, from linux/bpf_common.h.
+_BPF_LOAD = 0x20  # load a word of the system call
+_BPF_JUMP_IF_EQUAL = 0x15
+_BPF_RETURN = 0x06
+
+# Results of a seccomp filter.
+_ALLOW = 0x7FFF0000
+_REFUSE = 0x00050000 | 1  # the system call fails with EPERM, which is error 1
+
+# Offsets of words in a system call, from struct seccomp_data [bytes].
+_CALL_NUMBER = 0
+_ARCHITECTURE = 4
+
+
+class _Machine(NamedTuple):
+    """Numbers of the kernel for one processor architecture.
+
+    Attributes:
+        architecture: the kernel's number of the architecture, from linux/audit.h.
+        calls: numbers of the allowed system calls.
+    """
+
+    architecture: int
+    calls: tuple[int, ...]
+
+
+# The allowed calls are, in this order: read, write, close, fstat, lseek, mmap, mprotect, munmap, brk, rt_sigaction,
+# rt_sigprocmask, rt_sigreturn, mremap, madvise, sched_yield, getpid, exit, futex, clock_gettime, exit_group, getrandom.
+_MACHINES = {
+    "x86_64": _Machine(0xC000003E, (0, 1, 3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 25, 28, 24, 39, 60, 202, 228, 231, 318)),
+    "aarch64": _Machine(
         0xC00000B7,
         (63, 64, 57, 80, 62, 222, 226, 215, 214, 134, 135, 139, 216, 233, 124, 172, 93, 98, 113, 94, 278),
     ),
@@ -180,58 +267,109 @@ _CALLS = {  # by machine: its number for the kernel, and the numbers of
 
 
 def confine(seconds: int) -> list[str]:
-    """Confine this process to compute with what is loaded, and read and write what is open; return what was refused."""
-    limits = ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_FSIZE, _COMPLAINTS))
-    for kind, limit in (*limits, (resource.RLIMIT_CORE, 0)):
-        with suppress(ValueError, OSError):  # not every system has each of them
+    """Confine this process for good. It can compute, and read and write the files that are open already.
+
+    Its memory, its processor time and what it writes are limited, and its environment variables are removed.
+
+    Args:
+        seconds: processor time that the process may take [s].
+
+    Returns:
+        names of the protections that the system does not have.
+    """
+    limits = {
+        resource.RLIMIT_AS: MEMORY,
+        resource.RLIMIT_CPU: seconds,
+        resource.RLIMIT_FSIZE: _MOST_WRITTEN,
+        resource.RLIMIT_CORE: 0,
+    }
+    for kind, limit in limits.items():
+        with suppress(ValueError, OSError):  # not all systems have all limits
             resource.setrlimit(kind, (limit, limit))
     os.environ.clear()
     if sys.platform != "linux":
         return ["Landlock", "seccomp"]
+
+    # The filter comes last, because it refuses the calls that set up Landlock.
     system = _system()
-    missing = [] if _shut_files(system) else ["Landlock"]
-    return missing if _filter_calls(system) else [*missing, "seccomp"]
+    missing = []
+    if not _shut_files(system):
+        missing.append("Landlock")
+    if not _filter_calls(system):
+        missing.append("seccomp")
+    return missing
 
 
 def _system() -> ctypes.CDLL:
-    """Return the C library, after this process has waived all privileges that a program could give it."""
+    """Load the C library, and give up new privileges, such as those of a setuid program.
+
+    The kernel lets a process without privileges confine itself only after this.
+    """
     system = ctypes.CDLL(None)
     system.syscall.restype = ctypes.c_long
-    system.prctl(_NO_NEW_PRIVILEGES, *map(ctypes.c_ulong, (1, 0, 0, 0)))  # without this the others refuse
+    arguments = map(ctypes.c_ulong, (1, 0, 0, 0))
+    system.prctl(_PR_SET_NO_NEW_PRIVS, *arguments)
     return system
 
 
 def _shut_files(system: ctypes.CDLL) -> bool:
-    """Let Landlock refuse every file and port, and signals to others; return whether it does."""
-    version = int(system.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), 1))
+    """Refuse this process all files and ports, and signals to other processes, with Landlock.
+
+    Returns whether the system has Landlock and it is active.
+    """
+    version = int(
+        system.syscall(_LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), _LANDLOCK_GET_VERSION),
+    )
     if version < 1:
         return False
-    rights = (_FILES.get(version, 0xFFFF), _PORTS * (version >= 4), _SIGNALS_AND_SOCKETS * (version >= 6))
-    known = rights[: 3 if version >= 6 else 2 if version >= 4 else 1]  # a kernel refuses fields that it does not know
-    ruleset = (ctypes.c_uint64 * len(known))(*known)
-    descriptor = int(system.syscall(_CREATE_RULESET, ctypes.byref(ruleset), ctypes.c_size_t(8 * len(known)), 0))
-    return descriptor >= 0 and int(system.syscall(_RESTRICT_SELF, descriptor, 0)) == 0
+    # The rights that a ruleset contains are refused. A kernel accepts only the fields that its version knows.
+    rights = [_FILE_RIGHTS.get(version, _LATER_FILE_RIGHTS)]
+    if version >= 4:
+        rights.append(_PORT_RIGHTS)
+    if version >= 6:
+        rights.append(_SCOPES)
+    ruleset = (ctypes.c_uint64 * len(rights))(*rights)
+    size = ctypes.c_size_t(ctypes.sizeof(ruleset))
+    descriptor = int(system.syscall(_LANDLOCK_CREATE_RULESET, ctypes.byref(ruleset), size, 0))
+    if descriptor < 0:
+        return False
+    return int(system.syscall(_LANDLOCK_RESTRICT_SELF, descriptor, 0)) == 0
 
 
 class _Step(ctypes.Structure):
-    """One step of a filter's program, ``sock_filter``."""
+    """One instruction of a filter, the kernel's ``sock_filter``. ``yes`` and ``no`` count the steps to skip."""
 
     _fields_ = (("code", ctypes.c_uint16), ("yes", ctypes.c_uint8), ("no", ctypes.c_uint8), ("value", ctypes.c_uint32))
 
 
 class _Program(ctypes.Structure):
-    """A filter's program, ``sock_fprog``."""
+    """A filter, the kernel's ``sock_fprog``."""
 
     _fields_ = (("length", ctypes.c_uint16), ("steps", ctypes.POINTER(_Step)))
 
 
 def _filter_calls(system: ctypes.CDLL) -> bool:
-    """Let the kernel refuse all system calls but a few; return whether it does."""
-    machine, calls = _CALLS.get(platform.machine(), (0, ()))
-    if not calls:
+    """Refuse this process all system calls but a few, with a seccomp filter.
+
+    Returns whether the filter is active. There is none for processors other than x86_64 and aarch64.
+    """
+    machine = _MACHINES.get(platform.machine())
+    if machine is None:
         return False
-    steps = [_Step(_LOAD, 0, 0, 4), _Step(_EQUAL, 1, 0, machine), _Step(_RETURN, 0, 0, _REFUSE), _Step(_LOAD, 0, 0, 0)]
-    steps += [_Step(_EQUAL, len(calls) - place, 0, call) for place, call in enumerate(calls)]
-    steps += [_Step(_RETURN, 0, 0, _REFUSE), _Step(_RETURN, 0, 0, _ALLOW)]
+    # The numbers of calls differ between architectures, so calls of another one are refused.
+    steps = [
+        _Step(_BPF_LOAD, 0, 0, _ARCHITECTURE),
+        _Step(_BPF_JUMP_IF_EQUAL, 1, 0, machine.architecture),
+        _Step(_BPF_RETURN, 0, 0, _REFUSE),
+        _Step(_BPF_LOAD, 0, 0, _CALL_NUMBER),
+    ]
+    # From comparison k of n, a jump over n - k steps leads behind the refusal, to the permission.
+    count = len(machine.calls)
+    for index, call in enumerate(machine.calls):
+        steps.append(_Step(_BPF_JUMP_IF_EQUAL, count - index, 0, call))
+    steps.append(_Step(_BPF_RETURN, 0, 0, _REFUSE))
+    steps.append(_Step(_BPF_RETURN, 0, 0, _ALLOW))
+
     program = _Program(len(steps), (_Step * len(steps))(*steps))
-    return int(system.prctl(_SET_SECCOMP, ctypes.c_ulong(_FILTER_MODE), ctypes.byref(program), 0, 0)) == 0
+    mode = ctypes.c_ulong(_SECCOMP_MODE_FILTER)
+    return int(system.prctl(_PR_SET_SECCOMP, mode, ctypes.byref(program), 0, 0)) == 0

@@ -1,10 +1,13 @@
-"""The expansion of a xacro file, in a process of its own that computes and opens nothing.
+"""Expand a xacro file in a confined process. :mod:`simrob_drake.importer.reading.xacro` starts it.
 
-``python -m simrob_drake.importer.reading.expansion`` talks as :mod:`simrob_drake.importer.reading.child` does: it is
-given a file and its arguments, and asks for each text, each package and each list of files that it needs. The package
-xacro expands macros; all of it that evaluates, opens or looks around is replaced.
+``python -m simrob_drake.importer.reading.expansion`` gets a file and its arguments from its parent, as described in
+:mod:`simrob_drake.importer.reading.child`. It asks the parent for each text, each package and each list of files.
+
+The package xacro expands the macros. Its functions that evaluate expressions, open files or read the environment are
+replaced by those of this module, because it would evaluate expressions as Python code.
 """
 
+import errno
 import importlib
 import math
 import warnings
@@ -21,9 +24,18 @@ from simrob_drake.base.messages import from_data, message
 from simrob_drake.importer.reading.child import ask, serve
 from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
 
-SECONDS = 20  # of processor time that an expansion may take: a xacro can call itself for ever
-_LATE = ("encodings.latin_1", "unicodedata", "xml.dom.expatbuilder")  # modules that are loaded when first needed
+SECONDS = 20
+"""Longest processor time of an expansion [s]. A xacro file can call itself without end."""
+
+_MODULES_LOADED_LATE = ("encodings.latin_1", "unicodedata", "xml.dom.expatbuilder")
+"""Modules that Python would load at their first use, which the confined process cannot do any more."""
+
 _MOST_MESSAGES = 20
+"""Largest count of messages of the file that are reported."""
+
+_LONGEST_MESSAGE = 1000
+"""Largest count of characters of such a message."""
+
 _UNITS = {
     "radians": 1.0,
     "degrees": math.pi / 180,
@@ -32,17 +44,23 @@ _UNITS = {
     "foot": 0.3048,
     "inches": 0.0254,
 }
+"""Factors of units in YAML files, such as ``!degrees 90``, to radians or metres."""
 
 
 class _Loader(yaml.CSafeLoader):
-    """A safe loader that knows xacro's units; dates stay texts."""
+    """Loads YAML files with the units of xacro. Dates stay texts."""
 
 
 class _Expansion:
-    """One expansion, and what it may ask of the process that started it."""
+    """One expansion of a xacro file. Creating it replaces functions of the package xacro in this process.
+
+    Attributes:
+        messages: messages of the file to its user.
+    """
 
     def __init__(self) -> None:
-        self.messages: list[str] = []  # what the file says to its reader
+        self.messages: list[str] = []
+        # Functions of the namespace "xacro" in expressions.
         own = {
             "abs_filename": xacro.abs_filename_spec,
             "arg": lambda name: substitution_args._eval_arg(name, xacro.substitution_args_context["arg"]),
@@ -66,7 +84,17 @@ class _Expansion:
         _Loader.add_constructor("tag:yaml.org,2002:timestamp", lambda _, node: str(node.value))
 
     def run(self, job: dict[str, Any]) -> dict[str, Any]:
-        """Return a job's ``urdf``, of its ``file`` and ``arguments``, and ``messages``; raises whatever xacro does."""
+        """Expand a file.
+
+        Args:
+            job: path of the file under ``file``, and values of its arguments under ``arguments``.
+
+        Returns:
+            the URDF under ``urdf``, and the messages of the file under ``messages``.
+
+        Raises:
+            Exception: the errors of xacro, of many classes.
+        """
         xacro.root_dir = "/"
         try:
             document = xacro.process_file(job["file"], mappings=job["arguments"])
@@ -75,9 +103,11 @@ class _Expansion:
         return {"urdf": document.documentElement.toxml(), "messages": self.messages}
 
     def _document(self, _: None, file: str) -> minidom.Document:
+        """Parse an XML file. Takes the place of ``xacro.parse``, whose first argument is never used here."""
         try:
             document = minidom.parseString(_ask("xml", file))
         except OSError as problem:
+            # xacro has put the file on its stack before, and would report it as the place of the error.
             xacro.filestack.pop()
             raise xacro.XacroException(exc=problem) from problem
         if document.doctype is not None:
@@ -91,10 +121,11 @@ class _Expansion:
         return document
 
     def _with_unit(self, loader: _Loader, node: yaml.ScalarNode, *, factor: float) -> float:
+        """Convert a YAML value with a unit to radians or metres."""
         return float(evaluate(loader.construct_scalar(node), self._symbols)) * factor
 
     def _eval(self, text: str, context: dict[str, Any]) -> str:
-        """Return the value of ``$(eval ...)``, in which arguments are names."""
+        """Evaluate ``$(eval ...)``, in which the names of arguments stand for their values."""
         arguments = {key: substitution_args.convert_value(value, "auto") for key, value in context["arg"].items()}
         functions = {
             "arg": Function("arg", arguments.__getitem__),
@@ -106,12 +137,14 @@ class _Expansion:
         return str(evaluate(text, names))
 
     def _say(self, *words: Any, **_: Any) -> str:
+        """Keep a message of the file. Returns the empty value of the expression."""
         if len(self.messages) < _MOST_MESSAGES:
-            self.messages.append(" ".join(map(str, words))[:1000])
+            self.messages.append(" ".join(map(str, words))[:_LONGEST_MESSAGE])
         return ""
 
 
 def _environment(name: str) -> str:
+    """Refuse to read an environment variable, which may contain a secret of the user."""
     return _refuse(
         message(
             "importer.environment_variable",
@@ -126,17 +159,26 @@ def _refuse(why: str) -> NoReturn:
 
 
 def _ask(kind: str, about: str) -> Any:
-    """Return the text of a file, the files that a pattern names, or the folder of a package, as it was answered."""
+    """Ask the parent for the text of a file, the files that fit a pattern, or the folder of a package.
+
+    Args:
+        kind: ``xml``, ``yaml``, ``files`` or ``package``.
+        about: the path, the pattern or the name.
+
+    Raises:
+        FileNotFoundError: the file does not exist.
+        LookupError: it may not or cannot be read.
+    """
     answer = ask(kind, about)
     if "missing" in answer:
-        raise FileNotFoundError(2, answer["missing"], about)
+        raise FileNotFoundError(errno.ENOENT, answer["missing"], about)
     if "refused" in answer:
         raise LookupError(from_data(answer["refused"]))
     return answer["found"]
 
 
 def _cause(problem: Exception) -> Exception:
-    """Return an error of xacro, or what lies behind it where xacro only repeats that."""
+    """Find the first cause of an error of xacro, or return the error itself if xacro adds information to the cause."""
     cause: Any = problem
     while getattr(cause, "exc", None) is not None:
         cause = cause.exc
@@ -144,7 +186,7 @@ def _cause(problem: Exception) -> Exception:
 
 
 if __name__ == "__main__":
-    for name in _LATE:
+    for name in _MODULES_LOADED_LATE:
         importlib.import_module(name)
-    warnings.simplefilter("ignore")  # to show one, modules would be loaded
+    warnings.simplefilter("ignore")  # Python would load modules to show a warning
     serve(_Expansion().run, SECONDS)

@@ -1,4 +1,8 @@
-"""From a file to its ``robot`` element: tolerant of what people write, but never of what could harm."""
+"""Read the ``robot`` element of a robot's file, in any of the supported formats.
+
+A URDF contains this element. A xacro file is expanded to a URDF, an SDF file is converted, and files of other formats
+are converted by extensions. Namespaces of other programs are left out.
+"""
 
 import re
 import xml.etree.ElementTree as ET
@@ -9,60 +13,82 @@ from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
-from simrob_drake.importer.reading.xacro import XACRO, expanded
+from simrob_drake.importer.reading.xacro import XACRO, expand_xacro
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
 from simrob_drake.importer.sdf.reading import read_sdf
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE
 
-_HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
+_HIDDEN_TAG = re.compile(
+    r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>"
+)
+"""An element of a URDF in the text of a comment."""
 
 
 def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
-    """Return the ``robot`` element of a URDF or xacro file, with every change noted in the report.
+    """Read the ``robot`` element of a robot's file.
 
-    Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay. Raises
-    InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
+    Elements and attributes of namespaces other than Drake's are left out, because no simulation uses them.
+
+    Args:
+        path: the file.
+        report: gets an entry for each change.
+        options: options of the import, such as the arguments of a xacro file; None for the defaults.
+
+    Raises:
+        InvalidModel: the file cannot be read, is too large, is no XML, declares entities, or contains no robot.
     """
+    options = options or ImportOptions()
     text = xml_text(path, report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
-        text = expanded(path, text, options or ImportOptions(), report)
+        text = expand_xacro(path, text, options, report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
             raise report.refusal("", message("importer.still_xacro", "still holds xacro elements after its expansion"))
         report.add("read", "", message("importer.xacro_expanded", "xacro, expanded"))
     if robot.tag == "sdf":
-        return read_sdf(robot, path.absolute(), options or ImportOptions(), report)
+        return read_sdf(robot, path.absolute(), options, report)
     if robot.tag != "robot":
         importer = _importer_of(robot.tag, report)
-        if importer is not None:
-            return importer.robot_element(robot, path.absolute(), options or ImportOptions(), report)
-        kind = read_yaml(Path(__file__).with_name("other_formats.yaml")).get(robot.tag)
-        sentence = (
-            message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
-            if kind
-            else message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
-        )
-        raise report.refusal(f"<{robot.tag}>", sentence)
-    hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]
-    if hiding:
-        counts = Counter(tag for tags in hiding for tag in tags)
-        listed = join_texts(
-            (compound("{count} <{tag}>", count=count, tag=tag) for tag, count in counts.most_common()), ", "
-        )
-        report.add(
-            "read",
-            "",
-            message(
-                "importer.comments_hide",
-                "{count} comment(s) hide elements ({elements}); they are ignored",
-                count=len(hiding),
-                elements=listed,
-            ),
-        )
-    _drop_foreign(robot, report)
+        if importer is None:
+            raise report.refusal(f"<{robot.tag}>", _wrong_element(robot.tag))
+        return importer.robot_element(robot, path.absolute(), options, report)
+    _report_hidden_elements(comments, report)
+    _remove_foreign_names(robot, report)
     return robot
+
+
+def _wrong_element(tag: str) -> str:
+    """Sentence about a file whose outermost element is not ``robot``, with its format if that is known."""
+    formats = read_yaml(Path(__file__).with_name("other_formats.yaml"))
+    kind = formats.get(tag)
+    if kind:
+        return message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
+    return message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
+
+
+def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
+    """Report elements in comments, because a user may not expect that they are ignored."""
+    hiding_count = 0
+    tag_counts: Counter[str] = Counter()
+    for comment in comments:
+        tags = _HIDDEN_TAG.findall(comment)
+        tag_counts.update(tags)
+        hiding_count += bool(tags)
+    if not hiding_count:
+        return
+    listed = (compound("{count} <{tag}>", count=count, tag=tag) for tag, count in tag_counts.most_common())
+    report.add(
+        "read",
+        "",
+        message(
+            "importer.comments_hide",
+            "{count} comment(s) hide elements ({elements}); they are ignored",
+            count=hiding_count,
+            elements=join_texts(listed, ", "),
+        ),
+    )
 
 
 def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
@@ -85,25 +111,36 @@ def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
 
 
 def _is_xacro(robot: ET.Element, path: Path) -> bool:
-    """Whether there is something to expand: a declared but unused prefix ``xacro:`` is not."""
-    named = [robot.tag, *(name for element in robot.iter() for name in (element.tag, *element.attrib))]
-    if any(name.startswith(XACRO) for name in named):
-        return True
-    signs = ("$(", "${") if path.suffix.lower() == ".xacro" else ("$(",)  # packages are named in plain URDFs, too
-    values = [value for element in robot.iter() for value in element.attrib.values()]
-    return any(sign in value for sign in signs for value in values)
+    """Whether a file contains anything that xacro expands. A declared prefix that is not used does not count.
+
+    Args:
+        robot: outermost element of the file.
+        path: the file.
+    """
+    # In plain URDFs, $(find PACKAGE) is common in names of meshes, and counts, too. ${...} counts in xacro files only.
+    signs = ("$(", "${") if path.suffix.lower() == ".xacro" else ("$(",)
+    for element in robot.iter():
+        names = (element.tag, *element.attrib)
+        if any(name.startswith(XACRO) for name in names):
+            return True
+        if any(sign in value for value in element.attrib.values() for sign in signs):
+            return True
+    return False
 
 
-def _drop_foreign(robot: ET.Element, report: ImportReport) -> None:
-    """Leave out what has a prefix other than Drake's, told once a name."""
+def _remove_foreign_names(robot: ET.Element, report: ImportReport) -> None:
+    """Remove elements and attributes with a prefix other than Drake's, with one entry in the report for each name."""
     counts: Counter[str] = Counter()
     for element in robot.iter():
-        for name in [name for name in element.attrib if _is_foreign(name)]:
-            del element.attrib[name]
-            counts[message("importer.attribute_called", "attribute {name}", name=name)] += 1
-        for child in [child for child in element if _is_foreign(child.tag)]:
-            element.remove(child)
-            counts[f"<{child.tag}>"] += 1
+        # Lists, because the names and elements are removed while they are visited.
+        for name in list(element.attrib):
+            if _is_foreign(name):
+                del element.attrib[name]
+                counts[message("importer.attribute_called", "attribute {name}", name=name)] += 1
+        for child in list(element):
+            if _is_foreign(child.tag):
+                element.remove(child)
+                counts[f"<{child.tag}>"] += 1
     for name, count in counts.items():
         report.add(
             "dropped",
@@ -113,4 +150,6 @@ def _drop_foreign(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _is_foreign(name: str) -> bool:
-    return (":" in name or name.startswith("{")) and not name.startswith(DRAKE)
+    """Whether the name of an element or attribute belongs to a namespace other than Drake's."""
+    has_namespace = ":" in name or name.startswith("{")
+    return has_namespace and not name.startswith(DRAKE)

@@ -1,15 +1,18 @@
-"""From an XML file to its elements: whatever encoding it has, without entities and without depth that could harm.
+"""Parse XML files of robots, also those with small errors that other readers accept.
 
-Namespaces are read as people write them: a prefix that is declared nowhere is no error. Names with a prefix stay as
-they are written, ``gazebo:plugin``; but Drake's get its namespace, however they are declared, and xacro's get
-``xacro:``.
+Text is decoded by its byte order mark, its declaration, or else by trial. Entities and deep nesting are refused,
+because a short file could fill the memory with them.
+
+A prefix that is declared nowhere is no error. Names keep their prefix, as in ``gazebo:plugin``, with two exceptions:
+names of Drake get the namespace of Drake in braces, and names of xacro get the prefix ``xacro:``, whichever prefix the
+file declares for these namespaces.
 """
 
 import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
-from os.path import exists, isdir  # which are false for names that no file can have
+from os.path import exists, isdir  # unlike Path's methods, they are false for names that no file can have
 from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
@@ -19,35 +22,129 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
-MAX_DEPTH = 60  # of elements in elements; a URDF has six levels
+MAX_DEPTH = 60
+"""Largest depth of nested elements. A URDF has six levels."""
 
-_BEFORE_DECLARATION = r"(?>\s+|<!--.*?-->)"  # what may not, but often does, stand there: a licence, blanks
+_BEFORE_DECLARATION = r"(?>\s+|<!--.*?-->)"
+"""White space or a comment, such as a licence. XML forbids both before the declaration, but they are common there."""
+
 _LATE_DECLARATION = re.compile(_BEFORE_DECLARATION + r"++(<\?xml\b.*?\?>)", re.DOTALL)
+"""A declaration that does not stand at the beginning of the file."""
 
-_DRAKE_PREFIX, _XACRO_PREFIX = "drake", "xacro"
-_MARKS = (  # the longer ones first: that of UTF-32 begins with that of UTF-16
+_DECLARED_ENCODING = re.compile(
+    _BEFORE_DECLARATION.encode() + rb"""*+<\?xml[^>]*\sencoding\s*=\s*["']([\w.:-]+)["']""", re.DOTALL
+)
+_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
+
+_DRAKE_PREFIX = "drake"
+_XACRO_PREFIX = "xacro"
+
+# The longer marks come first, because the mark of UTF-32-LE begins with that of UTF-16-LE.
+_ENCODING_OF_MARK = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
     (codecs.BOM_UTF32_BE, "utf-32-be"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-_DECLARED = re.compile(
-    _BEFORE_DECLARATION.encode() + rb"""*+<\?xml[^>]*\sencoding\s*=\s*["']([\w.:-]+)["']""", re.DOTALL
-)
-_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
+
 _Content = TypeVar("_Content")
 
 
 def xml_element(path: Path, report: ImportReport) -> ET.Element:
-    """Return a file's outermost element; raises InvalidModel: unreadable, too large, no XML, or declares entities."""
+    """Parse an XML file, and return its outermost element.
+
+    Args:
+        path: the file.
+        report: gets an entry for each repair.
+
+    Raises:
+        InvalidModel: the file cannot be read, is too large, is no XML, or declares entities.
+    """
     return parse_tree(xml_text(path, report), report)[0]
 
 
 def xml_text(path: Path, report: ImportReport) -> str:
-    """Return a file's text; the report tells what was mended; raises InvalidModel: unreadable, too large, no text."""
-    content = _content(path, report)
-    for mark, encoding in _MARKS:
+    """Read the text of an XML file, and repair small errors in it.
+
+    Args:
+        path: the file.
+        report: gets an entry for each repair.
+
+    Raises:
+        InvalidModel: the file cannot be read, is too large, or is no text.
+    """
+    text = _decode(_file_content(path, report), report)
+    if "\0" in text:
+        raise report.refusal("", message("importer.is_binary", "is a binary file, not the text of a URDF"))
+    if not text.strip():
+        raise report.refusal("", message("importer.is_empty", "is empty"))
+    if text.count("<") > MOST_TAGS:
+        raise report.refusal("", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
+    return _repair_comments(_remove_late_declaration(text, report), report)
+
+
+def read_included(read: Callable[[Path, ImportReport], _Content], path: Path, report: ImportReport) -> _Content:
+    """Read a file that another file includes.
+
+    Args:
+        read: function that reads a file and reports its repairs.
+        path: the included file.
+        report: report of the including file. Entries about the included file get its name.
+    """
+    own_report = ImportReport(path)
+    content = read(path, own_report)
+    for entry in own_report.entries:
+        report.add(entry.kind, path.name, entry.text)
+    return content
+
+
+def _remove_late_declaration(text: str, report: ImportReport) -> str:
+    """Remove an XML declaration that does not stand at the beginning. The numbers of lines stay the same."""
+    late = _LATE_DECLARATION.match(text)
+    if not late:
+        return text
+    report.add(
+        "repaired",
+        "",
+        message("importer.xml_line_misplaced", "<?xml ...?> is not at the beginning, as it must be; left out"),
+    )
+    return text[: late.start(1)] + text[late.end(1) :]
+
+
+def _repair_comments(text: str, report: ImportReport) -> str:
+    """Replace the dashes in comments by spaces if a comment contains ``--``. The numbers of lines stay the same."""
+    # After the last end of a comment, the search from each beginning would run to the end of the text in vain. A file
+    # with many beginnings would take very long.
+    end = text.rfind("-->") + 3
+    bad_count = 0
+    for comment in _COMMENT.findall(text, 0, end):
+        if "--" in comment or comment.endswith("-"):
+            bad_count += 1
+    if not bad_count:
+        return text
+    report.add(
+        "repaired",
+        "",
+        message(
+            "importer.comments_with_dashes", "{count} comment(s) hold --, which XML forbids; mended", count=bad_count
+        ),
+    )
+    repaired = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end])
+    return repaired + text[end:]
+
+
+def _decode(content: bytes, report: ImportReport) -> str:
+    """Decode the content of an XML file: by its byte order mark, or by its declared encoding, or by trial.
+
+    Args:
+        content: the bytes of the file.
+        report: gets an entry if there is a mark, or if the text is not in the declared encoding.
+
+    Raises:
+        InvalidModel: the content is no text of the encoding that its mark stands for.
+    """
+    for mark, encoding in _ENCODING_OF_MARK:
         if content.startswith(mark):
             report.add(
                 "repaired",
@@ -58,78 +155,48 @@ def xml_text(path: Path, report: ImportReport) -> str:
                     encoding=encoding.upper(),
                 ),
             )
-            text = _decoded(content.removeprefix(mark), (encoding,), report)
-            break
-    else:
-        declared = _DECLARED.match(content)
-        name = declared.group(1).decode("ascii") if declared else "utf-8"
-        text = _decoded(content, (name, "utf-8", "cp1252", "latin-1"), report)
-    if "\0" in text:
-        raise report.refusal("", message("importer.is_binary", "is a binary file, not the text of a URDF"))
-    if not text.strip():
-        raise report.refusal("", message("importer.is_empty", "is empty"))
-    if text.count("<") > MOST_TAGS:
-        raise report.refusal("", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
-    return _well_formed(text, report)
+            return _decode_by_trial(content.removeprefix(mark), (encoding,), report)
+    declaration = _DECLARED_ENCODING.match(content)
+    declared = declaration.group(1).decode("ascii") if declaration else "utf-8"
+    # Latin-1 comes last, because it accepts all bytes.
+    return _decode_by_trial(content, (declared, "utf-8", "cp1252", "latin-1"), report)
 
 
-def included(read: Callable[[Path, ImportReport], _Content], path: Path, report: ImportReport) -> _Content:
-    """Return what is read from a file that another one names; what was mended is told under its name."""
-    own = ImportReport(path)
-    content = read(path, own)
-    for entry in own.entries:
-        report.add(entry.kind, path.name, entry.text)
-    return content
+def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportReport) -> str:
+    """Decode bytes in the first of some encodings that fits. It is reported if that is not the very first.
 
-
-def _well_formed(text: str, report: ImportReport) -> str:
-    """Mend what XML forbids and most readers of URDFs do not mind; no line changes its number."""
-    late = _LATE_DECLARATION.match(text)
-    if late:
-        text = text[: late.start(1)] + text[late.end(1) :]
-        report.add(
-            "repaired",
-            "",
-            message("importer.xml_line_misplaced", "<?xml ...?> is not at the beginning, as it must be; left out"),
-        )
-    end = text.rfind("-->") + 3  # beyond, each comment would be searched for an end that is not there
-    bad = [comment for comment in _COMMENT.findall(text, 0, end) if "--" in comment or comment.endswith("-")]
-    if bad:
-        text = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end]) + text[end:]
-        report.add(
-            "repaired",
-            "",
-            message(
-                "importer.comments_with_dashes", "{count} comment(s) hold --, which XML forbids; mended", count=len(bad)
-            ),
-        )
-    return text
-
-
-def _decoded(content: bytes, encodings: tuple[str, ...], report: ImportReport) -> str:
+    Raises:
+        InvalidModel: no encoding fits.
+    """
+    expected = encodings[0]
     for encoding in encodings:
         try:
             text = content.decode(encoding)
-        except (LookupError, ValueError):  # an encoding that Python does not know, or that the file does not keep to
+        except (LookupError, ValueError):  # the encoding is unknown to Python, or does not fit
             continue
-        if encoding != encodings[0]:
+        if encoding != expected:
             report.add(
                 "repaired",
                 "",
                 message(
                     "importer.other_encoding",
                     "is not {declared}, as it says or should be; read as {encoding}",
-                    declared=encodings[0],
+                    declared=expected,
                     encoding=encoding,
                 ),
             )
         return text
     raise report.refusal(
-        "", message("importer.no_text_of_encoding", "cannot be read as {encoding} text", encoding=encodings[0].upper())
+        "", message("importer.no_text_of_encoding", "cannot be read as {encoding} text", encoding=expected.upper())
     )
 
 
-def _content(path: Path, report: ImportReport) -> bytes:
+def _file_content(path: Path, report: ImportReport) -> bytes:
+    """Read the bytes of a file.
+
+    Raises:
+        InvalidModel: the file does not exist, is a folder, is too large, or cannot be read.
+    """
     if isdir(path):
         raise report.refusal("", message("importer.is_a_folder", "is a folder; name the URDF file in it"))
     if not exists(path):
@@ -143,18 +210,37 @@ def _content(path: Path, report: ImportReport) -> bytes:
 
 
 def parse_tree(text: str, report: ImportReport) -> tuple[ET.Element, list[str]]:
-    """Return a text's outermost element and comments; raises InvalidModel: no XML, a doctype, or nested too deep."""
-    return _Reader(report).read(text)
+    """Parse XML.
+
+    Args:
+        text: the XML.
+        report: report of the import, which makes the errors.
+
+    Returns:
+        the outermost element, and the texts of all comments.
+
+    Raises:
+        InvalidModel: the text is no XML, has a document type, or nests elements too deep.
+    """
+    return _Parser(report).parse(text)
 
 
-class _Reader:
+class _Parser:
+    """Parses one XML text, with the rules for prefixes of this module.
+
+    Python's own parser of elements cannot be used: it refuses prefixes that are not declared.
+    """
+
     def __init__(self, report: ImportReport) -> None:
         self._report = report
         self._comments: list[str] = []
         self._builder = ET.TreeBuilder()
+        # For each open element, the known prefix ("drake", "xacro" or "") that stands for each prefix of the file. The
+        # first entry holds outside of all elements.
         self._prefixes: list[Mapping[str, str]] = [{_DRAKE_PREFIX: _DRAKE_PREFIX, _XACRO_PREFIX: _XACRO_PREFIX}]
 
-    def read(self, text: str) -> tuple[ET.Element, list[str]]:
+    def parse(self, text: str) -> tuple[ET.Element, list[str]]:
+        """Parse the text. See :func:`parse_tree`."""
         parser = expat.ParserCreate()
         parser.buffer_text = True
         parser.StartElementHandler = self._start
@@ -177,16 +263,22 @@ class _Reader:
                     column=problem.offset + 1,
                 ),
             ) from problem
-        except ValueError as problem:  # characters that no XML can hold, such as lone surrogates
+        except ValueError as problem:  # characters that XML cannot contain, such as single surrogates
             raise self._report.refusal(
                 "", message("robots.not_xml", "is not XML: {problem}", problem=problem)
             ) from problem
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        declared = {
-            name.removeprefix("xmlns:"): _kind(uri) for name, uri in attributes.items() if name.startswith("xmlns:")
-        }
-        self._prefixes.append({**self._prefixes[-1], **declared} if declared else self._prefixes[-1])
+        """Begin an element: read the prefixes that it declares, and keep its other attributes."""
+        prefixes = dict(self._prefixes[-1])
+        kept_attributes = {}
+        for name, value in attributes.items():
+            if name.startswith("xmlns:"):
+                prefixes[name.removeprefix("xmlns:")] = _known_prefix(value)
+            elif not name.startswith("xmlns"):
+                kept_attributes[name] = value
+        self._prefixes.append(prefixes)
+
         if len(self._prefixes) > MAX_DEPTH:
             raise self._report.refusal(
                 "",
@@ -196,23 +288,27 @@ class _Reader:
                     depth=MAX_DEPTH,
                 ),
             )
-        kept = {self._full(name): value for name, value in attributes.items() if not name.startswith("xmlns")}
-        self._builder.start(self._full(tag), kept)
+        # The prefixes of this element apply to its own names, too, so they are replaced only now.
+        full_attributes = {self._full_name(name): value for name, value in kept_attributes.items()}
+        self._builder.start(self._full_name(tag), full_attributes)
 
     def _end(self, tag: str) -> None:
-        self._builder.end(self._full(tag))
+        """End an element."""
+        self._builder.end(self._full_name(tag))
         self._prefixes.pop()
 
-    def _full(self, name: str) -> str:
+    def _full_name(self, name: str) -> str:
+        """Replace the prefix of a name of Drake by the namespace, and that of a name of xacro by ``xacro:``."""
         prefix, colon, rest = name.partition(":")
         if not colon:
             return name
-        kind = self._prefixes[-1].get(prefix, "")
-        if _DRAKE_PREFIX in (prefix, kind):
+        known = self._prefixes[-1].get(prefix, "")
+        if _DRAKE_PREFIX in (prefix, known):
             return DRAKE + rest
-        return f"{_XACRO_PREFIX}:{rest}" if kind == _XACRO_PREFIX else name
+        return f"{_XACRO_PREFIX}:{rest}" if known == _XACRO_PREFIX else name
 
     def _refuse_doctype(self, *_: object) -> None:
+        """Refuse a document type, in which entities could be defined that expand to a huge text."""
         raise self._report.refusal(
             "",
             message(
@@ -222,8 +318,8 @@ class _Reader:
         )
 
 
-def _kind(uri: str) -> str:
-    """Return which of the prefixes that matter a namespace stands for; empty for the others."""
+def _known_prefix(uri: str) -> str:
+    """Prefix of a namespace: ``drake`` or ``xacro``, or empty for other namespaces."""
     if uri == DRAKE.strip("{}"):
         return _DRAKE_PREFIX
     return _XACRO_PREFIX if "xacro" in uri else ""

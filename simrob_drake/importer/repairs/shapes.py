@@ -18,7 +18,7 @@ from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, combine_without_look, points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.robots.imports import ImportOptions, ImportReport
@@ -117,8 +117,11 @@ class _Shapes:
                 self._next(link, "visual")
         else:
             loaded = self._library.load(uri, scale)
-            drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
-            self._shown[key] = loaded.remembered(), drawn
+            drawn = [
+                self._file(link, loaded, part)
+                for part in ([combine_without_look(loaded.parts)] if bare else loaded.parts)
+            ]
+            self._shown[key] = loaded.without_content(), drawn
         note = self._library.places.find(uri).note
         notes = (
             [message("importer.visual_for_each_colour", "{count} colours, a <visual> for each", count=len(drawn))]
@@ -263,7 +266,7 @@ class _Shapes:
             )
         stem = self._next(link, "collision")  # only now that nothing can fail: the next import counts the same
         name = self._writer.write(part, role="collision", stem=stem, original=original)
-        self._hulls[key] = loaded.remembered(), name, change
+        self._hulls[key] = loaded.without_content(), name, change
         return loaded, name, change
 
 

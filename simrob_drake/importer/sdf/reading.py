@@ -12,7 +12,7 @@ from simrob_drake.base.errors import one_of, shortened
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
-from simrob_drake.importer.reading.xml_file import included, xml_element
+from simrob_drake.importer.reading.xml_file import read_included, xml_element
 from simrob_drake.importer.sdf.frames import MODEL, version_of
 from simrob_drake.importer.sdf.robot import RobotWriter, moves
 from simrob_drake.robots.imports import ImportOptions, ImportReport
@@ -138,7 +138,7 @@ class _Includes:
     def _model(self, uri: str) -> ET.Element:
         """Return the model at a URI, whose meshes are named as the main file has to."""
         path, base = self._file(uri)
-        model = included(xml_element, path, self.report).find("model")
+        model = read_included(xml_element, path, self.report).find("model")
         if model is None:
             raise MeshMissing(message("importer.file_without_model", "{path} holds no model", path=path.name))
         for name in model.iter("uri"):

@@ -21,11 +21,11 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.extensions.mujoco.mjcf.bodies import robot_from_model
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
-from simrob_drake.importer.meshes.parts import mean_colour, usable
+from simrob_drake.importer.meshes.parts import decode_texture, mean_colour
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content
 from simrob_drake.importer.reading.child import ChildFailed, in_child
-from simrob_drake.importer.reading.xml_file import included, xml_element
+from simrob_drake.importer.reading.xml_file import read_included, xml_element
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, format_numbers
 from simrob_drake.robots.urdf_check import numbers_in
@@ -134,7 +134,7 @@ class _Source:
             path = self.places.find(name).path
         except (MeshMissing, OutsideBorder) as problem:
             raise self.report.refusal(where, str(problem)) from problem
-        return included(xml_element, path, self.report)
+        return read_included(xml_element, path, self.report)
 
     def take_file_names(self) -> dict[str, str]:
         """Take the names of all files out of the text, and return those of meshes by the meshes' names."""
@@ -182,7 +182,7 @@ class _Source:
         from PIL import Image
 
         try:
-            image = usable(Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE))))
+            image = decode_texture(Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE))))
         except (MeshMissing, OutsideBorder, OSError, ValueError):
             return None
         return None if image is None else mean_colour(image)

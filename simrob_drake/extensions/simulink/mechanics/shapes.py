@@ -20,7 +20,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.library import obj_text
-from simrob_drake.importer.meshes.parts import MeshPart, mend, plain
+from simrob_drake.importer.meshes.parts import MeshPart, clean, combine_without_look
 from simrob_drake.importer.meshes.places import in_any_case
 from simrob_drake.importer.meshes.reading import read_mesh
 
@@ -339,10 +339,10 @@ def load_mesh(file: Path) -> MeshPart:
     """
     if file.suffix.lower() in STEP:
         return _from_step(file, file.stat().st_mtime_ns)
-    parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
+    parts = [part for part in map(clean, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
         raise UnreadableMesh(message("simulink.no_area", "holds no triangle with an area"))
-    return plain(parts)
+    return combine_without_look(parts)
 
 
 @lru_cache(maxsize=8)  # a part is weighed, and then written

@@ -163,7 +163,7 @@ class UrdfWriter:
             return "mesh", self._write(solid.node.path, shape.mesh)
         if solid.file is not None and key not in self._copied:  # each file once
             try:
-                mesh = load_mesh(solid.file).moved(np.diag([*[solid.scale] * 3, 1.0]))
+                mesh = load_mesh(solid.file).transform(np.diag([*[solid.scale] * 3, 1.0]))
                 self._copied[key] = "mesh", self._write(solid.file.stem, mesh)
             except UnreadableMesh as problem:
                 solid.node.note(
