@@ -141,7 +141,7 @@ def prepare_for_help(parameters: Sequence[Any]) -> list[Any]:
     """
     for parameter in parameters:
         if getattr(parameter, "is_flag", False):
-            # Typer would show the type "BOOLEAN" next to a flag, which takes no value.
+            # Typer would show a type next to a flag, which takes no value.
             parameter.metavar = ""
         if parameter.name in _OPTIONS_OF_TYPER:
             parameter.help = translate(_OPTIONS_OF_TYPER[parameter.name])

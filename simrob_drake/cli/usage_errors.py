@@ -92,8 +92,7 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
     described = finding
     choices = problem.param.type_descriptor.choices
     if choices:
-        # Typer checks choices by an enumeration or a function. The message is that for a literal of a station's file,
-        # which lists the choices.
+        # The message for a literal lists its choices, so the finding becomes one about a literal.
         quoted_choices = ", ".join(f"'{choice}'" for choice in choices)
         described = {**finding, "type": "literal_error", "ctx": {"expected": quoted_choices}}
     text = value_problem(described)
