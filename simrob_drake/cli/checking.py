@@ -56,6 +56,7 @@ def check(
 
         simrob check arm.urdf
     """
+    # A file of another tool, such as a Simulink model, is examined by the extension that imports it.
     importer = other_importer(station)
     if importer is not None:
         request = importer_request(importer, "reading_class", importer_options, options, set_)

@@ -96,7 +96,7 @@ def all_commands() -> dict[str, CommandEntry]:
     # The last title of the core comes after the titles of extensions.
     titles.remove(_LAST_TITLE)
     titles.append(_LAST_TITLE)
-    commands_by_title = {}
+    commands_by_title = dict[str, CommandEntry]()
     for title in titles:
         commands_by_title |= {command: entry for command, entry in entries.items() if entry.title == title}
     return commands_by_title

@@ -108,6 +108,7 @@ def export(
     targets = {name: file for name, file in vars(files).items() if file is not None}
     if not targets:
         raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
+    # For a format that cannot be used, this raises the error that says why.
     exporters = {name: load_exporter(name) for name in targets}
     program_exporters = {name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)}
     station_exporters = {name: one for name, one in exporters.items() if isinstance(one, StationExporter)}
@@ -161,7 +162,7 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
 
 def _export_station(
     station: str,
-    set_: list[str] | None,
+    settings: list[str] | None,
     targets: Mapping[str, Path],
     exporters: Mapping[str, StationExporter],
     options: ChosenOptions,
@@ -172,7 +173,7 @@ def _export_station(
 
     Args:
         station: name or file of the station.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
         targets: file to write for each format, by the format's name.
         exporters: exporter of each format, by the format's name.
         options: values of the further options of all exporters.
@@ -182,7 +183,7 @@ def _export_station(
         SimrobError: there is no such station, a format cannot express it, or a file exists. Formats before that one are
             written.
     """
-    config = station_from(station, set_)
+    config = station_from(station, settings)
     for name, exporter in exporters.items():
         # The exporter itself writes the file, and further ones next to it, such as meshes.
         check_new_file(targets[name], force=force)
@@ -208,7 +209,7 @@ def _known_formats() -> str:
 
 def _export_program(
     source: str,
-    set_: list[str] | None,
+    settings: list[str] | None,
     targets: Mapping[str, Path],
     exporters: Mapping[str, ProgramExporter],
     options: ChosenOptions,
@@ -219,7 +220,7 @@ def _export_program(
 
     Args:
         source: file of the program.
-        set_: changes of the program's station, as the option ``--set`` takes them.
+        settings: changes of the program's station, as the option ``--set`` takes them.
         targets: file to write for each format, by the format's name.
         exporters: exporter of each format, by the format's name.
         options: values of the further options of all exporters.
@@ -232,7 +233,7 @@ def _export_program(
         formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
         problem = message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
         raise InvalidConfig(source, "", problem)
-    program, config = program_from(source, set_)
+    program, config = program_from(source, settings)
     texts = dict[Path, str]()  # text of each file; a format may have several files
     remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
     for name, exporter in exporters.items():

@@ -122,6 +122,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
     Returns:
         one sentence for each problem; empty if the extension works.
     """
+    # An extension that is left out has no parts to check.
     if entry.extension is None:
         return [entry.problem]
     problems = _shadowed_names(entry.extension) + _hidden_models(entry)
@@ -140,7 +141,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
 
 
 def _shadowed_names(extension: Extension) -> list[str]:
-    """Find the names of an extension that the core has, too. A user who writes such a name gets the core's part.
+    """Find the names of an extension that the core has, too. Such a name in a file means the part of the core.
 
     Returns:
         one sentence for each name.

@@ -132,6 +132,7 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
     with progress_note(message("cli.importing", "importing {file}", file=file)), _code_of(importer, file):
         outcome = importer.import_file(file, request)
     _show_outcome(outcome)
+    # Losses are shown even if they are allowed: the user should know about them.
     for loss in outcome.losses[:_SHOWN_LOSSES]:
         say_text(message("cli.lost", "lost: {loss}", loss=loss), target=errors)
     if not outcome.losses or allow_losses:
@@ -161,6 +162,7 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
     """
     with progress_note(message("cli.reading", "reading {file}", file=file)), _code_of(importer, file):
         outcome = importer.examine(file, request)
+    # The report explains the problem, so it is shown before the error.
     _show_outcome(outcome)
     if outcome.problem is not None:
         raise outcome.problem

@@ -113,12 +113,12 @@ def own_program(config: StationConfig) -> Program:
     return program
 
 
-def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
+def program_from(file: str, settings: list[str] | None) -> tuple[Program, StationConfig]:
     """Read a program's file, and the station that it names.
 
     Args:
         file: file of the program.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
 
     Returns:
         the program, and the station with the changes.
@@ -137,7 +137,7 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
         )
     # A path in the program's file is relative to the folder of this file, not to the working folder.
     station = station_with_absolute_path(program.station, Path(file))
-    return program, station_from(station, set_)
+    return program, station_from(station, settings)
 
 
 def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:
@@ -240,14 +240,14 @@ def refuse_language(options: LanguageOptions) -> bool:
 
 
 def language_program(
-    file: Path, options: LanguageOptions, set_: list[str] | None
+    file: Path, options: LanguageOptions, settings: list[str] | None
 ) -> tuple[Program, StationConfig, Mapping[int, str]]:
     """Read a program in the language of a robot, to be run, and show the remarks about its lines.
 
     Args:
         file: the program, with the suffix of an importer of programs.
         options: options of programs in the language of a robot.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
 
     Returns:
         the program, the station on which it is done, and the file and line of each move by its index.
@@ -255,7 +255,7 @@ def language_program(
     Raises:
         SimrobError: the program is wrong, or lines are not understood and losses are not allowed.
     """
-    imported, config = _read_program(file, options, set_)
+    imported, config = _read_program(file, options, settings)
     _show_remarks(imported)
     if imported.losses and not options.allow_losses:
         raise _losses_error(imported.losses)
@@ -322,14 +322,14 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
 
 
 def _read_program(
-    file: Path, options: LanguageOptions, set_: list[str] | None
+    file: Path, options: LanguageOptions, settings: list[str] | None
 ) -> tuple[ImportedProgram, StationConfig]:
     """Read a program in the language of a robot, and find the station on which it is done.
 
     Args:
         file: the program, with the suffix of an importer of programs.
         options: options of programs in the language of a robot.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
 
     Returns:
         the program with the remarks about its lines, and the station with the changes.
@@ -347,11 +347,11 @@ def _read_program(
         )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.
-        config = station_from(options.on, set_)
+        config = station_from(options.on, settings)
         robot = options.robot
     else:
         # The robot is one of the package's, alone on a station made for it.
-        config = bare_station(str(options.robot), changes_of(set_, "--set"))
+        config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
     request = ProgramRequest(
         config=config,

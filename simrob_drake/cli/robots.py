@@ -84,6 +84,7 @@ def import_file(
         return import_program(file, out, language, force=force)
     # All imports share --allow-losses with programs, so it is passed on instead of refused.
     allow_losses = refuse_language(language)
+    # A file of another tool is imported by an extension, a robot's file by the core.
     importer = other_importer(file)
     if importer is not None:
         request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
@@ -146,6 +147,7 @@ def view(
     """
     from simrob_drake.results.animation.robot_view import RobotView
 
+    # A robot of the package, or a description of one, is read as it is: it has no options.
     if is_robot_file(robot):
         with progress_note(message("cli.reading", "reading {file}", file=robot)):
             window = RobotView(read_robot(robot, options))
@@ -181,6 +183,7 @@ def station(
         simrob station arm.urdf --out arm.yaml
     """
     target = out or Path(f"{file.stem}.yaml")
+    # The draft needs trial runs, which take time, so the target is checked first.
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)
     with progress_note(message("cli.reading", "reading {file}", file=file)):

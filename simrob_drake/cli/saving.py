@@ -213,7 +213,7 @@ def save_and_show(
 
 
 def _show_files(result: SimulationResult, folder: Path, *, with_recording: bool) -> None:
-    """Show where the result was saved: the folder, and those of its files that users open or run again.
+    """Show the folder of the result, and its files that users open or run again.
 
     Args:
         result: the result.

@@ -138,11 +138,13 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
     target = errors if remark.severity in ("warning", "failure") else console
     word = translate(SEVERITY_WORDS[remark.severity])
     _say_hanging(target, Text(word, SEVERITY_STYLES[remark.severity]), remark.text)
-    if remark.remedy is None or not with_remedy:
+    remedy = remark.remedy
+    if remedy is None or not with_remedy:
         return
-    _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
-    options = _options_of_remedy(remark.remedy)
-    for line in _wrap(options, target.width - len(_SETTINGS_INDENT)):
+    _say_hanging(target, Text(""), f"→ {translate(remedy.text)}")
+    # The options have lines of their own, so that a user can copy them.
+    width = target.width - len(_SETTINGS_INDENT)
+    for line in _wrap(_options_of_remedy(remedy), width):
         target.print(f"{_SETTINGS_INDENT}{line}", soft_wrap=True)
 
 

@@ -97,6 +97,7 @@ def run(
         simrob run Module.mod --robot irb120
     """
     film_frames = _read_frames(frames)
+    # Options without an effect on this kind of file are refused, before the file is read.
     is_in_language = is_language_file(station)
     is_program = not is_in_language and is_program_file(station)
     if not is_in_language:
@@ -116,6 +117,7 @@ def run(
         return run_program(program, config, saving, film_frames, station)
     config = station_from(station, set_, allow_code=allow_code, duration=duration)
     if config.program is not None:
+        # The station's moves take as long as they need; --allow-code has an effect, unlike on a program's own file.
         refuse(
             message("cli.station_has_program", "the station has a program (--set program=null runs its reference)"),
             duration=duration,

@@ -293,13 +293,14 @@ def report_table(report: ImportReport) -> Table:
 
     Entries of the same kind with the same text, such as a missing inertia of many links, share a row.
     """
-    elements_of_texts: dict[EntryKind, dict[str, list[str]]] = {kind: {} for kind in ENTRY_KINDS}
-    for entry in report.entries:
-        elements_of_texts[entry.kind].setdefault(entry.text, []).append(entry.element)
     rows = []
-    for kind, elements_by_text in elements_of_texts.items():
+    for kind in ENTRY_KINDS:
+        change = Text(translate(CHANGE[kind]), _COLOURS[kind])
+        elements_by_text = dict[str, list[str]]()  # names of the elements that a row lists, by the text of the row
+        for entry in report.entries:
+            if entry.kind == kind:
+                elements_by_text.setdefault(entry.text, []).append(entry.element)
         for text, elements in elements_by_text.items():
-            change = Text(translate(CHANGE[kind]), _COLOURS[kind])
             rows.append((change, listed(elements, _LISTED_ELEMENTS), text))
     headings = ("", message("cli.element", "element"), message("cli.what_was_done", "what was done"))
     return table(headings, *rows, numbers=False)
