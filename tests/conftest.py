@@ -119,7 +119,7 @@ def no_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     if request.node.get_closest_marker("plots") is None:
         monkeypatch.setattr("simrob_drake.results.files._save_plots", lambda *_: None)
         monkeypatch.setattr("simrob_drake.results.files.in_background", lambda _: nullcontext())
-        for size, pixels in (("_HEIGHT", 60), ("_LOW", 40), ("_SHADOW_MAP", 64)):
+        for size, pixels in (("_HEIGHT", 60), ("_LOW_HEIGHT", 40), ("_SHADOW_MAP", 64)):
             monkeypatch.setattr(f"simrob_drake.results.animation.pictures.{size}", pixels)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, Workcell
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 
@@ -45,6 +46,7 @@ MISTAKES = {
     "no legs": (["irb120_dynamic"], "robot irb120 is one without gaits"),
     "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
     "no number": (["roid1_dynamic", "--amplitude", "nan"], "amplitude"),
+    "no time of a step": (["roid1_dynamic", "--step-time", "0"], "step_time"),
     "a duration": (
         ["roid1_dynamic", "--set", "duration=3"],
         "--set duration=3: the gait or act",
@@ -64,6 +66,19 @@ def test_what_cannot_be_walked_is_one_line_and_leaves_nothing(tmp_path, capfd, a
     assert len(captured.err.splitlines()) == 1
     assert re.search(message, captured.err) or message in captured.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_time_of_a_step_is_that_of_the_gait(monkeypatch):
+    asked = []
+
+    def walk(self, steps, amplitude, gait, **changes):
+        asked.append((steps, changes))
+        raise SimrobError("enough")
+
+    monkeypatch.setattr(LeggedRobot, "walk", walk)
+    for options in ([], ["--step-time", "0.8"]):
+        assert run_command(["walk", "roid1_dynamic", *options, "--steps", "3"]) == ExitCode.BAD_INPUT
+    assert asked == [(3, {}), (3, {"step_time": 0.8})]
 
 
 @pytest.mark.long

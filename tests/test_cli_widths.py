@@ -104,6 +104,10 @@ def test_two_results_are_drawn_over_each_other(tmp_path, capsys):
     assert run_command(["plot", "soft", "nowhere", "--out", "new.png"]) != 0
     assert "nowhere: must be the folder of a result, with signals.csv" in capsys.readouterr().err
     assert not (tmp_path / "new.png").exists()
+    for _ in range(2):
+        assert run_command(["plot", "soft", "--signal", "q.joint_2"]) == 0
+    assert (tmp_path / "plot.png").is_file()
+    assert (tmp_path / "plot-2.png").is_file()
 
 
 def test_a_table_that_is_a_little_too_wide_breaks_no_name(capsys):

@@ -131,6 +131,12 @@ def check_new_file(file: Path, *, force: bool) -> None:
         )
 
 
+def free_path(path: Path) -> Path:
+    """Find a path that does not exist: the given one, or one with a number, such as ``plot-2.png``."""
+    numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(2, 1000))
+    return next(one for one in (path, *numbered) if not os.path.exists(one))
+
+
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """Check, before any work, that results can be written to a folder.
 

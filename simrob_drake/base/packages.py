@@ -315,7 +315,8 @@ def _grants_file() -> Path:
 def remember_grants(source: Path, folders: Iterable[Path]) -> bool:
     """Remember that a file may read folders, because the user named both in one command.
 
-    Only this user and this computer remember it, and only for the file at this path.
+    Only this user and this computer remember it, and only for the file at this path. Whatever lies at the path
+    later has the permission, too.
 
     Args:
         source: the file, such as a station that was written for a robot.

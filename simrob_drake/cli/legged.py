@@ -56,6 +56,13 @@ def walk(
     amplitude: Annotated[
         float, typer.Option(help=message("cli.help_walk_amplitude", "Scales the length of the steps, and their turns."))
     ] = 1.0,
+    step_time: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help=message("cli.help_walk_step_time", "Time of each step; the gait's own by default."),
+        ),
+    ] = None,
     robot: RobotOption = None,
     set_: Settings = None,
     saving: Saving,
@@ -77,7 +84,8 @@ def walk(
 
     def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
         """Walk. Returns the run, and a sentence about the count of steps."""
-        result = legged_robot.walk(steps, amplitude, gait)
+        changes: dict[str, Any] = {} if step_time is None else {"step_time": step_time}
+        result = legged_robot.walk(steps, amplitude, gait, **changes)
         return result, _steps_taken(legged_robot, gait, steps)
 
     return _save_move(station, set_, robot, saving, perform, entry=f"walk: {{steps: {steps}}}")

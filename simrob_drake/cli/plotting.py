@@ -6,11 +6,14 @@ from typing import Annotated, Any
 
 import typer
 
-from simrob_drake.base.folders import check_new_file
+from simrob_drake.base.folders import check_new_file, free_path
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import say_place
+
+_FILE = Path("plot.png")
+"""Where a figure is saved unless the user names a file."""
 
 
 def plot(
@@ -29,7 +32,15 @@ def plot(
             ),
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help=message("cli.help_plot_out", "FILE.png, .svg or .pdf."))] = Path("plot.png"),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help=message(
+                "cli.help_plot_out",
+                "FILE.png, .svg or .pdf. By default plot.png, with a number if it exists.",
+            )
+        ),
+    ] = None,
     force: Force = False,
 ) -> ExitCode:
     """Draw signals of one or more results over each other, with a legend, to compare runs.
@@ -45,9 +56,10 @@ def plot(
     from simrob_drake.results.plots.overlay import overlay_figure, read_results  # they load matplotlib
     from simrob_drake.results.plots.own import save_figure
 
-    check_new_file(out, force=force)
+    file = out or (_FILE if force else free_path(_FILE))
+    check_new_file(file, force=force)
     figure = overlay_figure(read_results(results), signal or ())
-    say_place(message("cli.plot", "plot"), save_figure(figure, out))
+    say_place(message("cli.plot", "plot"), save_figure(figure, file))
     return ExitCode.DONE
 
 

@@ -67,6 +67,7 @@ class CouplingSection(Strict, ABC):
         Raises:
             SimrobError: the coupling does not fit the station; the message names the key.
         """
+        # In a kinematic station only the references can hold a coupling.
         if not station.engine.moves_by_forces and not self.guides_references:
             raise Unsuitable(
                 key,
@@ -126,6 +127,7 @@ class CouplingSection(Strict, ABC):
         Raises:
             InvalidParameter: the gap of the coupling at the start is too large.
         """
+        # A constraint that is violated at the start would be closed within one step, by an enormous force.
         gap = self.gap(plant, context)
         if gap > _LARGEST_GAP_AT_START:
             raise InvalidParameter(

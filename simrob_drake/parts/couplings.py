@@ -86,6 +86,7 @@ def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *,
     linear = STIFFNESS * mass
     angular = STIFFNESS * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
+    # Stiffnesses along x, y, z [N/m] and against roll, pitch, yaw [N·m/rad].
     linear_stiffness = np.full(3, linear)
     angular_stiffness = np.array([angular, angular, stiffness_about_z])
 
@@ -127,6 +128,7 @@ class Between(Strict, ABC):
 
     def ends(self, plant: StationPlant) -> list[Attachment]:
         """Find the two connected frames in a plant: that of `body`, and that of `other`."""
+        # Pose of the connected frame in its body: that of the named frame in the body, times that of the section.
         ends = []
         for name, own_pose in zip((self.body, self.other), self.own_poses, strict=True):
             # A body can be named by a frame on it, such as a tool of a robot.
@@ -177,6 +179,7 @@ class BetweenPoints(Between, CouplingSection):
         """
         super().check(key, station)
         self.check_bodies(key, station)
+        # The distance of two points of one body cannot change.
         if self.body == self.other:
             raise InvalidParameter(
                 f"{key}.other", self.other, message("parts.other_than_body", "another one than body")
@@ -283,6 +286,7 @@ class Weld(BetweenFrames):
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Difference of the two frames: the larger of their distance [m] and the angle between them [rad]."""
+        # The relative pose of a closed weld is the identity.
         turn = self.relative_pose(plant, context).rotation()
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
@@ -315,6 +319,7 @@ class Hinge(BetweenFrames):
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Difference of the two frames: the larger of their distance [m] and the angle between their z axes [rad]."""
+        # The frames may turn about z against each other, so only the angle between their z axes counts.
         rotation = self.relative_pose(plant, context).rotation().matrix()
         # The entry zz of the rotation is the cosine of that angle, up to rounding.
         tilt = np.arccos(np.clip(rotation[2, 2], -1.0, 1.0))
@@ -434,6 +439,7 @@ class Gear(CouplingSection):
         """Add the gear as a constraint to a plant that is not finalized, if the plant's solver holds constraints."""
         if not plant.holds_constraints:
             return
+        # sum(r_i q_i) = total, in the positions of the plant's joints.
         coupled = self.coupled_joints(plant)
         total = self.constant_sum(plant)
         # Older Drake versions and cenic have constraints for two joints only.
@@ -534,7 +540,7 @@ class Spring(BetweenPoints):
             first.pose.translation(),
             second.body,
             second.pose.translation(),
-            max(self.length, _SHORTEST_SPRING),
+            max(self.length, _SHORTEST_SPRING),  # Drake refuses the length 0
             self.stiffness,
             self.damping,
         )

@@ -321,12 +321,12 @@ class Drag(ForceSection):
     def trajectory(self) -> Trajectory:
         """Targets over time, shape (4, 1): 1 while a target pulls and otherwise 0, then its position [m]."""
         count = len(self.targets)
-        pulling = np.column_stack([np.ones(count), np.array(self.targets)])
+        with_target = np.column_stack([np.ones(count), np.array(self.targets)])
         before = np.zeros(4)
         after = np.zeros((2, 4))  # a hold needs a value at its last time, too
         changes = self.start + _CHANGE_DELAY + self.each * np.arange(count + 1)
         times = [0.0, *changes, changes[-1] + 1.0]
-        values = np.vstack([before, pulling, after])
+        values = np.vstack([before, with_target, after])
         return PiecewisePolynomial.ZeroOrderHold(times, values.T)
 
     def add_force_law(

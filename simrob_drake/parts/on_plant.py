@@ -106,11 +106,12 @@ def add_joint_servos(
     """
     _check_plant(builder, plant)
     found = _joints_of(plant, joints, model_instance)
-    owner = found[0].model_instance()
+    owner = found[0].model_instance()  # all joints are of one instance, whose actuators have one input port
     names = [joint.name() for joint in found]
     passive = _without_actuator(plant, found)
     gains = _gains(plant, found, passive, kp=kp, ki=ki, kd=kd, torque_limit=torque_limit, motor=motor)
     _check_damping(plant, found, gains)
+    # An input of a Drake system can only be connected once, and Drake's own error does not name the reason.
     actuation_port = plant.get_actuation_input_port(owner)
     if not passive.all() and builder.IsConnectedOrExported(actuation_port):
         raise SimrobError(
@@ -126,6 +127,7 @@ def add_joint_servos(
         """Add the block of an input of one value for each joint."""
         return builder.AddNamedSystem(f"{name}.{port}", PassThrough(len(found)))
 
+    # Inputs are blocks that pass their values on, so that each of them is one port, whoever reads it in the servos.
     reference = add_input("reference")
     velocity = add_input("reference_velocity") if with_reference_velocity else None
     feedforward = add_input("feedforward") if with_feedforward else None
@@ -137,7 +139,9 @@ def add_joint_servos(
         feedforward=None if feedforward is None else feedforward.get_output_port(),
     )
     torque = add_servo_blocks(builder, signals, gains, names=names, prefix=f"{name}.")
+    # From the joints' order to that of the instance's actuators, which also has actuators of other joints.
     actuation_matrix = axes.actuation_matrix(plant, owner, passive)
+    # Without any actuator, the port has no entries.
     if not passive.all():
         builder.Connect(add_matrix_gain(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port)
     return JointServos(
@@ -214,7 +218,7 @@ def add_joint_limit_monitor(
     names = [joint.name() for joint in found]
     lower = np.array([joint.position_lower_limit() for joint in found])
     upper = np.array([joint.position_upper_limit() for joint in found])
-    places = AxisMap.of_joints(plant, found).position_places
+    places = AxisMap.of_joints(plant, found).position_places  # indices of the joints' positions in the state
 
     def distances_beyond(state: Vector) -> Vector:
         """Compute how far each joint is beyond its nearer limit, shape (n,); negative within the range."""
@@ -269,6 +273,7 @@ def add_contact_sensor(
     felt_at = None if frame is None else plant.get_frame(_frame_index(plant, frame, model_instance))
     own_body = _body_of(plant, body, model_instance)
     other_body = None if other is None else _body_of(plant, other, None)
+    # Drake gives no contacts of a body without collision shapes, and the sensor would always measure zero.
     for each in (own_body, other_body):
         if each is not None and not plant.GetCollisionGeometriesForBody(each):
             needed = message("parts.body_that_collides", "a body with shapes that collide")
@@ -326,6 +331,7 @@ def add_imu(
     positive_rate = np.isfinite(rate) and rate > 0
     if not positive_rate:
         raise InvalidParameter("rate", rate, message("parts.positive_rate", "a positive number [Hz]"))
+    # The section of a station file checks the other values, and has them for the block.
     section = Imu(
         kind="imu",
         rate=rate,
@@ -386,6 +392,7 @@ def _joints_of(
         InvalidParameter: a text in place of a list, no joints, a name twice, or joints of several model instances.
     """
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    # Joints that turn or slide about one axis: the servos have one value for each joint.
     single = [joint for joint in every if joint.num_positions() == 1 and joint.num_velocities() == 1]
     if model_instance is not None:
         single = [joint for joint in single if joint.model_instance() == model_instance]
@@ -399,7 +406,9 @@ def _joints_of(
         found = []
         for name in names:
             one_of(message("parts.joint_of_one_axis", "joint of one axis"), name, known)
+            # Several model instances may have a joint of this name; the check below finds that.
             found += [joint for joint in single if joint.name() == name]
+    # The actuators of an instance share one port, so servos for several instances would need several blocks.
     instances = {int(joint.model_instance()) for joint in found}
     if len(instances) > 1:
         listed = ", ".join(plant.GetModelInstanceName(ModelInstanceIndex(index)) for index in sorted(instances))
@@ -456,18 +465,20 @@ def _values(
     """
     if isinstance(value, Mapping):
         values = np.array(np.broadcast_to(otherwise, len(names)), dtype=float)
+        what = message("parts.joint_in", "joint in {key}", key=key)
         for name, own in value.items():
-            place = list(names).index(one_of(message("parts.joint_in", "joint in {key}", key=key), name, names))
-            if passive[place] and own:
+            index = list(names).index(one_of(what, name, names))
+            if passive[index] and own:
                 expected = message("parts.no_actuator", "left out: this joint has no actuator in the plant")
                 raise InvalidParameter(f"{key}[{name!r}]", own, expected)
-            values[place] = own
+            values[index] = own
     else:
         entries = numbers(value)
         if entries.shape not in ((), (len(names),)):
             expected = message("parts.values_of_joints", "one number, or {count}, one for each joint", count=len(names))
             raise InvalidParameter(key, quoted(value), expected)
         values = np.array(np.broadcast_to(entries, len(names)))
+    # An infinite torque limit is a motor without a limit; infinite gains are mistakes.
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
         raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite numbers"))
     return np.where(passive, 0.0, values)
@@ -494,7 +505,11 @@ def _gains(
     if motor is not None:
         motors = _motors(motor, names, passive)
         line = _line(motors)
-        peaks = [np.inf if own is None or own.peak_torque is None else own.peak_torque for own in motors]
+        # A motor's peak torque limits it, too, whatever the speed.
+        peaks = np.full(len(motors), np.inf)
+        for index, own in enumerate(motors):
+            if own is not None and own.peak_torque is not None:
+                peaks[index] = own.peak_torque
         limit = np.minimum(limit, peaks)
     # Drake's actuators without an effort limit have an infinite one, for which a saturation needs a number.
     limit = np.minimum(limit, np.finfo(float).max)
@@ -517,16 +532,21 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
     """
     by_joint = choice if isinstance(choice, Mapping) else dict.fromkeys(names, choice)
     motors: list[Motor | None] = [None] * len(names)
+    what = message("parts.joint_in", "joint in {key}", key="motor")
     for name, own in by_joint.items():
-        place = list(names).index(one_of(message("parts.joint_in", "joint in {key}", key="motor"), name, names))
-        if passive[place]:
+        index = list(names).index(one_of(what, name, names))
+        if passive[index]:
             continue
-        known = known_motors()
-        model = known[one_of(message("parts.motor", "motor"), own, known)] if isinstance(own, str) else own
+        if isinstance(own, str):
+            known = known_motors()
+            model = known[one_of(message("parts.motor", "motor"), own, known)]
+        else:
+            model = own
+        # The line from the torque at rest to the speed without load needs both of its ends.
         if model.stall_torque is None or model.no_load_speed is None:
             expected = message("parts.whole_motor", "a Motor with stall_torque [N·m] and no_load_speed [rad/s]")
             raise InvalidParameter("motor", quoted(own), expected)
-        motors[place] = model.at_output
+        motors[index] = model.at_output
     return motors
 
 
@@ -535,11 +555,12 @@ def _line(motors: Sequence[Motor | None]) -> MotorLine:
     # A joint whose motor is not described is limited by its torque limit alone.
     stall = np.full(len(motors), np.inf)
     slope = np.zeros(len(motors))
-    for place, motor in enumerate(motors):
+    for index, motor in enumerate(motors):
         if motor is not None:
-            torque_at_rest, fastest = motor.line
-            stall[place] = torque_at_rest
-            slope[place] = torque_at_rest / fastest
+            # torque(v) = stall - slope v, which is zero at the speed without load.
+            torque_at_rest, no_load_speed = motor.line
+            stall[index] = torque_at_rest
+            slope[index] = torque_at_rest / no_load_speed
     return MotorLine(stall=stall, slope=slope, damping=np.zeros(len(motors)))
 
 
@@ -551,7 +572,8 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
     """
     step = plant.time_step()
     if step == 0:
-        return
+        return  # a solver of a continuous plant chooses steps that are short enough
+    # A velocity v becomes (1 - kd h / M) v in a step h, which must not be larger than v: kd h / M < 2.
     mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
     free_inertias = 1 / np.diag(np.linalg.inv(mass_matrix))  # of each axis while the others move freely
     inertias = free_inertias[[joint.velocity_start() for joint in joints]]
@@ -579,31 +601,40 @@ def _body_of(plant: MultibodyPlant, name: str, model_instance: ModelInstanceInde
         UnknownName: there is no such body.
         InvalidParameter: there are several bodies of this name.
     """
-    bodies = [plant.get_body(BodyIndex(place)) for place in range(plant.num_bodies())]
+    bodies = [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
     if model_instance is not None:
         bodies = [body for body in bodies if body.model_instance() == model_instance]
     names = [body.name() for body in bodies]
-    one_of(message("parts.body", "body"), name, names)
-    if names.count(name) > 1:
-        raise InvalidParameter("body", quoted(name), _unique())
-    return bodies[names.index(name)]
+    return bodies[_index_of_unique("body", message("parts.body", "body"), name, names)]
 
 
 def _frame_index(plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None) -> FrameIndex:
     """Find a frame by its name; arguments and errors are those of :func:`_body_of`, for frames."""
-    frames = [plant.get_frame(FrameIndex(place)) for place in range(plant.num_frames())]
+    frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
     if model_instance is not None:
         frames = [frame for frame in frames if frame.model_instance() == model_instance]
     names = [frame.name() for frame in frames]
-    one_of(message("parts.frame", "frame"), name, names)
+    return frames[_index_of_unique("frame", message("parts.frame", "frame"), name, names)].index()
+
+
+def _index_of_unique(argument: str, what: str, name: str, names: Sequence[str]) -> int:
+    """Find the index of a name that must be unique.
+
+    Args:
+        argument: name of the user's argument, for errors.
+        what: word for what is named, for errors.
+        name: the name.
+        names: all names.
+
+    Raises:
+        UnknownName: there is no such name.
+        InvalidParameter: the name is not unique.
+    """
+    one_of(what, name, names)
     if names.count(name) > 1:
-        raise InvalidParameter("frame", quoted(name), _unique())
-    return frames[names.index(name)].index()
-
-
-def _unique() -> str:
-    """Text for errors: what a name must be that several things have."""
-    return message("parts.unique_name", "a name that is unique; give model_instance")
+        expected = message("parts.unique_name", "a name that is unique; give model_instance")
+        raise InvalidParameter(argument, quoted(name), expected)
+    return names.index(name)
 
 
 def _contacts_of(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:

@@ -59,7 +59,7 @@ class ReferenceSection(Strict, ABC):
 
     def caption(self, model: RobotModel) -> str:
         """Describe the reference of a robot in words, for the block picture."""
-        start = getattr(self, "start", 0.0)
+        start = getattr(self, "start", 0.0)  # not all kinds have a start time
         words = self._words(model)
         if not start:
             return words
@@ -248,7 +248,7 @@ class SCurve(Cruise):
         if self.jerk_deg is None:
             return None
         # Axes that a mapping does not name have no limit.
-        unlimited = np.full(len(robot.axes), np.inf)
+        unlimited = np.full(len(robot.axes), np.inf)  # an infinite jerk is a jump of the acceleration
         return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
 
@@ -283,6 +283,7 @@ def _checked_limits(
             prefix=robot.prefix,
             axis=robot.axes[axis],
         )
+        # The tolerance is relative, since the limits of axes differ by orders of magnitude.
         if value > limit * (1 + _ROUNDING):
             raise InvalidParameter(
                 where,
@@ -376,6 +377,8 @@ class SineWave(ReferenceSection):
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
         """Create the sine about the positions at the start, shape (n,) [rad or m]."""
         model = robot.model
+        # q(t) = centre + amplitude sin(2 pi f t + phase). A phase is an angle of the wave, not of the axis, so it is in
+        # degrees for axes that slide, too.
         return SineReference(
             centre=start,
             amplitude=model.user_units * model.axis_vector(self.amplitude_deg, "reference.amplitude_deg"),
@@ -437,9 +440,10 @@ class Table(ReferenceSection):
             InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
                 do not rise, or has too many rows.
         """
+        # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
-        if len(values) < 2:
+        if len(values) < 2:  # one row is a posture, which has no motion
             raise InvalidConfig(
                 self.file, "", message("parts.fewer_than_two_rows", "holds fewer than two rows of values")
             )

@@ -92,6 +92,7 @@ def body_names(station: StationContents) -> list[str]:
 
 def frame_names(station: StationContents) -> list[str]:
     """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
+    # Links and tools have the prefix of their robot, pieces are unique in the station.
     tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
     return [WORLD, *_link_names(station), *tools, *station.pieces]
 
@@ -108,6 +109,7 @@ def check_body(station: StationContents, key: str, name: str) -> None:
         UnknownName: there is no such body; proposes the nearest name.
         InvalidParameter: it is the floor, and the station has no floor.
     """
+    # The word is always known, so a station without a floor gets an error of its own instead of "unknown name".
     if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(
             key, name, message("parts.no_floor", "something that the station has; it has no floor: section")

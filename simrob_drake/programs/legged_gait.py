@@ -101,6 +101,8 @@ def planned_gait(
             str(worn),
             message("programs.feet_for_gait", "{made}, for {name}: set robot.feet to {made}", made=made, name=name),
         )
+    if gait.on_feet:
+        gait.check_feet(model, worn, "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet")
 
     def plan(**others: Any) -> JointMotion:
         """Plan the gait with further changes of its parameters."""

@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.folders import filled_at_once, free_path
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Samples, as_reference
@@ -66,13 +66,7 @@ def default_folder(station: str) -> Path:
     Args:
         station: name of the station.
     """
-    stem = f"{station}-{datetime.now():%Y%m%d-%H%M%S}"
-    folder = RUNS / stem
-    number = 2
-    while folder.exists():
-        folder = RUNS / f"{stem}-{number}"
-        number += 1
-    return folder
+    return free_path(RUNS / f"{station}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
 def save_result(

@@ -113,7 +113,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 
     The chains of a group have equal lengths and equally many axes. A group may be legs if it reaches about as low as
     the lowest group. The reach is measured at home and stretched out. Only if no group reaches below the root there
-    (legs that are level, or folded up), random postures are tried as well.
+    (legs that are level, or folded up), random postures are tried as well. If none of them does, and the end of a
+    chain is the lowest part of the robot, the root's frame is under the feet. Then the lowest hip takes its place.
 
     Returns:
         the groups, the lowest first; empty if no two chains have equal lengths.
@@ -122,15 +123,34 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     natural = [robot.model.home, straight(robot)]
     # A fixed seed, so that the same robot has the same legs in every run.
     random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
-    for postures in (natural, [*natural, *random]):
-        heights = [_lowest_height(clearance, robot, group, postures) for group in groups]
+    trials = [(natural, 0.0), ([*natural, *random], 0.0)]
+    if _stands_on_ends(clearance, robot, groups):
+        trials.append((natural, _lowest_hip(clearance, robot, groups)))
+    for postures, zero in trials:
+        heights = [_lowest_height(clearance, robot, group, postures) - zero for group in groups]
         lowest_first = np.argsort(heights, kind="stable")
-        # Heights below the root are negative: a low group has less than a fraction of the lowest height.
+        # Heights below the root, or the hip, are negative: a low group has less than a fraction of the lowest height.
         # If the lowest height is positive, no group fulfils this.
         low = [groups[index] for index in lowest_first if heights[index] < _LOWEST * min(heights)]
         if low:
             return low
     return []
+
+
+def _stands_on_ends(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> bool:
+    """Whether the lowest part of a robot is an end of these chains, with all axes at zero: not on a base or wheels."""
+    put_upright(clearance, robot, straight(robot))
+    heights = clearance.lowest(robot)
+    lowest = min(heights, key=lambda name: heights[name], default="")
+    return any(leg.foot.name() == lowest for group in groups for leg in group)
+
+
+def _lowest_hip(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> float:
+    """Height of the lowest first joint of all chains over the root's frame [m], with all axes at zero."""
+    put_upright(clearance, robot, straight(robot))
+    hips = [robot.joints[leg.axes[0]].frame_on_child() for group in groups for leg in group]
+    heights = [float(hip.CalcPoseInWorld(clearance.context).translation()[2]) for hip in hips]
+    return min(heights, default=0.0)
 
 
 def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:

@@ -13,15 +13,15 @@ NAN = np.nan
 
 
 class Driven:
-    """A loop that is driven by hand."""
+    """A loop whose inputs are set by the test."""
 
     def __init__(self, loop: SampledBlock) -> None:
-        """Begin as the loop does."""
+        """Begin with the loop's initial memory."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
 
     def sample(self, **read):
-        """Let it sample once, and return its outputs by name."""
+        """Take one sample with these inputs, and return the loop's outputs by name."""
         for name, value in read.items():
             self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
@@ -30,90 +30,191 @@ class Driven:
         return {port.get_name(): port.Eval(self.context) for port in ports}
 
 
+RAMP_SAMPLES = 5  # samples of the first cell's ramp: 0.5 s at 10 Hz
+TOLERANCE = 0.05  # rad
+LARGEST_SPEED = 0.2  # rad/s
+
+
 def two_cells(**changed):
+    """A sequence for the axes hip and knee: the hip to 1 rad within 0.5 s, then the knee to -0.5 rad at once."""
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
-    targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
     return CellSequence(
-        section, targets=targets, tolerance=np.full(2, 0.05), largest_speed=np.full(2, 0.2), axes=["hip", "knee"]
+        section,
+        targets=[np.array([1.0, NAN]), np.array([NAN, -0.5])],
+        tolerance=np.full(2, TOLERANCE),
+        largest_speed=np.full(2, LARGEST_SPEED),
+        axes=["hip", "knee"],
     )
 
 
-def test_a_sequence_ramps_waits_for_each_joint_and_for_its_speed_and_then_goes_on():
-    driven = Driven(two_cells())
-    start = np.array([0.2, 0.1])
-    read = {"position": start, "velocity": np.zeros(2), "reference": start}
-    assert driven.sample(**read)["target"] == pytest.approx(start)
-    for k in range(1, 6):  # the ramp of the first cell; the other axis stays where it was asked to be
-        assert driven.sample(**read)["target"] == pytest.approx([0.2 + 0.8 * k / 5, 0.1])
-    late = {**read, "position": [0.94, 0.1]}
-    for _ in range(20):  # one joint is late by more than its tolerance: no cell is skipped
-        assert driven.sample(**late)["cell"] == 0
-    assert driven.sample(**{**read, "position": [0.96, 0.1], "velocity": [0.0, 0.3]})["cell"] == 0  # too fast
-    assert driven.sample(**{**read, "position": [0.96, 0.1]})["cell"] == 1
-    given = driven.sample(**{**read, "position": [0.96, 0.1]})
-    assert given["target"] == pytest.approx([1.0, -0.5])
-    assert given["done"] == 0
-    given = driven.sample(**{**read, "position": [0.96, -0.49]})
-    assert (given["cell"], given["done"]) == (1, 1)
+class TestCellSequence:
+    """A sequence of cells, from the reference [0.2, 0.1] rad."""
+
+    START = np.array([0.2, 0.1])  # rad
+
+    @property
+    def at_start(self):
+        """Inputs of a robot that stands still at the start."""
+        return {"position": self.START, "velocity": np.zeros(2), "reference": self.START}
+
+    def after_first_ramp(self):
+        """A sequence whose first ramp has just ended, while the robot has not moved."""
+        driven = Driven(two_cells())
+        for _ in range(1 + RAMP_SAMPLES):
+            driven.sample(**self.at_start)
+        return driven
+
+    def test_the_first_target_is_the_reference(self):
+        """The loop takes over without a jump."""
+        first = Driven(two_cells()).sample(**self.at_start)
+
+        assert first["target"] == pytest.approx(self.START)
+        assert first["active"] == 1
+
+    def test_a_ramp_moves_at_constant_speed_and_other_axes_stay(self):
+        """The target is o + t / T (g - o); an axis without a target keeps its reference."""
+        driven = Driven(two_cells())
+        driven.sample(**self.at_start)
+
+        for sample in range(1, RAMP_SAMPLES + 1):
+            target = driven.sample(**self.at_start)["target"]
+            assert target == pytest.approx([0.2 + 0.8 * sample / RAMP_SAMPLES, 0.1])
+
+    @pytest.mark.parametrize(
+        ("position", "speed", "cell"),
+        [
+            (1.0 - 1.2 * TOLERANCE, 0.0, 0),  # too far from the target
+            (1.0 - 0.8 * TOLERANCE, 1.5 * LARGEST_SPEED, 0),  # an axis is too fast, even one without a target
+            (1.0 - 0.8 * TOLERANCE, 0.5 * LARGEST_SPEED, 1),
+        ],
+    )
+    def test_the_next_cell_begins_once_all_axes_are_near_and_slow(self, position, speed, cell):
+        """Without a timeout, a cell that is not reached lasts for ever."""
+        driven = self.after_first_ramp()
+
+        for _ in range(20):
+            outputs = driven.sample(position=[position, 0.1], velocity=[0.0, speed], reference=self.START)
+            if cell:
+                break
+
+        assert outputs["cell"] == cell
+
+    def test_a_ramp_begins_at_the_goal_of_the_last_cell_and_the_last_cell_ends_the_sequence(self):
+        """A cell without a duration jumps to its targets; the sequence is done once they are reached."""
+        driven = self.after_first_ramp()
+        at_first_goal = {**self.at_start, "position": [1.0, 0.1]}
+        driven.sample(**at_first_goal)
+
+        second = driven.sample(**at_first_goal)
+        last = driven.sample(**{**self.at_start, "position": [1.0, -0.5]})
+
+        assert second["target"] == pytest.approx([1.0, -0.5])
+        assert second["done"] == 0
+        assert (last["cell"], last["done"]) == (1, 1)
 
 
-def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on():
-    read = {"position": np.zeros(2), "velocity": np.zeros(2), "reference": np.zeros(2)}
-    loop = two_cells(timeout=1.0)
-    memory = {"target": np.zeros(2), "active": np.ones(1), "cell": np.zeros(1), "done": np.zeros(1)}
-    memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2), "clock": np.ones(1), "reached": np.full(2, -1.0)}
-    with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
-        loop.sample(memory, read)
-    went_on = two_cells(timeout=1.0, on_timeout="go_on").sample(memory, read)
-    assert went_on["cell"] == 1
-    assert "reached" not in went_on
-    with pytest.raises(RunEnds, match="the last of 2 cells is done"):
-        two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
+AT_ZERO = {"position": np.zeros(2), "velocity": np.zeros(2), "reference": np.zeros(2)}
+LATE_MEMORY = {
+    "target": np.zeros(2),
+    "active": np.ones(1),
+    "cell": np.zeros(1),
+    "done": np.zeros(1),
+    "elapsed": np.array([0.95]),  # the next sample is at 1.05 s
+    "origin": np.zeros(2),
+    "clock": np.ones(1),
+    "reached": np.full(2, -1.0),
+}
 
 
-def guard(**changed):
-    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
-    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
-    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
-    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
+class TestTimeoutOfACell:
+    """A cell whose robot has not moved when its time of 1 s is over."""
+
+    def test_it_ends_the_run_and_names_the_late_joint(self):
+        """The knee has no target in this cell, so only the hip is late."""
+        loop = two_cells(timeout=1.0)
+
+        with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
+            loop.sample(LATE_MEMORY, AT_ZERO)
+
+    def test_it_begins_the_next_cell_if_the_section_asks_for_that(self):
+        """The cell does not count as reached."""
+        changes = two_cells(timeout=1.0, on_timeout="go_on").sample(LATE_MEMORY, AT_ZERO)
+
+        assert changes["cell"] == 1
+        assert "reached" not in changes
+
+    def test_the_run_ends_after_the_last_cell_if_the_section_asks_for_that(self):
+        """The first sample after the last cell ends the run."""
+        done = {**LATE_MEMORY, "done": np.ones(1)}
+
+        with pytest.raises(RunEnds, match="the last of 2 cells is done"):
+            two_cells(ends=True).sample(done, AT_ZERO)
 
 
-UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+def guard(*, toward=None, **changed):
+    """A guard of two axes: below 0.4 m, or at a lean of more than 0.5 rad, it moves them to [1, -1] rad in 0.2 s."""
+    keys = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
+    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **keys})
+    return ProtectivePosture(section, posture=np.array([1.0, -1.0]), up=np.array([0.0, 0.0, 1.0]), toward=toward)
+
+
+# Poses x y z [m] qw qx qy qz of a base that is just high enough, and one that is too low.
+UPRIGHT = np.array([0, 0, 0.41, 1, 0, 0, 0.0])
+LOW = np.array([0, 0, 0.39, 1, 0, 0, 0.0])
 
 
 def leaning(angle):
+    """Pose of a base that is high enough and leans by an angle [rad] about y; a positive angle leans along x."""
     return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
 
 
-def test_a_guard_acts_at_the_first_sample_beyond_its_threshold_and_stays():
-    driven, asked = Driven(guard()), np.array([0.2, 0.2])
-    for pose in (UPRIGHT, leaning(0.49), leaning(-0.49)):
-        assert driven.sample(base_pose=pose, reference=asked)["active"] == 0
-    given = driven.sample(base_pose=LOW, reference=asked)
-    assert given["active"] == 1
-    assert given["target"] == pytest.approx(asked)
-    assert driven.sample(base_pose=UPRIGHT, reference=asked)["target"] == pytest.approx([0.6, -0.4])
-    for _ in range(20):
-        given = driven.sample(base_pose=UPRIGHT, reference=asked)
-    assert given["active"] == 1
-    assert given["target"] == pytest.approx([1.0, -1.0])
-    assert Driven(guard()).sample(base_pose=leaning(0.51), reference=asked)["active"] == 1
+class TestFallGuard:
+    """A guard against falls whose robot is asked to stand at [0.2, 0.2] rad."""
 
+    REFERENCE = np.array([0.2, 0.2])  # rad
 
-def test_a_guard_of_one_side_leaves_a_fall_to_the_other_side_alone():
-    one_side = {"toward": np.array([-1.0, 0.0, 0.0]), "height": None}
-    for angle, acts in ((0.51, 0), (0.49, 0), (-0.49, 0), (-0.51, 1)):  # about y: a positive angle leans along x
-        assert Driven(guard(**one_side)).sample(base_pose=leaning(angle), reference=np.zeros(2))["active"] == acts
+    @pytest.mark.parametrize(
+        ("pose", "acts"),
+        [(UPRIGHT, 0), (leaning(0.49), 0), (leaning(-0.49), 0), (LOW, 1), (leaning(0.51), 1), (leaning(-0.51), 1)],
+    )
+    def test_it_acts_beyond_its_bounds(self, pose, acts):
+        """The height and the lean to either side each have a bound."""
+        outputs = Driven(guard()).sample(base_pose=pose, reference=self.REFERENCE)
 
+        assert outputs["active"] == acts
 
-def test_a_guard_lets_go_once_all_was_well_for_long_enough():
-    driven, asked = Driven(guard(reset_after=0.3)), np.zeros(2)
-    seen = [
-        driven.sample(base_pose=pose, reference=asked)["active"][0]
-        for pose in (LOW, UPRIGHT, UPRIGHT, LOW, UPRIGHT, UPRIGHT, UPRIGHT, UPRIGHT)
-    ]
-    assert seen == [1, 1, 1, 1, 1, 1, 0, 0]
+    def test_it_ramps_from_the_reference_to_the_posture_and_stays_there(self):
+        """It goes on although the base is high again: only a reset ends it."""
+        driven = Driven(guard())
+
+        first = driven.sample(base_pose=LOW, reference=self.REFERENCE)
+        halfway = driven.sample(base_pose=UPRIGHT, reference=self.REFERENCE)
+        for _ in range(20):
+            last = driven.sample(base_pose=UPRIGHT, reference=self.REFERENCE)
+
+        assert first["target"] == pytest.approx(self.REFERENCE)
+        assert halfway["target"] == pytest.approx([0.6, -0.4])
+        assert last["target"] == pytest.approx([1.0, -1.0])
+        assert last["active"] == 1
+
+    @pytest.mark.parametrize(("angle", "acts"), [(0.51, 0), (0.49, 0), (-0.49, 0), (-0.51, 1)])
+    def test_a_guard_of_one_side_leaves_a_fall_to_the_other_side_alone(self, angle, acts):
+        """A guard against falls along -x does not act if the base leans along x."""
+        backward = guard(toward=np.array([-1.0, 0.0, 0.0]), height=None)
+
+        outputs = Driven(backward).sample(base_pose=leaning(angle), reference=self.REFERENCE)
+
+        assert outputs["active"] == acts
+
+    def test_it_ends_once_no_bound_was_exceeded_for_long_enough(self):
+        """Another fall begins the time of the reset, three samples, anew."""
+        driven = Driven(guard(reset_after=0.3))
+        poses = (LOW, UPRIGHT, UPRIGHT, LOW, UPRIGHT, UPRIGHT, UPRIGHT, UPRIGHT)
+
+        active = [driven.sample(base_pose=pose, reference=self.REFERENCE)["active"][0] for pose in poses]
+
+        assert active == [1, 1, 1, 1, 1, 1, 0, 0]
 
 
 KP = 2.0  # rad per unit

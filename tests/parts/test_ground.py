@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake import load_station, simulate
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.parts.ground import Ground
-from simrob_drake.results.animation.camera import walked_way
+from simrob_drake.results.animation.camera import walked_displacement
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.posed import PosedStation
@@ -107,7 +107,7 @@ def test_the_camera_climbs_with_the_robot():
     result = simulate(station, duration=0.05, progress=False)
     values = result.values.copy()
     values[:, result.names.index("base.x")] = np.linspace(0, 1.0, len(values))
-    way = walked_way(type(result)(**{**result.__dict__, "values": values}))
+    way = walked_displacement(type(result)(**{**result.__dict__, "values": values}))
     assert way is not None
     gone = way(np.array([result.stop_time]))
     np.testing.assert_allclose(gone[0, 2], np.tan(np.deg2rad(10)) * gone[0, 0])

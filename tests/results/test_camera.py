@@ -17,7 +17,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.animation import live
-from simrob_drake.results.animation.camera import PANE_ASPECT, WINDOW_ASPECT, side, walked_way
+from simrob_drake.results.animation.camera import PANE_ASPECT, WINDOW_ASPECT, side, walked_displacement
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import (
@@ -67,15 +67,15 @@ def test_a_narrow_view_of_a_wide_robot_is_from_farther_away(monkeypatch):
 
 def test_arms_are_seen_as_ever_and_do_not_move_the_camera():
     assert np.rad2deg(side(plant_of("irb120_dynamic"))) == pytest.approx(-50)
-    assert walked_way(simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)) is None
+    assert walked_displacement(simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)) is None
 
 
 def test_the_camera_stands_still_where_a_robot_stays():
-    assert walked_way(simulate(load_station("zjudancer_dynamic"), duration=0.3, progress=False)) is None
+    assert walked_displacement(simulate(load_station("zjudancer_dynamic"), duration=0.3, progress=False)) is None
 
 
 def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
-    way = walked_way(walked)(walked.times)
+    way = walked_displacement(walked)(walked.times)
     base = walked.pose("base")[:, :3]
     assert np.abs(way - (base - base[0]))[:, :2].max() < 0.06
     np.testing.assert_allclose(way[-1, :2], (base[-1] - base[0])[:2], atol=0.01)
@@ -98,8 +98,8 @@ def test_a_walking_robot_is_equally_large_in_all_frames(walked):
 
 def test_the_floor_has_lines_for_a_walk_only(walked):
     names = []
-    for way in (None, walked_way(walked)(walked.times)):
-        scene = ViewedStation(walked.config, way=way)
+    for way in (None, walked_displacement(walked)(walked.times)):
+        scene = ViewedStation(walked.config, path=way)
         inspector = scene.query().inspector()
         names.append({inspector.GetName(geometry) for geometry in inspector.GetAllGeometryIds()})
     lines = {name for name in names[1] - names[0] if "line_" in name}
@@ -163,7 +163,7 @@ def told(page):
 def test_the_page_of_a_walk_goes_along_with_it(walked, tmp_path):
     run = told(save_recording(walked, tmp_path / "walk.html", frames_per_second=20.0).read_text(encoding="utf-8"))
     times = np.append(np.arange(np.ceil(20 * walked.stop_time)) / 20, walked.stop_time)
-    np.testing.assert_allclose(run["way"], walked_way(walked)(times), atol=1e-4)
+    np.testing.assert_allclose(run["way"], walked_displacement(walked)(times), atol=1e-4)
     assert run["rate"] == 20.0
     ends = np.array(run["lines"])
     assert (ends.min(axis=(0, 1))[:2] < np.min(run["way"], axis=0)[:2] - 1.0).all()

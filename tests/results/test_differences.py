@@ -43,6 +43,24 @@ def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_pat
     ]
 
 
+def test_a_gain_of_one_joint_is_told_from_a_gain_of_all(tmp_path):
+    def saved(name, kp):
+        servo = {"kp": kp, "kd": 100.0}
+        return saved_result(tmp_path / name, {"servo": servo, "robot": {"model": "arm", "servo": servo}})
+
+    soft = saved("soft", {"knee": 30.0, "hip": 100.0, "ankle": 100.0})
+    folders = [saved("stiff", 100.0), soft, saved("softer", {"knee": 20.0, "hip": 100.0})]
+    assert differing_settings(folders[:2]) == ["servo.kp.knee 100", "servo.kp.knee 30"]
+    assert differing_settings(folders)[2] == "servo.kp.ankle –, servo.kp.knee 20"
+
+
+def test_a_servo_of_the_robot_alone_is_named_in_its_section(tmp_path):
+    folders = [
+        saved_result(tmp_path / f"{kp:g}", {"servo": {"kp": 5.0}, "robot": {"servo": {"kp": kp}}}) for kp in (5.0, 7.0)
+    ]
+    assert differing_settings(folders) == ["robot.servo.kp 5", "robot.servo.kp 7"]
+
+
 def test_equal_results_have_their_folders_alone(tmp_path):
     folders = [saved_result(tmp_path / name, station(1.0)) for name in "ab"]
     assert [result.name for result in read_results(folders)] == [str(folder) for folder in folders]

@@ -10,7 +10,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.messages import compound, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
-from simrob_drake.cli.screen import NEXT, progress_note, say_place, say_text
+from simrob_drake.cli.screen import NEXT, progress_note, say_place, say_text, say_warning
 from simrob_drake.robots.imports import ImportOptions
 
 
@@ -58,6 +58,8 @@ def legged(
         say_text(line)
     for attempt in made.attempts:
         say_text(compound("{trial}: {outcome}", trial=attempt.trial, outcome=attempt.outcome))
+    for line in made.too_fast:
+        say_warning(line)
     say_place(message("legged.report", "report"), folder / REPORT)
     if made.problem:
         raise SimrobError(

@@ -24,8 +24,10 @@ from simrob_drake.extensions.legged.report import (
     attempt,
     attempt_climb,
     attempt_kick,
+    reason_of,
     save_report,
 )
+from simrob_drake.extensions.legged.root_frame import height_of_hips, is_root_low, raise_root_frame
 from simrob_drake.extensions.legged.scaling import (
     EXAMPLES,
     LAG,
@@ -45,7 +47,7 @@ from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.programs.gaits.motion import Gait
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.catalog import RobotModel, load_robot_file
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.stations.draft import at_home, draft_station
@@ -59,6 +61,7 @@ _BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.
 _PARTS = 1.0, 0.5, 0.25  # of the speed that a first walk is asked for
 _WAYS = 2  # of standing, that are tried for walking
 _STIFFER = 1.0, 2.0  # factors of the gains
+_SLOWER = 1.25, 1.5, 2.0  # factors of the time of a step, tried where joints are faster than their motors
 _INWARD = 0.5, 0.25, 0.75, 1.0  # parts of how far the weight stays inside in the walk, that are tried for a kick
 _FALLEN, _TILT = 0.55, 60.0  # part of the height of the root, deg
 _STEP: dict[str, Any] = {
@@ -116,10 +119,12 @@ def make_legged(
                 )
                 raise SimrobError(compound("{what}; {remedy}", what=what, remedy=remedy))
             _Making(work, robot, made).run()
-        except SimrobError as problem:
-            made.problem = str(problem) + _shapes_lost(report)
+        # What was made until here is kept, with the reason, whatever the error is: Drake raises many classes.
+        except Exception as problem:
+            made.problem = reason_of(problem) + _shapes_lost(report)
             if not (work / STAND).is_file():
                 (work / STAND).write_text(draft_station(robot.urdf_path, folder=work), encoding="utf-8")
+        made.rename_folder(work, folder)
         save_report(made, work)
     return made
 
@@ -149,24 +154,49 @@ class _Standing(NamedTuple):
 
 
 class _Choice(NamedTuple):
-    """What is tried: how it stands, whose walk it has, factors of gains and speed, whether steps are quick."""
+    """One choice that is tried: a posture, the walk of an example, and how that walk is changed."""
 
     way: _Standing
     example: Example
     stiffer: float = 1.0
     part: float = 1.0
     quick: bool = False
+    slower: float = 1.0  # factor of the time of a step
+
+
+def _anatomy(robot: RobotModel) -> Anatomy:
+    """Find the limbs of a robot; raises SimrobError if it has no legs."""
+    clearance = at_home(robot)
+    return anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
 
 
 class _Making:
     """One robot's way from its tree to its walk."""
 
     def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
-        """Look at a robot that was written into a folder; raises SimrobError: it has no legs."""
-        self._work, self._robot, self._made = work, robot, made
-        clearance = at_home(robot)
-        self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
-        self._stances = Stances(clearance, self._anatomy.robot)
+        """Find the limbs of a robot that was written into a folder.
+
+        Raises:
+            SimrobError: it has no legs.
+        """
+        self._work, self._made = work, made
+        self._anatomy = _anatomy(robot)
+        if is_root_low(self._anatomy):
+            height = height_of_hips(self._anatomy)
+            raise_root_frame(robot.urdf_path, height)
+            made.found.append(
+                message(
+                    "legged.root_raised",
+                    "the frame of the root {root} is {height:.3f} m below the hips in the source; here it is level "
+                    "with them",
+                    root=robot.root,
+                    height=height,
+                )
+            )
+            robot = load_robot_file(work / ROBOT_FILE)
+            self._anatomy = _anatomy(robot)
+        self._robot = robot
+        self._stances = Stances(self._anatomy.clearance, self._anatomy.robot)
         self._soles = list[str]()
 
     def run(self) -> None:
@@ -185,14 +215,14 @@ class _Making:
                 ).strip()
             )
         self._soles = write_soles(self._robot.urdf_path, anatomy, ways[0].soles)
-        made.found += [_soles_text(ways[0])]
+        made.found += [_mass_text(ways[0].build), _soles_text(ways[0])]
         stands = self._first(
             [_Choice(way, examples[0], stiffer) for stiffer, way in product(_STIFFER, ways)], TRIALS[0]
         )
         made.attempts.append(stands[0])
         choices = product(_PARTS, (False, True), _STIFFER, ways[:_WAYS], examples)
         tried = [_Choice(way, of, by, part, quick) for part, quick, by, way, of in choices]
-        walks, choice = self._first(tried, TRIALS[3])
+        walks, choice = self._slow_enough(*self._first(tried, TRIALS[3]))
         made.assumed += list(_assumed(choice))
         if walks.result is not None:
             made.attempts += [attempt(self._work / WALK, trial) for trial in TRIALS[1:3]]
@@ -240,9 +270,26 @@ class _Making:
         self._write(best[1], trial)
         return best
 
+    def _slow_enough(self, walks: Attempt, choice: _Choice) -> tuple[Attempt, _Choice]:
+        """Try slower steps for a walk whose joints turn faster than their motors can.
+
+        Returns:
+            the first walk with slower steps that the motors can follow, or else the given one, and its choice. It is
+            written.
+        """
+        if not walks.done or walks.fastest is None or walks.fastest.share <= 1:
+            return walks, choice
+        for factor in _SLOWER:
+            slower = choice._replace(slower=factor)
+            found = attempt(*self._write(slower, TRIALS[3]))
+            if found.done and found.fastest is not None and found.fastest.share <= 1:
+                return found, slower
+        self._write(choice, TRIALS[3])
+        return walks, choice
+
     def _write(self, choice: _Choice, trial: str) -> tuple[Path, str, float]:
         """Write robot and gait, and the station of a trial; return that, the trial, and the speed asked for [m/s]."""
-        anatomy, (way, example, stiffer, part, quick) = self._anatomy, choice
+        anatomy, (way, example, stiffer, part, quick, slower) = self._anatomy, choice
         signs = anatomy.signs(way.stance.posture)
         units = np.where(self._robot.prismatic, 1.0, np.rad2deg(1.0)) * signs
         values = [round(float(value), 3) + 0.0 for value in units * way.stance.posture]
@@ -250,6 +297,7 @@ class _Making:
         servo = {key: float(f"{value * stiffer:.3g}") for key, value in gains(way.build, example).items()}
         stands: Any = {"height": way.stance.height, "groups": anatomy.groups, "posture": posture}
         walk = walk_of(way.build, example, **stands, quick=quick)
+        walk["step_time"] = float(f"{slower * walk['step_time']:.3g}")
         speed = asked_speed(walk, part)
         own = {"servo": servo, "feet": feet_section(way.soles, self._soles, way.build.load / way.build.height**2)}
         self._yaml(ROBOT_FILE, {**self._description(signs), "home_deg": posture, **own})
@@ -310,6 +358,11 @@ def _described(anatomy: Anatomy) -> Iterator[str]:
         yield f"head and trunk: {', '.join(anatomy.names[axis] for axis in anatomy.head)}"
 
 
+def _mass_text(build: Build) -> str:
+    """Mass of the robot and the height of its centre of mass, in words."""
+    return f"mass: {build.mass:.3g} kg, its centre of mass {build.height:.3f} m over the ground as it stands"
+
+
 def _soles_text(way: _Standing) -> str:
     sole, build = way.soles[0], way.build
     kind = f"soles of {build.sole[0]:.3f} x {build.sole[1]:.3f} m between spheres" if sole.flat else "balls"
@@ -318,11 +371,13 @@ def _soles_text(way: _Standing) -> str:
 
 def _assumed(choice: _Choice) -> Iterator[str]:
     """Yield what was made up, in words."""
-    (stance, _, build), example, stiffer, part, quick = choice
+    (stance, _, build), example, stiffer, part, quick, slower = choice
     yield f"posture: {stance.how}"
     yield f"walk: that of {example.name}, scaled by {build.height / example.build.height:.2f} in length"
     yield f"servos: {stiffer * example.stiffness:.3g} times m g h a radian on all axes, damped over {LAG:g} sqrt(h / g)"
     if quick:
         yield "steps: as quick and as low as those of the smaller robot, since it fell with longer ones"
+    if slower > 1:
+        yield f"step time: {slower:g} times as long as scaled; with shorter steps joints were faster than their motors"
     if part < 1:
         yield f"speed: {part:g} of what such a robot would be asked for; it fell faster"

@@ -1,14 +1,15 @@
 """What a robot on legs is tried at, and the report: what was found and assumed, what it can do, and what to tune."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.legged.soles import EDGED
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
@@ -32,6 +33,14 @@ _PART = 0.5  # of the way asked for that a walk is to come at least
 TRIALS = "stands", "shifts its weight", "steps", "walks"
 
 
+class FastestAxis(NamedTuple):
+    """The axis that turned fastest in a run, in proportion to what its motor does without load."""
+
+    name: str
+    share: float
+    """Its largest speed over the largest speed of its motor [1]."""
+
+
 @dataclass(frozen=True)
 class Attempt:
     """What became of one of the trials."""
@@ -41,11 +50,21 @@ class Attempt:
     outcome: str  # what happened, in words
     ahead: float = 0.0  # how far it came [m]
     result: SimulationResult | None = None  # the run; None if it could not begin
+    fastest: FastestAxis | None = None  # the axis that came nearest to the speed of its motor, or beyond it
 
     @property
     def lasted(self) -> float:
         """How long the run was [s]."""
         return 0.0 if self.result is None else self.result.stop_time
+
+
+def reason_of(problem: Exception) -> str:
+    """Text of an error for the report, in one line. An error that is not ours also has the name of its class."""
+    text = " ".join(str(problem).split())
+    if isinstance(problem, SimrobError):
+        return text
+    name = type(problem).__name__
+    return message("legged.unexpected", "unexpected error: {name}: {text}", name=name, text=text)
 
 
 def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
@@ -61,11 +80,12 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
         overrides["controllers.walk.gait.lift"] = _FLAT
     try:
         result = simulate(load_station(station, overrides), progress=False)
-    except SimrobError as problem:
-        return Attempt(trial, False, str(problem))
+    except Exception as problem:  # one trial that fails, in whatever way, does not end the others
+        return Attempt(trial, False, reason_of(problem))
     if result.ending == "diverged":
         return Attempt(trial, False, f"diverged at {result.stop_time:.1f} s", result=result)
     found = locomotion(result)
+    fastest = fastest_axis(result)
     lean, far = np.rad2deg(found.tilt), f"{found.ahead:.2f} m ahead and {abs(found.drift):.2f} m aside"
     if result.ending != "completed":
         return Attempt(trial, False, f"fell at {result.stop_time:.1f} s ({far})", found.ahead, result)
@@ -74,7 +94,16 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
         return Attempt(trial, False, outcome, found.ahead, result)
     outcome = f"{_SECONDS:g} s, {far}, leans by {lean:.0f} deg at most"
     outcome += f"; its busiest joint takes {found.peak_torque['ratio']:.0%} of its torque"
-    return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result)
+    outcome += f", {fastest.name} {fastest.share:.0%} of its speed"
+    return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result, fastest)
+
+
+def fastest_axis(result: SimulationResult) -> FastestAxis:
+    """Find the axis of a run's only robot that came nearest to the speed of its motor, or went farthest beyond it."""
+    (robot,) = result.plant.robots.values()
+    shares = (np.abs(result.axes("v", robot.name)) / robot.speed_limits).max(axis=0)
+    index = int(np.argmax(shares))
+    return FastestAxis(robot.axes[index], float(shares[index]))
 
 
 KICKS, CLIMBS = "kicks", "climbs"
@@ -118,15 +147,32 @@ def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
 def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:
     """Return what becomes of a robot in a changed station that does a move, and then stands."""
     try:
-        result = LeggedRobot(load_station(station, overrides)).run(Program(moves=(move, WaitMove(duration=_RESTS))))
-    except SimrobError as problem:
-        return Attempt(trial, False, str(problem))
+        robot = LeggedRobot(load_station(station, overrides))
+        result = robot.run(Program(moves=(move, WaitMove(duration=_RESTS))))
+    except Exception as problem:  # as above
+        return Attempt(trial, False, reason_of(problem))
     if result.ending != "completed":
         return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
     lean = np.rad2deg(locomotion(result).tilt)
-    return Attempt(trial, True, f"{did}, and then leans by {lean:.0f} deg at most", result=result)
+    fastest = fastest_axis(result)
+    outcome = (
+        f"{did}, and then leans by {lean:.0f} deg at most; {fastest.name} turns at {fastest.share:.0%} of its speed"
+    )
+    return Attempt(trial, True, outcome, result=result, fastest=fastest)
 
 
+_SLOWER_WALK = message(
+    "legged.slower_walk",
+    "give the walk a longer step_time (reacting in gaits.yaml, or --set controllers.walk.gait.step_time=...), or the "
+    "robot faster motors",
+)
+_SLOWER_ACTS = {
+    KICKS: message("legged.slower_kick", "give the kick a smaller speed in gaits.yaml, or the robot faster motors"),
+    CLIMBS: message(
+        "legged.slower_climb", "give the climb a longer step_time in gaits.yaml, or the robot faster motors"
+    ),
+}
+"""What to change where a motor is too slow, by the trial; for all others it is `_SLOWER_WALK`."""
 REPORT, PICTURE = "legged.md", "legged.png"
 _TUNE = {
     "stands": "`servo.kp`, `servo.kd` and `home_deg` in robot.yaml",
@@ -149,6 +195,33 @@ class Made:
     assumed: list[str] = field(default_factory=list)  # what was made up, in words
     attempts: list[Attempt] = field(default_factory=list)  # what became of the trials
     problem: str = ""  # why something could not be done, in words; empty if all was
+
+    @property
+    def too_fast(self) -> list[str]:
+        """A sentence for each trial in which a joint turned faster than its motor can, with what to change."""
+        lines = list[str]()
+        for one in self.attempts:
+            if one.fastest is None or one.fastest.share <= 1:
+                continue
+            lines.append(
+                message(
+                    "legged.too_fast",
+                    "{trial}: {axis} turns at {share:.0%} of the speed of its motor; {remedy}",
+                    trial=one.trial,
+                    axis=one.fastest.name,
+                    share=one.fastest.share,
+                    remedy=_SLOWER_ACTS.get(one.trial, _SLOWER_WALK),
+                )
+            )
+        return lines
+
+    def rename_folder(self, old: Path, new: Path) -> None:
+        """Write another folder in place of an old one in all texts: that in which the robot was made is temporary."""
+        places = str(old), str(new)
+        self.found = [line.replace(*places) for line in self.found]
+        self.assumed = [line.replace(*places) for line in self.assumed]
+        self.attempts = [replace(one, outcome=one.outcome.replace(*places)) for one in self.attempts]
+        self.problem = self.problem.replace(*places)
 
     def can(self, trial: str) -> bool:
         """Whether the robot passed a trial."""
@@ -174,6 +247,7 @@ def _lines(made: Made, picture: bool) -> Iterator[str]:
     failed = next((one.trial for one in made.attempts if not one.done), None)
     yield from ("", "## Next", "")
     yield f"- {made.problem}" if made.problem else "- nothing failed"
+    yield from (f"- {line}" for line in made.too_fast)
     if made.attempts:
         yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
     if picture:

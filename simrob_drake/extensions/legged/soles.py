@@ -36,7 +36,15 @@ class FootSole:
 
 
 def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:
-    """Return the soles of a robot's legs, of the outlines of its feet; raises SimrobError: a foot without a shape."""
+    """Compute the sole of each foot from the outlines of its shapes.
+
+    Args:
+        anatomy: the limbs of the robot.
+        stance: posture in which the robot stands, with the frame of its root near the hips.
+
+    Raises:
+        SimrobError: a foot has no shape.
+    """
     put_upright(anatomy.clearance, anatomy.robot, stance.posture, stance.height)
     return [_sole(anatomy, limb, stance.height) for limb in anatomy.legs]
 

@@ -275,7 +275,7 @@ class Rising(SampledBlock):
         return {**changes, **self._try_again(memory, target)}
 
     def _stand(self, memory: Named, elapsed: float, time_well: float) -> Changes:
-        """Wait until the robot has stood for long enough, and release it; if it does not stand in time, try again.
+        """Wait until the robot has stood for long enough, and release it. If that takes too long, try again.
 
         Args:
             memory: memory before the sample.

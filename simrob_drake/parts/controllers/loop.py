@@ -162,7 +162,7 @@ class LoopSection(ControllerSection):
         return robot
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Find settings that will not work as they are written, in words.
+        """Find settings of the section that have another effect than they seem to have, in words.
 
         Args:
             key: key of the section in the station file, such as ``controllers.balance``.
@@ -332,6 +332,7 @@ def check_loops(station: StationContents, loops: Mapping[str, LoopSection]) -> N
         second = loops[second_name]
         robot = station.robot(first.robot, "controllers")
         drive_same_robot = robot is station.robot(second.robot, "controllers")
+        # Weights, or different priorities, say how two loops act together on an axis.
         have_weights = first.weight is not None and second.weight is not None
         if not drive_same_robot or have_weights or first.layer != second.layer:
             continue
@@ -429,6 +430,7 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
         one_of(message("parts.input_for_reads", "input of {key} for {key}.reads", key=key), input_name, inputs)
     for input_name, port in inputs.items():
         source = section.source(builder, input_name, robot, site, key)
+        # Drake's own error would not name the key of the station.
         if source.size() != port.size():
             raise InvalidParameter(
                 f"{key}.reads.{input_name}",
@@ -559,7 +561,8 @@ def _drive(
 ) -> None:
     """Connect the outputs of loops to the inputs of their robot: reference, its velocity, and feedforward.
 
-    The reference is limited to the joint limits after all layers. Blocks are only added for outputs that a loop has.
+    The reference is limited to the joint limits after all layers. Apart from the limits, blocks are only added for
+    outputs that a loop has.
 
     Args:
         builder: builder of the diagram.
@@ -569,6 +572,7 @@ def _drive(
     """
     key = f"{robot.prefix}reference"
     identity = np.eye(len(robot.axes))
+    # The port of the servos, read first: a block that reads the reference from outside takes its place in the inputs.
     robot_input = site.inputs[key]
     reference = _LayeredReference(builder, site, robot)
     torques = list[OutputPort]()
@@ -612,7 +616,13 @@ def _block_label(name: str, section: LoopSection) -> str:
 
 
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
-    """Draw a system as a part of the picture's one block that contains all layers over a robot's reference."""
+    """Draw systems as parts of the picture's one block that contains all layers over a robot's reference.
+
+    Args:
+        site: the station under construction.
+        system: name of a system. Systems whose names begin with this name and a dot are drawn with it.
+        robot: the robot.
+    """
     label = message("parts.block_layers", "Reference\nand loops,\njoint limits")
     site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")
 

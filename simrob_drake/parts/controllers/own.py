@@ -59,7 +59,8 @@ def declare_output(
     output = f"{name}.{called}"
     size = port.size()
 
-    # Names of the values: axes of the first robot with as many axes as values, or numbers.
+    # Names of the values: axes of the first robot with as many axes as values, or numbers. A block need not be of one
+    # robot, so its size is all that says to which axes its values belong.
     robots = site.plant.robots.values() if robot is None else [robot]
     axes_of_size = [own_robot.axes for own_robot in robots if len(own_robot.axes) == size]
     value_names = axes_of_size[0] if axes_of_size else [str(index) for index in range(size)]
@@ -69,6 +70,7 @@ def declare_output(
     if size > 1 and axes is not None and axes_of_size:
         indices = tuple(index for index in indices if value_names[index] in axes)
     columns = (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
+    # One unit for all values, or one for each of them.
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
 
     heading = message("parts.the_block", "the block '{name}'", name=name)
@@ -246,6 +248,7 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
             "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
         )
         raise InvalidParameter(message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected)
+    # Drake would refuse a system that is added twice, without its name.
     if any(block is other for other in accepted.values()):
         raise InvalidParameter(
             message("parts.block_called", "blocks: {name}", name=name),
@@ -338,7 +341,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
     output_owners(blocks)  # it raises the error
     site.blocks.update(blocks)
     for name, block in blocks.items():
-        class_name = type(block).__name__
+        class_name = type(block).__name__  # it stands for the kind that other controllers have
         builder.AddNamedSystem(f"controller.{name}", block)
         site.outputs.notes[name] = {"kind": class_name}
         site.picture.draw(f"controller.{name}", "own", f"{wrap_label(name)}\n{class_name}")
@@ -381,6 +384,7 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
         InvalidParameter: their sizes differ.
     """
     target = site.inputs[port.get_name()]
+    # Drake's own error would name neither the block nor the input of the station.
     if target.size() != port.size():
         raise InvalidParameter(
             message("parts.output_of_block", "the output {port} of the block {name}", port=port.get_name(), name=name),

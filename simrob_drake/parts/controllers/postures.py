@@ -256,6 +256,7 @@ class CellSequence(SampledBlock):
         elif self._section.on_timeout == "stop":
             raise RunEnds(self._timeout_text(number, late))
 
+        # The next ramp begins at the goal of this cell, not at the measured position: the target does not jump.
         is_last = number + 1 == len(self._targets)
         if is_last:
             return {**changes, "done": 1.0}
@@ -322,7 +323,7 @@ class CapturePoint:
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
-        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
+        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())  # g [m/s²]
         self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
 
     def distance_from_feet(self, state: Vector) -> float:
@@ -339,6 +340,7 @@ class CapturePoint:
         plant.SetPositionsAndVelocities(context, state)
         com = plant.CalcCenterOfMassPositionInWorld(context, instances)
         velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(context, instances)
+        # Contact points of all feet in the world, shape (3, points) [m].
         points_of_feet = []
         for link, sole in self._soles.items():
             frame = plant.GetFrameByName(link, self._instance)
@@ -403,6 +405,7 @@ class FallGuard(LoopSection):
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Find the port that an input reads. The input ``state`` reads the state of the whole plant."""
+        # The state is no output of the station, so it cannot be found by its name.
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
@@ -537,6 +540,7 @@ class ProtectivePosture(SampledBlock):
                 return {}
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
 
+        # Another fall begins the time of the reset anew.
         well = 0.0 if falls else memory["well"][0] + self.period
         if well >= self._reset_after:
             return {"active": 0.0, "well": 0.0}

@@ -126,7 +126,7 @@ class Support:
         self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
         self._positions = plant.GetPositions(self._scratch)
         self._velocities = np.zeros(plant.num_velocities())
-        # Where the rotation and the angular velocity of the base are in the plant's vectors.
+        # Where the quaternion (4) and the angular velocity (3) of the base are in the plant's vectors.
         self._rotation_start = root.floating_positions_start()
         self._spin_start = root.floating_velocities_start_in_v()
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
@@ -135,10 +135,12 @@ class Support:
 
         rotation = robot.base.rotation()
         self._ahead = rotation.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])  # in the root link
+        # The stance at the start. Its positions are relative: the base stays at the default position of the plant.
         at_rest = np.zeros(len(robot.initial))
         self._set_state(robot.initial, at_rest, rotation, np.zeros(3))
         poses = [link.EvalPoseInWorld(self._scratch) for link in self._feet()]
         below_com = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
+        # The homes are at the height of the lowest contact point, which stands for the floor.
         heights = [(pose @ points.T)[2].min() for pose, points in zip(poses, self._points, strict=True)]
         below_com[2] = min(heights)
         self._homes = [pose.inverse() @ below_com for pose in poses]
@@ -166,6 +168,7 @@ class Support:
         for foot in feet:
             shares = shares_by_height(foot.heights, floor)
             foot_share = shares.sum()
+            # The sum of w_i (v + omega x r_i) over the points i of a foot is w v + omega x sum(w_i r_i).
             arm = shares @ foot.arms
             total_share += foot_share
             home += foot_share * foot.home
@@ -174,6 +177,7 @@ class Support:
         com_velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(self._scratch, instances)
         com_velocity = com_velocity - slip / total_share
 
+        # The matrix [[x, y], [-y, x]] / |(x, y)|, with the level part (x, y) of the direction in which the robot looks.
         # Rotation of level vectors from the world's axes to ahead and left.
         ahead_x, ahead_y, _ = rotation @ self._ahead
         to_heading = np.array([[ahead_x, ahead_y], [-ahead_y, ahead_x]]) / math.hypot(ahead_x, ahead_y)
@@ -281,6 +285,8 @@ class Limb:
         is_consecutive = self.axes == list(range(first, last + 1))
         return slice(first, last + 1) if is_consecutive else self.axes
 
+    # `place` goes from the end inward: each joint rotates the whole part of the limb beyond it.
+
     @cached_property
     def _plain_joints(self) -> list[_PlainJoint]:
         """Joints in plain numbers, from the end inward."""
@@ -298,7 +304,7 @@ class Limb:
         """Matrices of the joints, from the end inward."""
         found = []
         for axis, turn, point in zip(self.axes, self.turns, self.points, strict=True):
-            cross = np.cross(turn, np.eye(3)).T
+            cross = np.cross(turn, np.eye(3)).T  # its columns are k x e_i, so K r = k x r
             found.append(_JointMatrices(axis, cross, cross @ cross, point))
         return found[::-1]
 
@@ -356,6 +362,7 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
     for axis in axes:
         joint = robot.joints[axis]
         assert isinstance(joint, RevoluteJoint)  # axes_to() has checked it
+        # At zero, the frames of the joint on its parent and on its child are equal.
         pose = plant.CalcRelativeTransform(context, robot.root, joint.frame_on_child())
         turns.append(robot.axis_map.signs[axis] * (pose.rotation() @ joint.revolute_axis()))
         points.append(pose.translation())
@@ -376,6 +383,7 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
         joint_of_body[joint.child_body().index()] = joint
     axis_of_joint = {joint.index(): axis for axis, joint in enumerate(robot.joints)}
 
+    # From the end inward, to the root. Joints that are no axes of the robot, such as welds, are passed over.
     axes = list[int]()
     body = end.body()
     while body.index() != robot.root.body().index() and body.index() in joint_of_body:

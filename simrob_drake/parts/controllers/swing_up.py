@@ -80,6 +80,7 @@ class SwingUpController(LoopSection):
                 message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
                 message("parts.robot_without_followers", "of a robot without axes that follow others (mimic)"),
             )
+        # Limits are checked for a list of postures; here it has one.
         violation = robot.model.limits.find_violation(self._posture(robot)[np.newaxis])
         if violation is not None:
             raise InvalidParameter(
@@ -99,6 +100,7 @@ class SwingUpController(LoopSection):
 
     def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector:
         """Distances of the axes (n,) [rad or m] from the posture, those of axes that turn to the nearest turn."""
+        # A pole that is balanced after two turns is as good as one that has not turned.
         return np.abs(nearest_error(positions - self._posture(robot), _turns(robot)))
 
     def _posture(self, robot: ResolvedRobot) -> Vector:

@@ -43,7 +43,7 @@ from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, smoothstep
 
-# Postures that differ by less are the same [rad].
+# Postures that differ by less are the same, since servos leave small errors [rad].
 _SAME_POSTURE = 1e-3
 # Largest distance of the robot from the start of its path [m].
 _LARGEST_START_DISTANCE = 0.5
@@ -129,6 +129,7 @@ class Walk(LoopSection):
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)
         self._check_feet(key, robot, parameters)
+        # The height map is read around the measured pose of the robot, which a walk without feedback does not use.
         if self.height_map and parameters.feedback is None:
             raise InvalidParameter(
                 f"{key}.height_map",
@@ -272,6 +273,7 @@ class Walk(LoopSection):
         Args:
             commands: commands in the order of their times, at least one.
         """
+        # A command holds until the next one, so commands of the section after the first new one would interrupt it.
         before = [entry for entry in self.commands if entry.time < commands[0].time]
         return self.model_copy(update={"commands": (*before, *map(_entry_of_command, commands))})
 
@@ -287,6 +289,7 @@ class Walk(LoopSection):
         for foot in names:
             link = link_of_body[robot.tools[foot].body().index()]
             frames.append(robot.plant.GetFrameByName(link, robot.instance))
+        # Direction in which the robot looks, from the x axis of its root link.
         facing = math.radians(gaits_file(robot.model).facing_deg)
         posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
         body = Body(
@@ -302,6 +305,7 @@ class Walk(LoopSection):
             legs=[axes_to(robot, frame) for frame in frames],
             facing=facing,
         )
+        # Feet of one group are lifted together; the engine has indices in place of names.
         groups = [[names.index(foot) for foot in group] for group in parameters.groups]
         height_map = HeightMap(site.plant.ground.beneath, body.sole_reach + _EDGE) if self.height_map else None
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
@@ -386,6 +390,7 @@ class WalkingLoop(SampledBlock):
         self._last_numbers = b""
         self._last_stride = Stride()
 
+        # Optional inputs are only declared if the section names their sources: other inputs must be connected.
         count = len(posture)
         zero = np.zeros(count)
         reads = {"position": count, "velocity": count, "base_pose": 7, "base_velocity": 6}
@@ -452,7 +457,9 @@ class WalkingLoop(SampledBlock):
         # With the same largest acceleration for all distances, the time of a motion grows with their square root.
         duration = _READY_TIME * math.sqrt(np.abs(end - begin).max() / _READY_DISTANCE)
         ready = min(memory["ready"][0] + self.period / max(duration, self.period), 1.0)
-        target = begin + smoothstep(ready) * (end - begin)
+        # A polynomial from 0 to 1 without a jump of the speed at its ends.
+        progress = smoothstep(ready)
+        target = begin + progress * (end - begin)
         velocity = (target - memory["target"]) / self.period
         return {"target": target, "offset_velocity": velocity, "ready": ready}
 
@@ -475,6 +482,7 @@ class WalkingLoop(SampledBlock):
             state = engine.body.observe(measured)
             estimate = engine.estimator.estimate(stride, state, self._vertical_forces(stride, read))
 
+        # The posture of the last sample is where the inverse kinematics starts to search.
         posture = memory["posture"]
         new_stride, target = engine.sample(stride, posture, selected.command, estimate)
         numbers = new_stride.numbers()
@@ -543,9 +551,10 @@ class WalkingLoop(SampledBlock):
         if not self._measured_feet:
             return None
         needed = self.engine.estimator.feet_to_measure(stride)
-        forces = []
-        for number, foot in enumerate(self._measured_feet):
-            forces.append(abs(float(read[foot][2])) if number in needed else 0.0)
+        forces = [0.0] * len(self._measured_feet)
+        for number in needed:
+            foot = self._measured_feet[number]
+            forces[number] = abs(float(read[foot][2]))
         return forces
 
     def _begin(self, read: Named) -> Changes:

@@ -96,6 +96,7 @@ def condition_on_largest(
 
     def find_largest(*values: Vector) -> tuple[int, float]:
         """Find the index and the value of the largest excess."""
+        # A simulation that has diverged gives values that are not numbers. It must end, and not count as within bounds.
         found = excesses(*values)
         found = np.where(np.isnan(found), np.inf, found)
         index = int(np.argmax(found))
@@ -134,7 +135,7 @@ def add_monitor(
     block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
     builder.AddNamedSystem(system_name, block)
     label = message("parts.block_monitor", "Monitor\n{name}", name=name)
-    owner = None if robot is None else site.robot(robot)
+    owner = None if robot is None else site.robot(robot)  # the block is drawn in its robot's part of the picture
     site.picture.draw(system_name, "sensor", label, owner)
     # The block's input ports have the names of the outputs that they read.
     for output in trigger.condition.watched:
@@ -180,6 +181,7 @@ class PoseMonitorSection(MonitorSection):
         if self.piece is not None:
             what = message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name)
             return _pose_of_piece(station, one_of(what, self.piece, free))
+        # In a station without robots, such as a ball on a floor, a monitor need not name the only piece.
         if not station.robots and len(free) == 1:
             return _pose_of_piece(station, free[0])
         return _pose_of_robot(name, station.robot(self.robot, f"monitors.{name}"), port)
@@ -204,6 +206,7 @@ class SensorMonitorSection(MonitorSection):
             InvalidParameter: no sensor is named, and the station has none or several of this kind.
         """
         key = f"monitors.{name}.sensor"
+        # A sensor of another kind has other outputs, so it does not count even if it is named.
         known = [own for own, sensor in station.sensors.items() if sensor.kind == kind]
         what = message("parts.sensor_for", "{kind} sensor for {key}", kind=kind, key=key)
         return name_or_only(self.sensor, known, kind=what, key=key)
@@ -230,7 +233,7 @@ def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
     watched = {output: len(XYZ_QUATERNION_NAMES)}
     if port == "base_pose":
         return WatchedPose(subject=robot.name, watched=watched, start=robot.base)
-    # ``tcp_pose`` alone is the pose of the tool in use.
+    # ``tcp_pose`` alone is the pose of the tool in use; a name after the dot is another tool.
     tool = port.partition(".")[2]
     has_tool = tool in robot.tool_names if tool else robot.tcp != ""
     if not has_tool:

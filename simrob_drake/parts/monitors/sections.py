@@ -58,6 +58,7 @@ class JointLimit(MonitorSection):
         """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m]."""
         robot = station.robot(self.robot, f"monitors.{name}")
         count = len(robot.axes)
+        # A positive margin makes the range smaller on both sides.
         margin = robot.model.bounds(self.margin_deg, self.margin_m)
         all_lower, all_upper = robot.model.axis_limits
         lower = all_lower + margin
@@ -69,6 +70,7 @@ class JointLimit(MonitorSection):
 
         def why(index: int, _: float) -> str:
             """Reason of the end of the run, by the index of the largest overshoot."""
+            # The first n overshoots are those of the upper limits.
             is_upper = index < count
             axis = index if is_upper else index - count
             limit = upper[axis] if is_upper else lower[axis]
@@ -187,6 +189,7 @@ class Settled(MonitorSection):
         :math:`1 - \max_i \max(|v_i| / v_{max,i}, |e_i| / e_{max,i})`, without the errors if none is bounded.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
+        # Bounds in SI units, shape (n,). An error without a bound may be infinite.
         speed_bounds = robot.model.bounds(self.speed_deg, self.speed_m)
         error_bounds = robot.model.bounds(
             math.inf if self.error_deg is None else self.error_deg,
@@ -243,7 +246,7 @@ class Divergence(MonitorSection):
                 "parts.ran_away",
                 "{axis} ran away: {speed:.4g} {unit}, above {limit:g} {unit}",
                 axis=robot.axes[index],
-                speed=excess + self.speed_limit,
+                speed=excess + self.speed_limit,  # the excess is the speed minus the limit
                 unit=unit,
                 limit=self.speed_limit,
             )
@@ -314,6 +317,7 @@ class EmptyGrip(MonitorSection):
         opening_at_touch = stroke.opening(0.0) if stroke else 0.0
         largest_opening = self.part + opening_at_touch
 
+        # One finger that is held open by a piece is enough for a grip that is not empty.
         def excess(position: Vector) -> float:
             openings = (position[indices] - closed) / (opened - closed)
             return largest_opening - float(openings.max())
@@ -339,6 +343,7 @@ class Contact(SensorMonitorSection):
         The proximity switch of the Simulink library works like this.
         """
         sensor = self.watched_sensor(name, station, "distance")
+        # The reason names what touches, which only the section of the sensor knows.
         section = station.sensors[sensor]
         names = message(
             "parts.body_and_other",
@@ -495,17 +500,20 @@ class Fall(PoseMonitorSection):
             leaning = -1.0
             if largest_tilt is not None:
                 leaning = lean(up, *quaternion) / largest_tilt - 1
-            return _FallExcess(low=low, leaning=leaning)
+            return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
-            found = excesses(pose)
-            # A pose that is not finite ends the run: max() would ignore a value that is not a number.
-            return max(found.low, found.leaning) if found.is_finite else math.inf
+            low, leaning = excesses(pose)  # plain names: this is evaluated at every step
+            # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.
+            if not (math.isfinite(low) and math.isfinite(leaning)):
+                return math.inf
+            return low if low >= leaning else leaning
 
         def why(pose: Vector) -> str:
             found = excesses(pose)
             if not found.is_finite:
                 return message("parts.is_nowhere", "{who} is nowhere", who=subject)
+            # If both bounds are exceeded, the reason is the one that is exceeded more.
             if found.low >= found.leaning or largest_tilt is None:
                 return message(
                     "parts.fell_too_low",

@@ -116,14 +116,15 @@ class JointEncoders(SampledBlock):
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measured positions and speeds at this sample."""
+        """Compute the measured positions and speeds at this sample, by the equations of the class."""
         count = int(memory["count"][0])
         noise = self._noise * normal_noise(self.seed, count, len(self._noise))
         position = round_to_resolution(read["position"] + noise, self._resolution)
         # At the first sample there is no position before, and the speed is zero.
         is_first = count == 0
         difference = np.zeros_like(position) if is_first else (position - memory["position"]) / self.period
-        velocity = memory["velocity"] + self._filter_share * (difference - memory["velocity"])
+        last_velocity = memory["velocity"]
+        velocity = last_velocity + self._filter_share * (difference - last_velocity)
         return {"position": position, "velocity": velocity, "count": count + 1}
 
 
@@ -137,6 +138,7 @@ class JointTorque(Sensor):
     def check(self, key: str, station: StationContents) -> None:
         """Check, in addition to the base class, that the solver reports reaction forces of joints."""
         super().check(key, station)
+        # The block reads Drake's output of reaction forces, which some engines do not compute.
         if not station.engine.reports_forces_of_joints:
             expected = message(
                 "parts.no_joint_forces",

@@ -270,6 +270,7 @@ def _compute_after_run(
     replayed: Replay = recorded.memo[block]
     values = replayed.outputs[output]
     samples = (times / replayed.period + _SAME_SAMPLE).astype(int)
+    # A run that goes on from another one does not begin at the sample 0.
     rows = samples - _first_sample(recorded, replayed.period)
     return np.asarray(values[np.clip(rows, 0, len(values) - 1)])
 
@@ -301,6 +302,7 @@ def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, Output
         if not isinstance(source, OutputPort):
             values[name] = source(recorded, times_before)
 
+    # The block starts with its initial memory, as it does in a run.
     context = block.CreateDefaultContext()
     output_ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     outputs = {port.get_name(): np.empty((len(sample_times), port.size())) for port in output_ports}

@@ -164,7 +164,8 @@ class Force(ShapeSensor):
         add_and_connect(builder, f"sensor.{name}.split", split, reported)
 
         # If the contact results lack friction, it is added after the run, or the result says that it is missing.
-        tangential = self._tangential_source(site, body[0])
+        any_shape = body[0]  # all shapes of the sensor's body belong to one model
+        tangential = self._tangential_source(site, any_shape)
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
@@ -296,7 +297,8 @@ class MomentumBalance:
         self._body = set(body)
         self._other = None if other is None else set(other)
 
-        # All shapes of the model to which the body belongs.
+        # All shapes of the model to which the body belongs. The momentum is that of the whole model, in which forces
+        # between its own bodies cancel out.
         inspector = site.plant.scene_graph.model_inspector()
         any_shape = next(iter(self._body))
         self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(any_shape)).model_instance()
@@ -404,5 +406,6 @@ class MomentumBalance:
         # f = (P1 - P0) / h - m g
         durations = (step_times[ends] - step_times[ends - 1])[:, np.newaxis]
         rates = (momenta[ends] - momenta[ends - 1]) / durations
+        # m g
         weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
         return np.asarray(rates - weight)

@@ -15,8 +15,9 @@ from typing import ClassVar
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.references import smooth
 from simrob_drake.programs.gaits.biped import FEET
@@ -25,6 +26,7 @@ from simrob_drake.programs.gaits.phases import GaitPlan, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, nearest_inside
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
+from simrob_drake.robots.catalog import RobotModel
 
 SolePose = tuple[Number, Number, Number, Number]
 """Sole pose of a parameter: ahead, left, up [m] and turn to the left [rad]."""
@@ -104,6 +106,28 @@ class Climb(SolvedGait):
                 expected,
             )
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
+
+    def check_feet(self, model: RobotModel, worn: str | None, key: str) -> None:
+        """Check that the feet can stand on steps, see :meth:`Gait.check_feet`: the soles of two legs need edges."""
+        if has_edges(model, worn):
+            return
+        assert model.feet is not None  # a robot without feet has no climb
+        edged = [name for name in model.feet.contacts if has_edges(model, name)]
+        if edged:
+            choices = join_texts([f"--set {key}={name}" for name in edged], message("base.or", " or "))
+            expected = message(
+                "programs.soles_with_edges",
+                "soles with edges (boxes), which may stand over those of stairs: {choices}",
+                choices=choices,
+            )
+        else:
+            expected = message(
+                "programs.describe_soles",
+                "soles with edges, which may stand over those of stairs: give the robot boxes under feet.contacts in "
+                "its {file}",
+                file=ROBOT_FILE,
+            )
+        raise InvalidParameter(message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected)
 
     @property
     def _all_stand_time(self) -> float:
@@ -235,6 +259,18 @@ class Climb(SolvedGait):
             trunk_height = trunk_height + change
             shift_time = self._all_stand_time  # only the first shift takes as long as `settle`
         return result
+
+
+def has_edges(model: RobotModel, worn: str | None) -> bool:
+    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
+
+    Args:
+        model: the robot; it has feet.
+        worn: kind of feet that the robot has in its station. If it is None, the default one.
+    """
+    assert model.feet is not None  # a robot without feet has no climb
+    feet = model.feet.kind(worn)
+    return len(feet.links) != len(FEET) or bool(feet.boxes)
 
 
 def _middle_of(poses: Mapping[str, Vector]) -> Vector:

@@ -345,6 +345,18 @@ class Gait(Strict):
         """Whether the gait is for a robot that is held by its trunk, such as a swimming stroke."""
         return False
 
+    def check_feet(self, model: RobotModel, worn: str | None, key: str) -> None:
+        """Check the kind of feet that a robot wears, beyond their size; most gaits ask for nothing else.
+
+        Args:
+            model: the robot.
+            worn: name of the kind of feet.
+            key: key of the station that chooses it.
+
+        Raises:
+            InvalidParameter: the gait needs other feet; the message says how to choose them.
+        """
+
     def made_for(self, model: RobotModel) -> str | None:
         """Kind of feet for which the gait is made: the one it names, or the robot's default one.
 

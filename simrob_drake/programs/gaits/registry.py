@@ -10,12 +10,13 @@ other feet that are about as large.
 
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import Field, create_model
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -28,13 +29,15 @@ from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.getting_up import GettingUp
-from simrob_drake.walking.parameters import WalkingParameters
+from simrob_drake.walking.parameters import REACTING, WalkingParameters
 
 _CORE: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick, Climb)
 """Kinds of gaits of the core that are planned before they begin."""
 _POINT = "gaits"
 """Extension point at which extensions add kinds of gaits."""
 register_core_names(_POINT, lambda: [kind.section for kind in _CORE])
+_WALKING = "walking.yaml"
+"""Name of the station in a robot's own folder on which it walks by commands, as `simrob legged` writes it."""
 _LEAST_SIZE = 0.8
 """Least length and width of other feet over those of the feet that a gait is made for [1].
 
@@ -153,7 +156,10 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
 
     Raises:
         InvalidParameter: there is no gait for these feet. The message names the feet for which there is one.
+        Unsuitable: there are no gaits. The message says how the robot walks instead.
     """
+    if not known:
+        raise _no_walk(model)
     made_for = {name: gait.made_for(model) for name, gait in known.items()}
     exact = [name for name, made in made_for.items() if made == worn]
     fitting = exact or [name for name, made in made_for.items() if carries(model, worn, made)]
@@ -169,6 +175,25 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
             kinds=kinds or message("programs.another_robot", "another robot"),
         ),
     )
+
+
+def _no_walk(model: RobotModel) -> Unsuitable:
+    """Make the error for a robot without any gait with steps. Most of them walk by commands."""
+    subject = message("base.robot_called", "robot {name}", name=model.name)
+    file = gaits_file(model)
+    if not file.section(REACTING):
+        problem = message("programs.no_gait_with_steps", "it has no gait with steps")
+        remedy = message("programs.use_acts", "use an act, or write a gait into its {file}", file=file.file.name)
+        return Unsuitable(subject, problem, remedy)
+    problem = message("programs.no_planned_walk", "it has no planned walk, and walks by commands")
+    go = message("programs.go_in_program", "{{go: {{ahead: 0.1}}}} in a program")
+    station = model.folder / _WALKING
+    if not station.is_file():
+        return Unsuitable(subject, problem, message("programs.use_go", "use {go}", go=go))
+    here = Path.cwd()
+    shown = station.relative_to(here) if station.is_relative_to(here) else station
+    remedy = message("programs.run_walking_or_go", "type simrob run {file}, or use {go}", file=shown, go=go)
+    return Unsuitable(subject, problem, remedy)
 
 
 def _foot_sizes(model: RobotModel, kind: str) -> dict[str, Vector]:

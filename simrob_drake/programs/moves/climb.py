@@ -17,7 +17,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import FEET
-from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.climb import Climb, has_edges
 from simrob_drake.programs.gaits.climb_footholds import BallFootholds, Footholds, FootPositions, SoleFootholds
 from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
@@ -56,7 +56,7 @@ class ClimbMove(Move):
         Returns None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
         """
         worn = config.robots[robot].feet
-        possible = has_gait(model, Climb, Climb.usual) and _has_edges(model, worn)
+        possible = has_gait(model, Climb, Climb.usual) and has_edges(model, worn)
         return frozenset(cls.model_fields) if possible else None
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -72,15 +72,6 @@ class ClimbMove(Move):
                 message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
             )
         planned_gait(robot, self.gait, changes, station=outlook.station)
-        worn = robot.worn_feet
-        if not _has_edges(robot.model, worn):
-            expected = message(
-                "programs.soles_with_edges",
-                "soles with edges (boxes), which may stand over those of stairs: robot.feet",
-            )
-            raise InvalidParameter(
-                message("programs.feet_of", "feet of {model}", model=robot.model.name), str(worn), expected
-            )
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult | None:
@@ -103,18 +94,6 @@ class ClimbMove(Move):
             return replace(joined(runs), did=self.caption()) if runs else None
 
         return run_stage
-
-
-def _has_edges(model: RobotModel, worn: str | None) -> bool:
-    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
-
-    Args:
-        model: the robot; it has feet.
-        worn: kind of feet that the robot has in its station. If it is None, the default one.
-    """
-    assert model.feet is not None  # a robot without feet has no climb
-    feet = model.feet.kind(worn)
-    return len(feet.links) != len(FEET) or bool(feet.boxes)
 
 
 class ClimbStance(NamedTuple):

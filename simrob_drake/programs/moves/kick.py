@@ -1,7 +1,9 @@
 """Kick a ball. The ball flies by the forces of the contact alone."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -77,31 +79,58 @@ class KickMove(Move):
             InvalidParameter: a joint would turn faster than its motor can without a load.
             SimrobError: see :meth:`simrob_drake.LeggedRobot.act`.
         """
-        # Keys that the user sets replace those of the aim.
-        changes = dict(aim)
-        if self.speed is not None:
-            changes["speed"] = self.speed
-        changes.update(self.model_extra or {})
-        motion = planned_gait(robot, self.gait, changes, station=station)
+        motion = self._plan(robot, station, aim, self.speed)
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
         worst = int((fastest / limits).argmax())  # index of the axis nearest to its limit, or furthest beyond
-        if fastest[worst] > limits[worst]:
-            value = message("programs.gaits_own", "the gait's")
-            if self.speed is not None:
-                value = compound("{speed:g} m/s", speed=self.speed)
-            raise InvalidParameter(
-                message("programs.speed_of_kick", "speed of the kick"),
-                value,
-                message(
-                    "programs.slower_kick",
-                    "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
-                    axis=robot.axes[worst],
-                    speed=fastest[worst],
-                    limit=limits[worst],
-                ),
+        if fastest[worst] <= limits[worst]:
+            return motion
+        speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed
+
+        def is_too_fast(hundredths: int) -> bool:
+            """Whether a motor is too slow for a kick at a speed, in hundredths of a metre per second."""
+            slower = self._plan(robot, station, aim, hundredths / 100)
+            return not bool((np.abs(slower.velocities) <= limits).all())
+
+        # The joints turn the faster the faster the kick is: the speeds that work come first, and their count is the
+        # largest of them in hundredths.
+        largest = bisect_left(range(1, ceil(100 * speed)), True, key=is_too_fast)
+        details: dict[str, Any] = {
+            "axis": robot.axes[worst],
+            "speed": fastest[worst],
+            "limit": limits[worst],
+        }
+        if largest:
+            expected = message(
+                "programs.kick_at_most",
+                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                most=largest / 100,
+                **details,
             )
-        return motion
+        else:
+            expected = message(
+                "programs.slower_kick",
+                "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                **details,
+            )
+        value = message("programs.gaits_own", "the gait's")
+        if self.speed is not None:
+            value = compound("{speed:g} m/s", speed=self.speed)
+        raise InvalidParameter(message("programs.speed_of_kick", "speed of the kick"), value, expected)
+
+    def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
+        """Parameters that replace those of the gait, with a speed of the foot [m/s]; None means the gait's own."""
+        changes = dict(aim)
+        if speed is not None:
+            changes["speed"] = speed
+        changes.update(self.model_extra or {})  # keys that the user sets replace those of the aim
+        return changes
+
+    def _plan(
+        self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any], speed: float | None
+    ) -> JointMotion:
+        """Plan the kick at a speed of the foot [m/s]; None means the gait's own."""
+        return planned_gait(robot, self.gait, self._changes(aim, speed), station=station)
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
         """Compute the parameters of the gait with which the robot hits the ball, from where both are now.

@@ -1,7 +1,12 @@
-"""Where to look at a run from, and when: from which side, how near, beside a robot that walks, frame by frame."""
+"""Cameras for pictures of a run: their direction, their distance, and their motion beside a robot that walks.
+
+All positions are in the world, with z upwards. An *azimuth* is the direction from a station to the eye of the camera,
+seen from above, counterclockwise from the x axis. All cameras look down at the same angle.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,45 +18,74 @@ from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
-FIELD_OF_VIEW = np.deg2rad(35.0)  # vertical opening of the cameras [rad]; narrow, so that links keep their proportions
-WINDOW_ASPECT = 1.4  # width over height of a browser window that still shows all: most are wider
-PANE_ASPECT = 1.0  # likewise of a view beside other things on a page
+FIELD_OF_VIEW = np.deg2rad(35.0)
+"""Vertical opening angle of the cameras [rad]. It is narrow, so that links keep their proportions."""
 
-_ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
+WINDOW_ASPECT = 1.4
+"""Width over height of a browser window that still shows everything. Most windows are wider."""
+
+PANE_ASPECT = 1.0
+"""Width over height of a view that shares a page with other things."""
+
+_ASIDE = float(np.deg2rad(-50.0))
+"""Azimuth of the eye from the direction a robot faces [rad]: the eye is at the right of the robot's front."""
+
 _ELEVATION = np.deg2rad(20.0)
-_MARGIN = 1.12  # how much wider than what moves the picture is
-_NEAREST = 0.1  # how near a camera goes [m]
-_TRUSTED = 0.9  # the part of a diverging run that is framed: then the robot may fly off
-_WALK = 0.6  # a base that goes further than so many times its height is followed
-_EVERY = 0.02  # s between the places of the camera
-_HALF = 25  # places before and after, of which the camera takes the mean: a second in all, so that it does not sway
-_MEAN = np.full(2 * _HALF + 1, 1.0 / (2 * _HALF + 1))
+"""Angle at which the cameras look down [rad]."""
 
-Way = Callable[[Vector], Vector]  # how far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]
+_MARGIN = 1.12
+"""Size of the picture, relative to what must be in it."""
+
+_NEAREST = 0.1
+"""Least distance of the camera from what it shows [m]."""
+
+_RELIABLE = 0.9
+"""Part of a diverging run, from its start, that must be in the picture. After that the robot may fly off."""
+
+_WALK = 0.6
+"""A robot is followed if its base goes farther than this many times its height."""
+
+_SAMPLE_PERIOD = 0.02
+"""Time between the positions of the camera [s]."""
+
+_HALF_WINDOW = 25
+"""Positions before and after that are averaged, one second in all, so that the camera does not sway with the steps."""
+
+_WEIGHTS = np.full(2 * _HALF_WINDOW + 1, 1.0 / (2 * _HALF_WINDOW + 1))
+"""Weights of a moving average."""
+
+Displacement = Callable[[Vector], Vector]
+"""Displacement of a robot or a camera since the start of a run, shape (k, 3) [m], at times of the run (k,) [s]."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Where an eye is and where it looks, shape (3,) [m] each; z is up in the picture."""
+    """A camera that looks from its eye to its target, with z upwards in the picture.
+
+    Attributes:
+        eye: position of the eye, shape (3,) [m].
+        target: a point in the middle of the picture, shape (3,) [m].
+    """
 
     eye: Vector
     target: Vector
 
-    def moved(self, way: Vector) -> "Camera":
-        """Return the camera with eye and target moved by the same way, shape (3,) [m]."""
-        return Camera(self.eye + way, self.target + way)
+    def moved(self, displacement: Vector) -> "Camera":
+        """Copy of the camera with eye and target displaced, shape (3,) [m]."""
+        return Camera(self.eye + displacement, self.target + displacement)
 
 
 def side(station: StationPlant) -> float:
-    """Return the direction [rad] from which to look at a station: its front quarter.
+    """Azimuth from which a station is shown [rad]: from the right of its front.
 
-    The first legged robot tells where the front is; other robots face x.
+    The first robot with feet determines where the front is. Without such a robot, the front is in the direction of x.
     """
     for robot in station.robots.values():
         if robot.feet is not None:
             context = station.plant.CreateDefaultContext()
             root = xyz_quaternion_from_transform(robot.root.CalcPoseInWorld(context))
-            return float(headings(station, robot, root[np.newaxis])[0]) + _ASIDE
+            heading = float(headings(station, robot, root[np.newaxis])[0])
+            return heading + _ASIDE
     return _ASIDE
 
 
@@ -72,26 +106,39 @@ def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, Controller
 
 
 def framed_time(result: RecordedRun) -> float:
-    """Return up to when a run is to be in the picture [s]."""
-    share = _TRUSTED if result.stopped_by == DIVERGED else 1.0
+    """Time up to which the motion of a run must be in the picture [s]: its end, unless the run diverges."""
+    share = _RELIABLE if result.stopped_by == DIVERGED else 1.0
     return result.start_time + share * result.simulated_time
 
 
 def frame_times(end: float, frames_per_second: float, *, begin: float = 0.0) -> Vector:
-    """Return the times of a motion's frames from ``begin`` to ``end`` [s]; raises InvalidParameter: a wrong rate."""
+    """Times of the frames of a motion, shape (k,) [s]. The last frame is at the end, and may follow sooner.
+
+    Args:
+        end: end of the motion [s].
+        frames_per_second: rate of the frames [1/s].
+        begin: time of the first frame [s].
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+    """
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter(
             "frames_per_second", frames_per_second, message("results.positive_rate", "a positive rate [1/s]")
         )
+    # Without the small number, an error of the arithmetic would give a second frame just before the last one.
     count = max(int(np.ceil((end - begin) * frames_per_second - 1e-9)), 0)
     return np.append(begin + np.arange(count) / frames_per_second, end)
 
 
-def walked_way(result: RecordedRun) -> Way | None:
-    """Return how far a camera beside a walking robot goes: the robot's way over the floor, without the sway of steps.
+def walked_displacement(result: RecordedRun) -> Displacement | None:
+    """Displacement of a camera that goes beside a walking robot: that of the robot, without the sway of its steps.
 
-    A robot whose controller asks for it is followed as well. None where the camera stands still: with no such robot,
-    with several, or for a way that is short for its size.
+    The camera also follows the height of the floor. A robot whose controller asks for it is followed as well.
+
+    Returns:
+        the displacement, or None if the camera stands still: if there is no such robot, if the station has several
+            robots, or if the robot's path is short compared with its height.
     """
     followed = _followed_robot(result)
     if followed is None:
@@ -99,19 +146,30 @@ def walked_way(result: RecordedRun) -> Way | None:
     base = result.pose("base", followed)
     begin = result.start_time
     end = framed_time(result)
-    times = np.linspace(begin, end, max(round((end - begin) / _EVERY), 1) + 1)
-    places = [np.interp(times, result.times, column) for column in base[:, :2].T]
+    interval_count = max(round((end - begin) / _SAMPLE_PERIOD), 1)
+    times = np.linspace(begin, end, interval_count + 1)
+    x = np.interp(times, result.times, base[:, 0])
+    y = np.interp(times, result.times, base[:, 1])
+
     ground = result.plant.ground
     height = base[0, 2] - ground.beneath(base[:1, :3])[0]
-    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * height:
+    distances = np.hypot(x - x[0], y - y[0])
+    if distances.max() < _WALK * height:
         return None
-    smooth = [np.convolve(np.pad(column - column[0], _HALF, mode="edge"), _MEAN, "valid") for column in places]
+    smooth_x = _moving_average(x - x[0])
+    smooth_y = _moving_average(y - y[0])
 
-    def way(at: Vector) -> Vector:
-        gone = np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
-        return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
+    def displacement(at: Vector) -> Vector:
+        level = np.column_stack([np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))])
+        upwards = np.outer(ground.floor_heights(level), [0.0, 0.0, 1.0])
+        return np.asarray(level + upwards)
 
-    return way
+    return displacement
+
+
+def _moving_average(values: Vector) -> Vector:
+    """Average each value (k,) with those around it. Beyond the ends, the first and the last value are repeated."""
+    return np.convolve(np.pad(values, _HALF_WINDOW, mode="edge"), _WEIGHTS, "valid")
 
 
 def base_distances(result: RecordedRun, times: Vector) -> Vector:
@@ -120,8 +178,9 @@ def base_distances(result: RecordedRun, times: Vector) -> Vector:
     At the end of the run it is the distance that the run's text and summary give, sway and a fall included.
     """
     base = result.pose("base", _followed_robot(result))
-    distances = np.hypot(*(base[:, :2] - base[0, :2]).T)
-    return np.interp(times, result.times, distances)
+    x = base[:, 0] - base[0, 0]
+    y = base[:, 1] - base[0, 1]
+    return np.asarray(np.interp(times, result.times, np.hypot(x, y)))
 
 
 def _followed_robot(result: RecordedRun) -> str | None:
@@ -131,28 +190,52 @@ def _followed_robot(result: RecordedRun) -> str | None:
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
-    """Return the nearest camera at ``azimuth`` from x [rad] with all points (m, 3) [m] in a picture of an aspect."""
+    """Find the nearest camera that has all points in its picture.
+
+    Args:
+        points: the points, shape (m, 3) [m].
+        aspect: width over height of the picture.
+        azimuth: direction from the points to the eye, counterclockwise from x [rad].
+    """
     axes = _camera_axes(azimuth)
-    across, along = (points @ axes.T)[:, :2], points @ axes[2]
+    rotation = np.array([axes.right, axes.up, axes.forward])
+    across = (points @ rotation.T)[:, :2]  # to the right and upwards in the picture, shape (m, 2)
+    along = points @ axes.forward  # from the camera into the picture, shape (m,)
+    # Tangents of half the opening angles, to the right and upwards.
     half = np.tan(FIELD_OF_VIEW / 2) / _MARGIN * np.array([aspect, 1.0])
-    # An edge of the picture is a plane through the eye; these are the planes that just touch the points.
+
+    # An eye at (e, d), across and along, has a point at (a, s) in its picture if |a - e| <= half (s - d), which is
+    #     e + half d <= a + half s   and   e - half d >= a - half s.
+    # With low = min(a + half s) and high = max(a - half s) over all points, the nearest eye, with the largest d, is at
+    #     e = (low + high) / 2   and   d = (low - high) / (2 half), the smaller d of both directions.
     low = (across + half * along[:, np.newaxis]).min(axis=0)
     high = (across - half * along[:, np.newaxis]).max(axis=0)
     depth = min(((low - high) / (2 * half)).min(), along.min() - _NEAREST)
     eye = np.append((low + high) / 2, depth)
     target = np.append(eye[:2], (along.min() + along.max()) / 2)
-    return Camera(eye @ axes, target @ axes)
+    return Camera(eye @ rotation, target @ rotation)
 
 
 def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:
-    """Return the width over the height of points as a camera sees them; 1 where all are one point."""
-    width, height = np.ptp((points @ _camera_axes(azimuth).T)[:, :2], axis=0)
+    """Width over height of points (m, 3) [m] as a camera at an azimuth [rad] sees them; 1 if they have no height."""
+    axes = _camera_axes(azimuth)
+    rotation = np.array([axes.right, axes.up, axes.forward])
+    width, height = np.ptp((points @ rotation.T)[:, :2], axis=0)
     return float(width / height) if height > 0 else 1.0
 
 
-def _camera_axes(azimuth: float) -> Vector:
-    """Return right, up and forward of a camera as rows, shape (3, 3)."""
-    level, rise = np.cos(_ELEVATION), np.sin(_ELEVATION)
+class _CameraAxes(NamedTuple):
+    """Unit vectors of a camera in the world, shape (3,) each."""
+
+    right: Vector
+    up: Vector
+    forward: Vector
+
+
+def _camera_axes(azimuth: float) -> _CameraAxes:
+    """Compute the axes of a camera that stands at an azimuth [rad] and looks down by the usual angle."""
+    level = np.cos(_ELEVATION)
+    rise = np.sin(_ELEVATION)
     forward = -np.array([level * np.cos(azimuth), level * np.sin(azimuth), rise])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    return np.array([right, np.cross(right, forward), forward])
+    return _CameraAxes(right, np.cross(right, forward), forward)

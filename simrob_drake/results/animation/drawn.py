@@ -1,6 +1,7 @@
-"""What Drake's Meshcat draws, as commands to its page; and robots drawn translucent at other postures beside it.
+"""Commands to Meshcat's page in a browser, which draw a station, and translucent copies of its robots.
 
-Meshcat's own server is open for moments and to no browser.
+Drake's Meshcat is used to make the commands: it draws, and its page with all drawings is read. Its own server is open
+only for these moments, and no browser connects to it. A *ghost* is a translucent copy of a robot in another posture.
 """
 
 import logging
@@ -29,25 +30,34 @@ from simrob_drake.results.animation.scene import ViewedStation
 from simrob_drake.results.colours import PATHS, rgb
 from simrob_drake.results.record.run import RecordedRun
 
-Command = str | dict[str, Any]  # to Meshcat's page: a dictionary, or one in MessagePack and base64
-Prefixes = Mapping[str, Role]  # where in Meshcat's tree the geometry of a role hangs
+Command = str | dict[str, Any]
+"""Command to Meshcat's page: a dictionary, or a dictionary in MessagePack, written in base64."""
 
-_TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
-_AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
+Prefixes = Mapping[str, Role]
+"""Paths in Meshcat's tree, and the role of the shapes that are drawn under each."""
+
+_TOP = [1.0, 1.0, 1.0]
+_BOTTOM = [0.86, 0.88, 0.91]
+"""Colours of the background at the top and at the bottom: red, green and blue, from 0 to 1."""
+
+_AMBIENT = 1.1
+"""Intensity of the light from all sides. Meshcat's own leaves steep faces dark."""
+
+# The page that Meshcat writes has each command as data that it fetches, and each mesh as an asset.
 _IN_PAGE = re.compile(r'fetch\("data:application/octet-binary;base64,([^"]*)"\)')
 _ASSET = re.compile(r'casAssets\["([^"]*)"\] = "([^"]*)";')
 
 
 def open_meshcat() -> Meshcat:
-    """Return a Meshcat for a moment's work; it listens on this computer, where no browser will guess.
+    """Open a Meshcat for a moment's work. It listens on this computer only, at an address that is hard to guess.
 
-    It asks nobody who they are, and a malformed message ends the process: on Linux its address is one of sixteen
+    Meshcat accepts any connection, and a malformed message ends the process. On Linux its address is one of sixteen
     million loopback addresses.
     """
     hidden = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
     logger = logging.getLogger("drake")
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # where Meshcat listens, or could not, is nobody's business
+    logger.setLevel(logging.CRITICAL)  # Meshcat would write its address, or that it could not open it
     try:
         try:
             meshcat = Meshcat(MeshcatParams(host=hidden, show_stats_plot=False))
@@ -64,13 +74,13 @@ def open_meshcat() -> Meshcat:
 
 
 def empty_page() -> str:
-    """Return Meshcat's page with nothing in it, self-contained."""
+    """HTML of Meshcat's page with nothing drawn. It needs no other file."""
     page: str = open_meshcat().StaticHtml()
     return page
 
 
 def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
-    """Return what makes Meshcat's page show what a function draws."""
+    """Commands that draw into Meshcat's page the same as a function draws into a Meshcat."""
     meshcat = open_meshcat()
     draw(meshcat)
     page = meshcat.StaticHtml()
@@ -79,7 +89,14 @@ def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
 
 
 def draw_geometry(meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, hidden: str = "") -> None:
-    """Draw a scene's geometry in its present configuration; what hangs under ``hidden`` waits for a switch."""
+    """Draw the shapes of a scene in its present configuration.
+
+    Args:
+        meshcat: the Meshcat into which the shapes are drawn.
+        query: the scene.
+        prefixes: paths in Meshcat's tree, and the role of the shapes under each.
+        hidden: prefix whose shapes are invisible until the user switches them on; empty for none.
+    """
     for prefix, role in prefixes.items():
         shown = MeshcatVisualizerParams(
             role=role, prefix=prefix, enable_alpha_slider=False, visible_by_default=prefix != hidden
@@ -91,7 +108,12 @@ def draw_geometry(meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, h
 
 
 def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
-    """Return what moves the bodies in Meshcat's page to where they are now."""
+    """Commands that move the bodies in Meshcat's page to their present poses.
+
+    Args:
+        query: the scene in its present configuration.
+        prefixes: paths in Meshcat's tree, and the role of the shapes under each.
+    """
     inspector = query.inspector()
     frames, found = inspector.GetAllFrameIds(), list[Command]()
     for frame, (path, matrix) in zip(frames, placed(query, frames), strict=True):
@@ -102,14 +124,18 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
 
 
 def placed(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
-    """Yield the path of each frame in Meshcat's tree, under a prefix, and the matrix of its pose, column by column."""
+    """Yield the path of each frame in Meshcat's tree, under a prefix, and its pose.
+
+    The pose is a homogeneous matrix, 16 numbers column by column, as Meshcat expects it.
+    """
     for frame in frames:
+        # Fewer digits make messages shorter: seven decimals are exact to less than a micrometre.
         matrix = np.round(query.GetPoseInWorld(frame).GetAsMatrix4(), 7)
         yield query.inspector().GetName(frame).replace("::", "/"), matrix.ravel(order="F").tolist()
 
 
 def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
-    """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
+    """Draw the paths of the tools in a run as lines. Lines of another number remain, so that several runs are shown."""
     for robot in result.plant.robots.values():
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
@@ -118,7 +144,10 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
 
 
 def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
-    """Draw the ways of tools that searches for the moves of a run tried, where that was asked for, as thin lines."""
+    """Draw the paths that the searches for the moves of a run have tried, as thin lines, if they were recorded.
+
+    Lines of another number remain, so that several runs are shown.
+    """
     for move in result.moves:
         if len(move.search):
             begin, end = (np.asfortranarray(points.T) for points in (move.search[:, 0], move.search[:, 1]))
@@ -126,44 +155,59 @@ def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> Non
 
 
 def path_colour(result: RecordedRun, robot: str) -> str:
-    """Return the colour of the way of a robot's tool."""
+    """Colour of the path of a robot's tool, by the name of the robot."""
     return PATHS[list(result.plant.robots).index(robot) % len(PATHS)]
 
 
 def look(meshcat: Meshcat, camera: Camera) -> None:
-    """Put the camera of a Meshcat window in its place."""
+    """Set the camera of a Meshcat window."""
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
     meshcat.SetCameraPose(camera.eye, camera.target)
 
 
-GHOSTS, COMPARED = "/drake/ghosts", "/drake/compared"  # where in Meshcat's tree they hang, and those of another run
-SHOWN = "/drake/station"  # where what they are copies of does
-_OTHER = {"color": colours.COLOURS[0], "opacity": 0.35}
-GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
-"""Colour and opacity of a posture that the robot can take, and of one that it cannot."""
+GHOSTS = "/drake/ghosts"
+COMPARED = "/drake/compared"
+"""Paths in Meshcat's tree of ghosts, and of the ghost of another run with which a run is compared."""
 
-_PLAIN = 0.6  # opacity of a marked one
+SHOWN = "/drake/station"
+"""Path of the bodies of which ghosts are copies."""
+
+_OTHER = {"color": colours.COLOURS[0], "opacity": 0.35}
+"""Look of the ghost of another run."""
+
+GOOD = (colours.GOOD, 0.3)
+BAD = (colours.BAD, 0.12)
+"""Colour and opacity of a posture that the robot can take, and of one that it cannot take."""
+
+_MARKED_OPACITY = 0.6
+"""Opacity of a marked ghost."""
 
 
 def ghosts(
     scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
 ) -> list[Command]:
-    """Return what makes the view of a station show a robot, and what it carries, at postures (n,); none: gone.
+    """Commands that show ghosts of a robot, and of the pieces that it carries, in place of all earlier ghosts.
 
-    In place of the ghosts that were there. The window copies what it shows already, so that nothing is sent twice.
-    ``good`` tells whether the robot can take each, ``marked`` is the number of one that is drawn less faint.
+    The page copies the bodies that it shows already, so that no mesh is sent twice.
+
+    Args:
+        scene: the scene that the page shows. It keeps the last posture.
+        robot: name of the robot.
+        postures: positions of the robot's axes, shape (n,) each. Without any, the earlier ghosts are only deleted.
+        good: whether the robot can take each posture.
+        marked: index of a posture that is drawn less faint; None for none.
     """
     found: list[Command] = [{"type": "delete", "path": GHOSTS}]
     for number, (posture, can) in enumerate(zip(postures, good, strict=True)):
         scene.place_robots({robot: posture})
         colour, opacity = GOOD if can else BAD
-        looks = {"color": colour, "opacity": _PLAIN if number == marked else opacity}
+        looks = {"color": colour, "opacity": _MARKED_OPACITY if number == marked else opacity}
         found += _copies(scene, f"{GHOSTS}/{number}", looks, scene.station.robots[robot].instance)
     return found
 
 
 def compared_ghost(scene: ViewedStation, positions: Vector | None) -> list[Command]:
-    """Return what makes the view show all that moves once more, as it was at positions (nq,); None: gone."""
+    """Commands that show a ghost of all moving bodies at positions (nq,) of the plant. It is deleted for None."""
     if positions is None:
         return [{"type": "delete", "path": COMPARED}]
     scene.place(positions)
@@ -173,16 +217,24 @@ def compared_ghost(scene: ViewedStation, positions: Vector | None) -> list[Comma
 def _copies(
     scene: ViewedStation, path: str, looks: Mapping[str, Any], own: ModelInstanceIndex | None = None
 ) -> Iterator[Command]:
-    """Yield what copies what is seen of all moving bodies, or those of one instance, to where they are now."""
-    plant, inspector = scene.plant, scene.station.scene_graph.model_inspector()
-    moving = [
-        frame
-        for frame in inspector.GetAllFrameIds()
-        if (body := plant.GetBodyFromFrameId(frame)) is not None
-        and own in (None, body.model_instance())
-        and not plant.IsAnchored(body)
-        and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration)
-    ]
+    """Yield the commands that copy the visible shapes of moving bodies to their present poses.
+
+    Args:
+        scene: the scene in its present configuration.
+        path: path of the copies in Meshcat's tree.
+        looks: colour and opacity of the copies.
+        own: model instance of the bodies; None for the bodies of all instances.
+    """
+    plant = scene.plant
+    inspector = scene.station.scene_graph.model_inspector()
+    moving = []
+    for frame in inspector.GetAllFrameIds():
+        body_of_frame = plant.GetBodyFromFrameId(frame)
+        if body_of_frame is None or plant.IsAnchored(body_of_frame):
+            continue
+        is_chosen = own is None or body_of_frame.model_instance() == own
+        if is_chosen and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration):
+            moving.append(frame)
     for body, matrix in placed(scene.query(), moving):
         yield {"type": "copy", "path": f"{path}/{body}", "source": f"{SHOWN}/{body}", **looks}
         yield {"type": "set_transform", "path": f"{path}/{body}", "matrix": matrix}

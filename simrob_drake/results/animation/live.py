@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from time import perf_counter, sleep
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Meshcat, Role
@@ -21,42 +21,81 @@ from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-FRAME = 1 / 30  # simulated time from one picture to the next [s]
-_SPEED_OVER = 30  # pictures
+FRAME = 1 / 30
+"""Simulated time between two pictures [s]."""
+
+_SPEED_PICTURES = 30
+"""Count of pictures over which the speed of the simulation is averaged."""
+
 _PREFIXES = {"station": Role.kIllustration}
+"""Path of the station in Meshcat's tree, and the role of the shapes that are drawn there."""
+
 Tell = Callable[[str, Sequence[Command]], object]
+"""Function that sends commands to a page. Commands on the same subject replace the earlier ones of this subject."""
+
+
+class _Clocks(NamedTuple):
+    """Time of a simulation, and time of the computer's clock, at the same moment [s]."""
+
+    simulated: float
+    real: float
+
+
+class _Sample(NamedTuple):
+    """Positions of the whole plant, shape (nq,), at a time of a run [s]."""
+
+    time: float
+    positions: Vector
 
 
 class StationView:
-    """What a browser is told so that it shows a station."""
+    """Sender of the commands with which a browser shows a station.
+
+    Attributes:
+        scene: the station as it is shown; None before the first :meth:`draw`.
+    """
 
     def __init__(self, tell: Tell, aspect: float = WINDOW_ASPECT) -> None:
-        """Show nothing yet in a view of an aspect, width over height.
+        """Prepare a view. It shows nothing yet.
 
-        ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones.
+        Args:
+            tell: function that sends commands to the page.
+            aspect: width over height of the view.
         """
-        self._tell, self._aspect = tell, aspect
+        self._tell = tell
+        self._aspect = aspect
         self._looks: object = None
         self._controllers: Mapping[str, ControllerSection] = {}
-        self.scene: ViewedStation | None = None  # the station as it is shown
+        self.scene: ViewedStation | None = None
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
-        """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
+        """Show a station. Its shapes are sent only if they differ from those that the page shows.
+
+        Args:
+            config: the station.
+            state: state of the station; its initial state if None.
+
+        Returns:
+            the positions of the plant that are shown, shape (nq,).
+        """
+        # Servos do not change the picture, so that another gain does not load the station again.
         robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
         self._controllers = config.controllers
-        looks = robots, config.pieces, config.floor, config.mode
+        looks = (robots, config.pieces, config.floor, config.mode)
         if self.scene is None or looks != self._looks:
-            self.scene, self._looks = ViewedStation(config), looks
+            self.scene = ViewedStation(config)
+            self._looks = looks
             self._tell_scene(self.scene, config)
         positions = self.scene.initial if state is None else state.of_plant(self.scene.station)[0]
         self.show(positions)
         return positions
 
     def show(self, positions: Vector) -> None:
-        """Show positions of the whole plant, shape (nq,)."""
+        """Show positions of the whole plant, shape (nq,). Nothing changes if a position is not finite."""
         if self.scene is not None and np.isfinite(positions).all():
             self.scene.place(positions)
-            self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._follow_commands(self.scene)])
+            poses = pose_commands(self.scene.query(), _PREFIXES)
+            self._tell("poses", [*poses, *self._follow_commands(self.scene)])
 
     def _follow_commands(self, scene: ViewedStation) -> list[dict[str, Any]]:
         """Commands to the page by which the camera and the floor follow a robot that moves about.
@@ -76,9 +115,17 @@ class StationView:
         return [{"type": "follow", "place": place[:2].round(4).tolist()}, *floor_under(scene, place)]
 
     def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
-        points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
+        """Send all shapes of a station, its floor and the camera to the page.
+
+        Args:
+            scene: the station as it is to be shown.
+            config: its configuration.
+        """
+        points = scene.extents(scene.initial[np.newaxis])
+        azimuth = side(scene.station)
         scene.place(scene.initial)
-        here = [{**one, "begins": True} for one in self._follow_commands(scene)[:1]]
+        # The camera is in its place: from here on it moves as the robot does.
+        here = [{**command, "begins": True} for command in self._follow_commands(scene)[:1]]
 
         def draw(meshcat: Meshcat) -> None:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
@@ -90,67 +137,96 @@ class StationView:
 
 
 class LiveView:
-    """Show runs in a browser at the pace of the clock, or slower where the simulation is slower.
+    """A browser window that shows runs in real time, or slower if the simulation is slower.
 
-    Hand :meth:`on_step` to ``simulate(on_step=...)``. The view only reads: it makes the run wait, and nothing else.
+    Pass :meth:`on_step` to ``simulate(on_step=...)``. The view makes the run wait, and has no other effect on it.
+
+    Attributes:
+        url: address of the window. It can be opened on this computer only.
     """
 
     def __init__(
         self, config: StationConfig, state: State | None = None, *, steering: "Steering | None" = None
     ) -> None:
-        """Open the window with the station in a state, or at its initial posture, and what its user may command there.
+        """Open the window.
 
-        Raises InvalidModel: a robot that cannot be built.
+        Args:
+            config: the station.
+            state: state in which the station is shown; its initial state if None.
+            steering: controls by which the user commands controllers; none if None.
+
+        Raises:
+            InvalidModel: a robot cannot be built.
         """
         self._window: Window | None = Window(steering.controls if steering else None)
         if steering:
             steering.board = self._window
-        self.url = self._window.url  # where to look; it listens on this computer only
+        self.url = self._window.url
         self._view = StationView(self._window.tell)
-        self._next_frame = self._clock_at_zero = 0.0
-        self._shown = deque[tuple[float, float]](maxlen=_SPEED_OVER)
-        self._paths = 0
+        self._next_frame = 0.0  # time of the run at which the next picture is shown [s]
+        self._clock_at_zero = 0.0  # time of the computer's clock at which the run's time is 0 [s]
+        self._shown = deque[_Clocks](maxlen=_SPEED_PICTURES)
+        self._path_count = 0
         self.draw(config, state)
 
     def draw(self, config: StationConfig, state: State | None = None) -> None:
-        """Show a station in a state, outside of any run; its robots and pieces are loaded anew where they changed."""
+        """Show a station outside of any run, in a state, or in its initial state if None."""
         self._view.draw(config, state)
-        self._last: tuple[float, Vector] | None = None
+        self._last: _Sample | None = None  # the last step of the run; None before its first one
 
     def add_paths(self, result: RecordedRun) -> None:
-        """Leave the ways of the tools in a run as lines."""
-        number = self._paths
+        """Draw the paths of the tools in a run as lines, which remain in later runs."""
+        number = self._path_count
         if self._window is None:
             return
         self._window.tell(f"paths {number}", commands(lambda meshcat: draw_tool_paths(meshcat, result, number)))
-        self._paths += 1
+        self._path_count += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
-        """Show the motion to positions (nq,) at a time [s], in even pictures on a step's straight line."""
+        """Show the motion since the last step, in pictures at even times.
+
+        Between two steps, the positions are interpolated linearly.
+
+        Args:
+            time: time of the run at the end of the step [s].
+            positions: positions of the whole plant at the end of the step, shape (nq,).
+        """
         if self._window is None or not np.isfinite(positions).all():
             return
-        if self._last is None or time < self._last[0]:
-            self._next_frame, self._clock_at_zero = time, perf_counter() - time
+        if self._last is None or time < self._last.time:  # another run begins
+            self._next_frame = time
+            self._clock_at_zero = perf_counter() - time
             self._shown.clear()
-        start, low = self._last if self._last is not None and self._last[0] < time else (time, positions)
+        start = _Sample(time, positions)
+        if self._last is not None and self._last.time < time:
+            start = self._last
         while self._next_frame <= time:
-            part = (self._next_frame - start) / (time - start) if time > start else 1.0
-            # time that was lost is not made up for
-            ahead = self._clock_at_zero + self._next_frame - perf_counter()
-            if ahead > 0:
-                sleep(ahead)
-            elif ahead < -FRAME:
-                self._clock_at_zero -= ahead
-            self._view.show(low + part * (positions - low))
+            part = (self._next_frame - start.time) / (time - start.time) if time > start.time else 1.0
+            self._wait()
+            self._view.show(start.positions + part * (positions - start.positions))
             self.say(f"{self._next_frame:.2f} s  {self._speed(self._next_frame):.1f} ×")
             self._next_frame += FRAME
-        self._last = (time, positions.copy())
+        self._last = _Sample(time, positions.copy())
+
+    def _wait(self) -> None:
+        """Wait until the next picture is due. If it is late by a whole picture, all later ones are as late.
+
+        Otherwise the run would be shown too fast after a slow part.
+        """
+        ahead = self._clock_at_zero + self._next_frame - perf_counter()
+        if ahead > 0:
+            sleep(ahead)
+        elif ahead < -FRAME:
+            self._clock_at_zero -= ahead
 
     def _speed(self, time: float) -> float:
-        """Return how fast it came to a time [s] since the picture of a while before, over the clock's."""
-        self._shown.append((time, perf_counter()))
-        (begin, then), (end, now) = self._shown[0], self._shown[-1]
-        return (end - begin) / (now - then) if end > begin else 1.0
+        """Speed of the simulation relative to real time, over the last pictures. Notes the picture of a time [s]."""
+        self._shown.append(_Clocks(time, perf_counter()))
+        first = self._shown[0]
+        last = self._shown[-1]
+        if last.simulated <= first.simulated:
+            return 1.0  # there is only one picture yet
+        return (last.simulated - first.simulated) / (last.real - first.real)
 
     def say(self, text: str) -> None:
         """Write something over the picture: the time of a run [s], or how it ended."""
@@ -158,7 +234,7 @@ class LiveView:
             self._window.tell("said", [{"type": "said", "text": text}])
 
     def close(self) -> None:
-        """Close the window and its port; what comes after is not shown."""
+        """Close the window and its port. Later steps of a run are not shown."""
         if self._window is not None:
             self._window.close()
         self._window = None

@@ -1,4 +1,8 @@
-"""A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
+"""The motion of a run in pictures, rendered without display or browser: a strip of images, and a video.
+
+A *strip* is a few images side by side with a caption under each. A robot that walks is followed by the camera, and
+lines on the floor show how far it has gone.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
@@ -6,7 +10,7 @@ from importlib.metadata import distribution
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +40,7 @@ from simrob_drake.results.animation.camera import (
     camera_on,
     frame_times,
     side,
-    walked_way,
+    walked_displacement,
 )
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
 from simrob_drake.results.record.other_plant import positions_in
@@ -44,60 +48,124 @@ from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
-Frames: TypeAlias = int | Literal["events"]  # of a strip: how many at even times, or one for each event
+"""An image: red, green and blue of each pixel, shape (height, width, 3)."""
 
-_HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
-_GAP = 6  # pixels between frames
-_CAPTION = 0.1  # height of the line under the frames, as a part of theirs
-_WIDEST = 5.8  # width of a strip, in heights of a frame
-_STILL = 360, 480  # pixels of a picture without a run: height, width
-_AROUND = 10.0  # m of floor about where such a station begins
-_VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
+Frames: TypeAlias = int | Literal["events"]
+"""Images of a strip: their count, at even times, or one for each event of the run."""
+
+
+class _Size(NamedTuple):
+    """Size of an image [pixels]."""
+
+    width: int
+    height: int
+
+
+_HEIGHT = 360
+_LOW_HEIGHT = 240
+_FEW = 7
+"""Height of the images of a strip of a few images, and of more images [pixels]; and the largest count of a few."""
+
+_LEAST_HEIGHT = 16
+"""Least height of an image of a strip [pixels]."""
+
+_GAP = 6
+"""Distance of neighbouring images [pixels]."""
+
+_CAPTION = 0.1
+"""Height of a line of a caption, as a part of the height of an image."""
+
+_LEAST_CAPTION = 14
+"""Least height of a line of a caption [pixels], so that it can be read."""
+
+_WIDEST = 5.8
+"""Width of a row of a strip, in heights of an image. More images are in further rows."""
+
+_STILL = _Size(width=480, height=360)
+"""Size of an image without a run."""
+
+_AROUND = 10.0
+"""Extent of the floor around the start of a station without a run [m]."""
+
+_VIDEO_SIZE = _Size(width=960, height=540)
+"""Size of a video. H.264 needs even numbers."""
+
 _BACKGROUND = np.array([0.98, 0.98, 0.98])
-_ASPECTS = 0.6, 2.4  # narrowest and widest picture
-_PLACES = 200  # of a way, under which the floor has lines
-_SHADOW_MAP = 1024  # pixels a side
-_WHITE, _GREY = (255, 255, 255), (64, 64, 64)
-_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be loaded for it
+"""Colour of the background: red, green and blue, from 0 to 1."""
+
+_NARROWEST_ASPECT = 0.6
+_WIDEST_ASPECT = 2.4
+"""Smallest and largest width over height of an image whose size follows from the motion."""
+
+_PATH_SAMPLES = 200
+"""Count of positions of a path along which the floor has lines."""
+
+_SHADOW_MAP = 1024
+"""Length of an edge of the map from which shadows are computed [pixels]."""
+
+_WHITE = (255, 255, 255)
+_GREY = (64, 64, 64)
+
+_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"
+"""Path of a font in the folder of installed packages. Its file is read without loading Matplotlib."""
 
 
 def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = None) -> bytes:
-    """Return frames side by side of a run or a program, with the time under each, as PNG.
+    """Render images of a run or a program side by side, with the time under each image.
 
-    The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
-    every 0.1 m, bold ones every 0.5 m. Frames are so many at even times from the start to the end, or one for each
-    event: a contact that begins, the end of a move, a piece that is attached or detached, and what stopped the run, two
-    dozen at most. They are 360 pixels high unless given, many 240. Raises InvalidParameter: fewer than two frames, or a
-    height of less than 16 pixels.
+    If the camera follows a robot that walks, its distance from the start is in the caption, too. The floor then has
+    lines every 0.1 m, and bold ones every 0.5 m.
+
+    Args:
+        result: the run.
+        frames: count of images, at even times from the start to the end; or "events": then there is an image for each
+            contact that begins, each end of a move, each piece that is attached or detached, and the stop of the run,
+            two dozen at most.
+        height: height of an image [pixels]. If it is None, it is 360 for up to seven images, and 240 for more.
+
+    Returns:
+        content of a PNG file.
+
+    Raises:
+        InvalidParameter: there are fewer than two images, or the height is less than 16 pixels.
     """
     check_frames(frames)
     events = events_of(result) if frames == "events" else []
-    times = (
-        np.array([time for time, _ in events])
-        if events
-        else np.linspace(result.start_time, result.stop_time, int(frames))
-    )
-    height = (_HEIGHT if len(times) <= _FEW else _LOW) if height is None else height
-    if height < 16:
+    if events:
+        times = np.array([time for time, _ in events])
+    else:
+        times = np.linspace(result.start_time, result.stop_time, int(frames))
+    if height is None:
+        height = _HEIGHT if len(times) <= _FEW else _LOW_HEIGHT
+    if height < _LEAST_HEIGHT:
         raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
     studio = Studio(result, height=height, oversampling=2)
-    distances = None if studio.walked is None else base_distances(result, times)
+    distances = None if studio.robot_displacement is None else base_distances(result, times)
     texts = captions(times, distances)
-    strip = BytesIO()
     if events:
         texts = [f"{caption}\n{translate(text)}" for caption, (_, text) in zip(texts, events, strict=True)]
-    side_by_side(list(studio.images(times)), texts).save(strip, format="png")
-    return strip.getvalue()
+    content = BytesIO()
+    side_by_side(list(studio.images(times)), texts).save(content, format="png")
+    return content.getvalue()
 
 
 def check_frames(frames: Frames) -> None:
-    """Check how many frames a strip shall have; raises InvalidParameter: fewer than two."""
+    """Check how many images a strip shall have.
+
+    Raises:
+        InvalidParameter: there are fewer than two images.
+    """
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
         raise InvalidParameter("frames", frames, message("results.two_or_events", 'at least 2, or "events"'))
 
 
 def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
-    """Write a :func:`film_strip`, ``.png``, return its file; raises InvalidParameter: as there; OutputError."""
+    """Write a :func:`film_strip` to a ``.png`` file. Returns the file.
+
+    Raises:
+        InvalidParameter: there are fewer than two images, or the height is less than 16 pixels.
+        OutputError: the file cannot be written.
+    """
     strip = film_strip(result, frames=frames, height=height)
     with replaced_at_once(file) as work:
         work.write_bytes(strip)
@@ -105,70 +173,101 @@ def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, heig
 
 
 def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30.0) -> Path:
-    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``), and return the file.
+    """Write the motion of a run as a video in real time (H.264 in ``.mp4``). Returns the file.
 
-    Raises InvalidParameter: a rate [1/s] that is not positive; SimrobError: the package that writes videos is not
-    installed; OutputError: the file cannot be written.
+    Args:
+        result: the run.
+        file: the file.
+        frames_per_second: rate of the images [1/s].
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+        SimrobError: the package that writes videos is not installed.
+        OutputError: the file cannot be written.
     """
+    # Rendering takes minutes. All that can fail without it is checked before.
     frame_writer()
-    width, height = _VIDEO_SIZE
     times = frame_times(result.stop_time, frames_per_second, begin=result.start_time)
     if not file.parent.is_dir():
-        raise OutputError(
-            message(
-                "results.no_folder_for_file",
-                "{file} cannot be written: there is no folder {folder}",
-                file=file,
-                folder=file.parent,
-            )
+        problem = message(
+            "results.no_folder_for_file",
+            "{file} cannot be written: there is no folder {folder}",
+            file=file,
+            folder=file.parent,
         )
-    images = Studio(result, height=height, width=width).images(times)
-    with progress_bar("video", len(times), shown=True) as move:
-        return write_video(_counted(images, move), file, frames_per_second)
+        raise OutputError(problem)
+    studio = Studio(result, height=_VIDEO_SIZE.height, width=_VIDEO_SIZE.width)
+    with progress_bar("video", len(times), shown=True) as advance:
+        return write_video(_with_progress(studio.images(times), advance), file, frames_per_second)
 
 
-def _counted(images: Iterable[Pixels], move: Advance | None) -> Iterator[Pixels]:
+def _with_progress(images: Iterable[Pixels], advance: Advance | None) -> Iterator[Pixels]:
+    """Yield images, and move a progress bar after each.
+
+    Args:
+        images: the images.
+        advance: function that moves the bar to a number; None if there is no bar.
+    """
     for number, image in enumerate(images):
         yield image
-        if move:
-            move(number)
+        if advance:
+            advance(number)
 
 
 def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:
-    """Write images of one size, shape (h, w, 3) of even numbers, as a video (H.264), and return its file.
+    """Write images as a video (H.264). Returns the file.
 
-    Raises SimrobError: the package that writes videos is not installed; OutputError: the file cannot be written.
+    Args:
+        images: one image or more, all of the same size. Width and height are even numbers.
+        file: the file.
+        frames_per_second: rate of the images [1/s].
+
+    Raises:
+        SimrobError: the package that writes videos is not installed.
+        OutputError: the file cannot be written.
     """
-    write_frames, images = frame_writer(), iter(images)
-    first = next(images)
+    write_frames = frame_writer()
+    remaining = iter(images)
+    first = next(remaining)  # its size is that of the video
     encoding = {
         "quality": 8,
         "macro_block_size": 2,
         "output_params": ["-preset", "veryfast"],
         "ffmpeg_log_level": "fatal",
     }
-    size = first.shape[1], first.shape[0]
+    size = _Size(width=first.shape[1], height=first.shape[0])
     with replaced_at_once(file) as work:
         with closing(write_frames(str(work), size, fps=frames_per_second, **encoding)) as writer:
-            writer.send(None)
-            for image in chain([first], images):
+            writer.send(None)  # starts the generator, which then waits for images
+            for image in chain([first], remaining):
                 writer.send(np.ascontiguousarray(image))
-        # ffmpeg is silent about a disk that is full: the video is read to its end
-        from imageio_ffmpeg import count_frames_and_secs
-
-        try:
-            count_frames_and_secs(str(work))
-        except RuntimeError as problem:
-            raise OutputError(
-                message(
-                    "results.video_broke_off", "{work} cannot be written: it broke off, the disk may be full", work=work
-                )
-            ) from problem
+        _check_video(work)
     return file
 
 
+def _check_video(file: Path) -> None:
+    """Read a video to its end: ffmpeg reports no error when the disk becomes full.
+
+    Raises:
+        OutputError: the video is not complete.
+    """
+    from imageio_ffmpeg import count_frames_and_secs
+
+    try:
+        count_frames_and_secs(str(file))
+    except RuntimeError as error:
+        problem = message(
+            "results.video_broke_off", "{work} cannot be written: it broke off, the disk may be full", work=file
+        )
+        raise OutputError(problem) from error
+
+
 def frame_writer() -> Callable[..., Any]:
-    """Return imageio-ffmpeg's ``write_frames``, before long work for a video; raises SimrobError: not installed."""
+    """Find the function that writes videos, ``write_frames`` of imageio-ffmpeg.
+
+    Raises:
+        SimrobError: the package is not installed.
+    """
     with needed(message("results.a_video", "a video"), "video"):
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
@@ -176,10 +275,10 @@ def frame_writer() -> Callable[..., Any]:
 
 
 def captions(times: Vector, distances: Vector | None) -> list[str]:
-    """Write the captions of frames: the time, and how far from its start a robot is that walks.
+    """Write the captions of images: the time, and the distance of a robot that walks from its start.
 
     Args:
-        times: times of the frames, shape (k,) [s].
+        times: times of the images, shape (k,) [s].
         distances: distance of the robot from its start at these times, shape (k,) [m]; None if no robot walks.
     """
     if distances is None:
@@ -188,31 +287,42 @@ def captions(times: Vector, distances: Vector | None) -> list[str]:
 
 
 def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
-    """Put images side by side with captions, in as many rows as keep them large where they are wide.
+    """Place images side by side with captions. Wide images are in several rows, so that they remain large.
 
     Args:
         images: the images, all of one size.
-        texts: caption of each. A line that is wider than its image is broken.
+        texts: caption of each image. A line that is wider than its image is broken.
     """
     height, width = images[0].shape[:2]
-    line_height = max(round(_CAPTION * height), 14)
+    line_height = max(round(_CAPTION * height), _LEAST_CAPTION)
     font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * line_height)
-    texts = [_wrapped(text, width, font) for text in texts]
-    lines = max(text.count("\n") for text in texts) + 1
-    below = line_height * lines
-    columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
-    rows = -(-len(images) // columns)
-    strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
+    wrapped_texts = [_wrap(text, width, font) for text in texts]
+    line_count = max(text.count("\n") for text in wrapped_texts) + 1
+    caption_height = line_height * line_count
+
+    # As many rows as needed, then as few columns as these rows need, so that all rows are about equally full.
+    row_count = _ceiling_division(len(images) * width, round(_WIDEST * height))
+    column_count = _ceiling_division(len(images), row_count)
+    row_count = _ceiling_division(len(images), column_count)
+
+    row_height = height + caption_height
+    strip = Image.new("RGB", (column_count * (width + _GAP) - _GAP, row_count * row_height), _WHITE)
     pen = ImageDraw.Draw(strip)
-    for number, (image, text) in enumerate(zip(images, texts, strict=True)):
-        left, top = number % columns * (width + _GAP), number // columns * (height + below)
+    for number, (image, text) in enumerate(zip(images, wrapped_texts, strict=True)):
+        left = number % column_count * (width + _GAP)
+        top = number // column_count * row_height
         strip.paste(Image.fromarray(image), (left, top))
-        middle = left + width / 2, top + height + below / 2
-        pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
+        middle_of_caption = (left + width / 2, top + height + caption_height / 2)
+        pen.multiline_text(middle_of_caption, text, _GREY, font, anchor="mm", align="center")
     return strip
 
 
-def _wrapped(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
+def _ceiling_division(dividend: int, divisor: int) -> int:
+    """Quotient of two positive integers, rounded up."""
+    return -(-dividend // divisor)
+
+
+def _wrap(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
     """Break the lines of a text at spaces, so that each is no wider than a width [pixels].
 
     A word that is wider than that stays whole.
@@ -232,9 +342,13 @@ def _wrapped(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
 
 
 class Studio:
-    """A station before a camera that has the whole motion of a run in its picture.
+    """A station in front of a camera that has the whole motion of a run in its picture.
 
-    It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
+    The camera stands still, or goes beside a robot that walks.
+
+    Attributes:
+        robot_displacement: displacement of the robot that walks; None if no robot walks.
+        camera_displacement: displacement of the camera; None if the camera stands still.
     """
 
     def __init__(
@@ -246,95 +360,151 @@ class Studio:
         oversampling: int = 1,
         follow: bool = True,
         azimuth: float | None = None,
-        widest: float = _ASPECTS[1],
+        widest: float = _WIDEST_ASPECT,
     ) -> None:
-        """Set the camera up for a run, with images of a height and a width, to suit the motion unless given [pixels].
+        """Set the camera up for a run.
 
-        ``oversampling`` pixels a side are rendered for one: more make smoother edges. It goes beside a robot that walks
-        with ``follow``, else all of its way is in the picture; the eye is at ``azimuth`` from x [rad], before the front
-        quarter unless given; images that suit the motion are at most ``widest`` over their height. Raises InvalidModel:
-        a robot that cannot be built.
+        Args:
+            result: the run.
+            height: height of the images [pixels].
+            width: width of the images [pixels]. If it is None, it follows from the motion.
+            oversampling: edge of the square of rendered pixels whose mean is a pixel of the image. Edges are smoother
+                with more.
+            follow: whether the camera goes beside a robot that walks. Otherwise the whole path is in the picture.
+            azimuth: direction from the station to the eye, counterclockwise from x [rad]. If it is None, it is at the
+                right of the front.
+            widest: largest width over height, if the width follows from the motion.
+
+        Raises:
+            InvalidModel: a robot cannot be built.
         """
         self._result = result
-        self.walked = walked = walked_way(result)  # how far a robot that walks goes; None where nothing walks
-        self.way = way = walked if follow else None  # of the camera; None where it stands still
-        gone = None if walked is None else walked(np.linspace(result.start_time, result.stop_time, _PLACES))
-        config = result.config if gone is None else with_floor_under(result.config, gone)
-        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
-        azimuth = side(scene.station) if azimuth is None else azimuth
-        points = scene.extents_of_run(result, way)
-        width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), _ASPECTS[0], widest))
+        self.robot_displacement = walked_displacement(result)
+        self.camera_displacement = self.robot_displacement if follow else None
+        path: Vector | None = None
+        config = result.config
+        if self.robot_displacement is not None:
+            path = self.robot_displacement(np.linspace(result.start_time, result.stop_time, _PATH_SAMPLES))
+            config = with_floor_under(config, path)
+        self._scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), path=path)
+        if azimuth is None:
+            azimuth = side(self._scene.station)
+        points = self._scene.extents_of_run(result, self.camera_displacement)
+        if not width:
+            aspect = np.clip(aspect_of(points, azimuth=azimuth), _NARROWEST_ASPECT, widest)
+            width = round(height * aspect)
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._lens = _Lens(self._camera, height=height, width=width, oversampling=oversampling)
+        self._lens = _Lens(self._camera, _Size(width, height), oversampling)
 
     def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
-        ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
+        displacements = np.zeros((len(times), 3))
+        if self.camera_displacement is not None:
+            displacements = self.camera_displacement(times)
         rows = positions_in(self._scene.station, self._result, times)
-        for positions, way in zip(rows, ways, strict=True):
-            yield self._lens.image(self._scene, positions, self._camera.moved(way))
+        for positions, displacement in zip(rows, displacements, strict=True):
+            yield self._lens.image(self._scene, positions, self._camera.moved(displacement))
 
 
 class Still:
-    """A station before a camera, without a run, in pictures (360, 480, 3): that goes beside a robot on legs."""
+    """A station in front of a camera, without a run. The camera goes beside robots on legs."""
 
     def __init__(self, config: StationConfig) -> None:
-        """Set the camera up; raises InvalidModel: a robot that cannot be built."""
+        """Set the camera up for a station.
+
+        Raises:
+            InvalidModel: a robot cannot be built.
+        """
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
-        config = with_floor_under(config, around)
-        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()))
-        self._walks = any(robot.floats for robot in scene.station.robots.values())
-        plant = scene.station.plant
-        points = scene.extents(plant.GetPositions(plant.CreateDefaultContext())[np.newaxis])
-        height, width = _STILL
-        self._middle, azimuth = points.mean(axis=0), side(scene.station)
-        self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._lens = _Lens(self._camera, height=height, width=width, oversampling=1)
+        self._scene = ViewedStation(with_floor_under(config, around), engine=MakeRenderEngineVtk(_engine_params()))
+        self._follows = any(robot.floats for robot in self._scene.station.robots.values())
+        plant = self._scene.plant
+        initial = plant.GetPositions(plant.CreateDefaultContext())
+        points = self._scene.extents(initial[np.newaxis])
+        self._middle = points.mean(axis=0)
+        azimuth = side(self._scene.station)
+        self._camera = camera_on(points, aspect=_STILL.width / _STILL.height, azimuth=azimuth)
+        self._lens = _Lens(self._camera, _STILL, oversampling=1)
 
     def image(self, positions: Vector) -> Pixels:
-        """Return an image of a configuration, shape (nq,)."""
-        gone = self._scene.extents(positions[np.newaxis]).mean(axis=0) - self._middle if self._walks else np.zeros(3)
-        return self._lens.image(self._scene, positions, self._camera.moved(gone * [1, 1, 0]))
+        """Render an image, shape (360, 480, 3), of positions of the whole plant, shape (nq,)."""
+        camera = self._camera
+        if self._follows:
+            middle = self._scene.extents(positions[np.newaxis]).mean(axis=0)
+            displacement = (middle - self._middle) * [1, 1, 0]  # level only, so that a fall is visible
+            camera = camera.moved(displacement)
+        return self._lens.image(self._scene, positions, camera)
 
 
 class _Lens:
-    """What makes images of a scene, as a camera that may move sees it."""
+    """Renderer of images of a scene, seen by a camera that may move."""
 
-    def __init__(self, camera: Camera, *, height: int, width: int, oversampling: int) -> None:
+    def __init__(self, camera: Camera, size: _Size, oversampling: int) -> None:
+        """Prepare the rendering.
+
+        Args:
+            camera: the camera, whose distance from its target sets the range of depths.
+            size: size of the images.
+            oversampling: edge of the square of rendered pixels whose mean is a pixel of the image.
+        """
         self._oversampling = oversampling
         distance = float(np.linalg.norm(camera.target - camera.eye))
-        lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
+        lens = CameraInfo(
+            width=size.width * oversampling,
+            height=size.height * oversampling,
+            fov_y=FIELD_OF_VIEW,
+        )
+        # A larger range would make the depths too coarse to decide which of two surfaces is in front.
         depth = ClippingRange(distance / 20, distance * 20)
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
     def image(self, scene: ViewedStation, positions: Vector, camera: Camera) -> Pixels:
+        """Render a scene at positions (nq,), which it keeps, as a camera sees it."""
         scene.place(positions)
         query = scene.query()
         rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), _pose(camera))
-        size = rendered.width(), rendered.height()
+        size = (rendered.width(), rendered.height())
+        # Drake's pixels have a fourth value, the opacity, which is not used.
         image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
         return np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 
 def _engine_params() -> RenderEngineVtkParams:
-    """Return the light of a studio.
+    """Parameters of the render engine: its lamps and shadows.
 
     Only the lamp straight above casts shadows: they show what is over what on the floor, and steep faces, where shadow
     maps are speckled, get nothing of its light. The lamps by the camera are points far away, which cast none.
     """
-    lights = [
-        LightParameter(type="directional", frame="world", direction=[0.0, 0.0, -1.0], intensity=0.4),
-        LightParameter(type="point", frame="camera", position=[-10.0, -10.0, -30.0], intensity=0.95),
-        LightParameter(type="point", frame="camera", position=[27.0, -3.0, -15.0], intensity=0.35),
-    ]
+    above = LightParameter(
+        type="directional",
+        frame="world",
+        direction=[0.0, 0.0, -1.0],
+        intensity=0.4,
+    )
+    behind_camera = LightParameter(
+        type="point",
+        frame="camera",
+        position=[-10.0, -10.0, -30.0],
+        intensity=0.95,
+    )
+    right_of_camera = LightParameter(
+        type="point",
+        frame="camera",
+        position=[27.0, -3.0, -15.0],
+        intensity=0.35,
+    )
     return RenderEngineVtkParams(
-        default_clear_color=_BACKGROUND, lights=lights, cast_shadows=True, shadow_map_size=_SHADOW_MAP
+        default_clear_color=_BACKGROUND,
+        lights=[above, behind_camera, right_of_camera],
+        cast_shadows=True,
+        shadow_map_size=_SHADOW_MAP,
     )
 
 
 def _pose(camera: Camera) -> RigidTransform:
-    """Return the pose of a camera body: z forward, x right and y down in the picture."""
+    """Pose of a camera's frame in the world: x to the right in the picture, y downwards, and z forward."""
     forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    return RigidTransform(RotationMatrix(np.column_stack([right, np.cross(forward, right), forward])), camera.eye)
+    down = np.cross(forward, right)
+    return RigidTransform(RotationMatrix(np.column_stack([right, down, forward])), camera.eye)

@@ -1,7 +1,12 @@
-"""A robot in the browser, with a slider for every joint, in degrees where it turns."""
+"""A robot in the browser, with a slider for every joint.
+
+The sliders of joints that turn are in degrees, those of joints that slide in metres. The unit follows the name of the
+joint in the label of its slider.
+"""
 
 import math
 from time import monotonic, sleep
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import Meshcat, QueryObject, Role
@@ -15,24 +20,58 @@ from simrob_drake.results.animation.window import Control, Window
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
-_TRIAD = 0.12  # length of a tool frame's axes, as a part of the robot's size
+_TRIAD = 0.12
+"""Length of the axes of a tool's frame, as a part of the robot's size."""
+
 _STOP = "Stop"
-_FRAME = 1 / 30  # s between two looks at the sliders
-_DEGREES, _METRES = " [°]", " [m]"  # what follows the name on a slider
-_STEPS = {_DEGREES: 0.5, _METRES: 0.001}  # of a slider
+"""Label of the button that ends the view."""
+
+_FRAME = 1 / 30
+"""Time between two readings of the sliders [s]."""
+
+_SMALLEST = 0.1
+"""Least size of a robot for the camera [m]."""
+
 _PREFIXES = {"robot": Role.kIllustration, "collision": Role.kProximity}
-_SMALLEST = 0.1  # what a robot's size counts as, at least [m]
-_WITHOUT_LIMITS = {_DEGREES: 180.0, _METRES: 1.0}  # how far a slider goes where the joint has no limit
+"""Path in Meshcat's tree of the visible shapes, and of those for collisions."""
+
+
+class _SliderUnit(NamedTuple):
+    """Unit of a slider.
+
+    Attributes:
+        suffix: end of the label.
+        scale: factor from the unit of the joint, rad or m.
+        step: step of the slider.
+        reach: largest value, in both directions, of a joint without limits.
+    """
+
+    suffix: str
+    scale: float
+    step: float
+    reach: float
+
+
+_DEGREES = _SliderUnit(" [°]", 180 / np.pi, step=0.5, reach=180.0)
+_METRES = _SliderUnit(" [m]", 1.0, step=0.001, reach=1.0)
 
 
 class RobotView:
-    """Show a robot on its foot in Meshcat: links, tool frames, and collision geometry that can be switched on."""
+    """A robot on its foot in a browser window: links, tool frames, and collision shapes that can be switched on.
+
+    Attributes:
+        url: address of the window. It can be opened on this computer only.
+    """
 
     def __init__(self, robot: RobotModel) -> None:
-        """Open the window, with the robot at its home posture; raises InvalidModel: it cannot be built."""
+        """Open the window with the robot at its home posture.
+
+        Raises:
+            InvalidModel: the robot cannot be built.
+        """
         lone = lone_robot(robot)
-        builder, size = lone.builder, max(lone.size, _SMALLEST)
-        self._plant = plant = lone.plant
+        size = max(lone.size, _SMALLEST)
+        plant = lone.plant
         for frame in robot.tools.values():
             AddFrameTriadIllustration(
                 scene_graph=lone.scene_graph,
@@ -41,13 +80,16 @@ class RobotView:
                 length=_TRIAD * size,
                 radius=_TRIAD * size / 25,
             )
-        self._diagram = builder.Build()
+        self._plant = plant
+        self._diagram = lone.builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._query = lone.scene_graph.get_query_output_port()
         self._window = Window(_sliders(plant) | {_STOP: Control(key="Escape")})
-        self.url = self._window.url  # where to look; it listens on this computer only
-        margin = np.array([[-1.0], [1.0]]) * size / 4
-        camera = camera_on(np.vstack([lone.origins() + side for side in margin]), aspect=WINDOW_ASPECT)
+        self.url = self._window.url
+        # The links are thicker than their origins: a quarter of the robot's size is enough around them.
+        margin = size / 4
+        origins = lone.origins()
+        camera = camera_on(np.vstack([origins - margin, origins + margin]), aspect=WINDOW_ASPECT)
 
         def draw(meshcat: Meshcat) -> None:
             draw_geometry(meshcat, self._geometry(), _PREFIXES, hidden="collision")
@@ -56,46 +98,61 @@ class RobotView:
         self._window.tell("robot", commands(draw))
 
     def run(self, timeout: float = math.inf) -> None:
-        """Move the robot as the sliders say, until "Stop" is pressed in the browser or ``timeout`` [s] is over."""
-        of_plant = self._plant.GetMyMutableContextFromRoot(self._context)
-        end, shown = monotonic() + timeout, np.empty(0)
+        """Move the robot with the sliders until the user presses "Stop", or the time is over.
+
+        Args:
+            timeout: longest time [s].
+        """
+        plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
+        end = monotonic() + timeout
+        shown = np.empty(0)  # different from any positions, so that the first are shown
         while not self._window.controls[_STOP].value and monotonic() < end:
-            moved = np.array(list(self.sliders().values()))
-            if not np.array_equal(moved, shown):
-                self._plant.SetPositions(of_plant, moved)
+            positions = np.array(list(self.sliders().values()))
+            if not np.array_equal(positions, shown):
+                self._plant.SetPositions(plant_context, positions)
                 self._window.tell("poses", pose_commands(self._geometry(), _PREFIXES))
-                shown = moved
+                shown = positions
             sleep(_FRAME)
 
     def sliders(self) -> dict[str, float]:
-        """Return where the slider of each joint is [rad or m]."""
-        set_at = {name: control.value for name, control in self._window.controls.items() if name != _STOP}
-        return {
-            name.removesuffix(_DEGREES).removesuffix(_METRES): math.radians(value) if name.endswith(_DEGREES) else value
-            for name, value in set_at.items()
-        }
+        """Positions of the sliders by joint, in the order of the plant's positions [rad or m]."""
+        positions = {}
+        for label, control in self._window.controls.items():
+            if label.endswith(_DEGREES.suffix):
+                positions[label.removesuffix(_DEGREES.suffix)] = math.radians(control.value)
+            elif label.endswith(_METRES.suffix):
+                positions[label.removesuffix(_METRES.suffix)] = control.value
+        return positions
 
     def close(self) -> None:
         """Close the window and its port."""
         self._window.close()
 
     def _geometry(self) -> QueryObject:
+        """Shapes of the robot at its present positions, for queries."""
         graph = self._query.get_system()
         query: QueryObject = self._query.Eval(graph.GetMyContextFromRoot(self._context))
         return query
 
 
 def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
-    """Return a slider for each of the plant's positions, in their order, where they are by default."""
+    """Make a slider for each of the plant's positions, in their order and at their default, by label."""
     names = plant.GetPositionNames(add_model_instance_prefix=False, always_add_suffix=False)
     units = [_METRES] * len(names)
-    for joint in map(plant.get_joint, plant.GetJointIndices()):
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
         if joint.type_name() == RevoluteJoint.kTypeName:
             units[joint.position_start()] = _DEGREES
-    scales = np.where(np.array(units) == _DEGREES, 180 / np.pi, 1.0)
-    far = np.array([_WITHOUT_LIMITS[unit] for unit in units])
+    scales = np.array([unit.scale for unit in units])
+    reaches = np.array([unit.reach for unit in units])
     values = scales * plant.GetPositions(plant.CreateDefaultContext())
-    lower, upper = scales * plant.GetPositionLowerLimits(), scales * plant.GetPositionUpperLimits()
-    lower, upper = np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
-    sliders = zip(names, units, values.tolist(), lower.tolist(), upper.tolist(), strict=True)
-    return {name + unit: Control(value, low, high, _STEPS[unit]) for name, unit, value, low, high in sliders}
+    lower = scales * plant.GetPositionLowerLimits()
+    upper = scales * plant.GetPositionUpperLimits()
+    # A joint without limits has infinite ones, which a slider cannot have.
+    lower = np.where(np.isfinite(lower), lower, -reaches)
+    upper = np.where(np.isfinite(upper), upper, reaches)
+    sliders = {}
+    for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+        value = float(values[index])
+        sliders[name + unit.suffix] = Control(value, float(lower[index]), float(upper[index]), unit.step)
+    return sliders

@@ -1,6 +1,10 @@
-"""The visible world of a station, put into any configuration, on a floor with lines by which a way can be told."""
+"""The visible world of a station, which is put into any configuration, on a floor with lines.
 
-from typing import Any
+The lines show how far a robot walks from picture to picture. They are parallel to the edges of a square floor, which
+may be tilted. A *configuration* is the positions of the whole plant, shape (nq,).
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -22,33 +26,54 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import FLOOR
-from simrob_drake.results.animation.camera import Way, framed_time
+from simrob_drake.results.animation.camera import Displacement, framed_time
 from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.posed import PosedStation
 
-RENDERER = "renderer"  # the name of the render engine in the scene graph
-SPACING = 0.1  # from one line to the next [m]
+RENDERER = "renderer"
+"""Name of the render engine in the scene graph."""
 
-_COLOUR, _DARK = Rgba(0.66, 0.69, 0.73, 1.0), Rgba(0.36, 0.40, 0.46, 1.0)
-_BOLD = 5  # every so many lines one is darker and wider: by it a way is told from picture to picture
-_AROUND = 1.5  # m of lines about the way
-_WIDTH, _TOP = 0.004, 0.0005  # m
+SPACING = 0.1
+"""Distance of neighbouring lines on the floor [m]."""
 
-_SEEN = 5.0  # m
-LINES = "/drake/station/lines"  # where they hang in Meshcat's tree: they go with the station
-_LOOKS = 24  # configurations that stand for a motion
-_BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+LINES = "/drake/station/lines"
+"""Path of the lines in Meshcat's tree. They are under the station, so that they disappear with it."""
+
+_COLOUR = Rgba(0.66, 0.69, 0.73, 1.0)
+_DARK = Rgba(0.36, 0.40, 0.46, 1.0)
+"""Colours of usual lines and of bold ones."""
+
+_BOLD = 5
+"""One line in this many is dark and wide, so that a line is recognised in the next picture."""
+
+_AROUND = 1.5
+"""Distance up to which there are lines around a path [m]."""
+
+_WIDTH = 0.004
+"""Width of a line in images [m]."""
+
+_TOP = 0.0005
+"""Height of a line over the floor [m], so that the floor does not hide it."""
+
+_REACH = 5.0
+"""Distance up to which a page has lines around the origin of the world [m]."""
+
+_CONFIGURATION_COUNT = 24
+"""Count of configurations, at even times, that stand for a motion."""
+
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+"""Corners of a cube with half edges of length 1, shape (8, 3)."""
 
 
 class ViewedStation(PosedStation):
     """A station's robots, pieces and floor, without dynamics and contact.
 
-    It is built anew from the configuration, so that showing it cannot touch a simulation.
+    It is built from the configuration of the station, so that a picture never changes a simulation.
 
     Attributes of :class:`PosedStation`, and:
-        visualizer: what draws into Meshcat, where there is one.
+        visualizer: the system that draws into Meshcat; None without Meshcat.
     """
 
     def __init__(
@@ -57,19 +82,26 @@ class ViewedStation(PosedStation):
         *,
         meshcat: Meshcat | None = None,
         engine: RenderEngine | None = None,
-        way: Vector | None = None,
+        path: Vector | None = None,
     ) -> None:
-        """Build the scene to draw into Meshcat, or to render with an engine, with robots in initial positions.
+        """Build the scene with all robots in their initial positions.
 
-        Images have lines on the floor along a ``way`` (k, 3) [m]. Raises InvalidModel: a robot that cannot be built.
+        Args:
+            config: the station.
+            meshcat: Meshcat into which the scene is drawn, if any.
+            engine: engine that renders images of the scene, if any.
+            path: positions that a robot passes, shape (k, 3) [m]. Images have lines on the floor along them.
+
+        Raises:
+            InvalidModel: a robot cannot be built.
         """
         self.visualizer: MeshcatVisualizer | None = None
 
         def add(builder: DiagramBuilder, station: StationPlant) -> None:
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
-            if way is not None and config.floor is not None:
-                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.floor_pose)
+            if path is not None and config.floor is not None:
+                add_floor_grid(station.scene_graph, path, size=config.floor.size, tilt=station.ground.floor_pose)
             if meshcat is not None:
                 params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
                 self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
@@ -77,99 +109,192 @@ class ViewedStation(PosedStation):
         super().__init__(config.model_copy(update={"contact": None}), add)
 
     def draw(self, positions: Vector, time: float = 0.0) -> None:
-        """Show a configuration, shape (nq,), in Meshcat; a recording files it under ``time`` [s]."""
+        """Draw a configuration, shape (nq,), into Meshcat. While Meshcat records, it is the frame of a time [s]."""
         self.place(positions)
         self._root_context.SetTime(time)
         self._diagram.ForcedPublish(self._root_context)
 
     def extents(self, positions: Vector) -> Vector:
-        """Return points (m, 3) [m] around all links and shapes in configurations (k, nq), without the floor."""
+        """Points around all links and shapes in several configurations, without the floor.
+
+        Args:
+            positions: the configurations, shape (k, nq).
+
+        Returns:
+            the points in the world, shape (m, 3) [m].
+        """
         return self._corners(positions, None).reshape(-1, 3)
 
-    def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
-        """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
-        even = np.linspace(result.start_time, framed_time(result), _LOOKS)
-        times = np.union1d(even, begins_of(*result.parts)[1:-1])  # where moves rest they reach furthest
+    def extents_of_run(self, result: RecordedRun, displacement: Displacement | None = None) -> Vector:
+        """Points around the motion of a run.
+
+        Args:
+            result: the run.
+            displacement: displacement of a camera that goes beside the only robot. Then the points are those of this
+                robot, relative to the camera's start.
+
+        Returns:
+            the points, shape (m, 3) [m].
+        """
+        even_times = np.linspace(result.start_time, framed_time(result), _CONFIGURATION_COUNT)
+        # The moves of a program end where the robot rests, often at the greatest distance.
+        times = np.union1d(even_times, begins_of(*result.parts)[1:-1])
         positions = positions_in(self.station, result, times)
-        if way is None:
+        if displacement is None:
             return self.extents(positions)
         (robot,) = self.station.robots.values()
-        return (self._corners(positions, robot.instance) - way(times)[:, np.newaxis]).reshape(-1, 3)
+        corners = self._corners(positions, robot.instance)
+        return (corners - displacement(times)[:, np.newaxis]).reshape(-1, 3)
 
     def _corners(self, positions: Vector, instance: ModelInstanceIndex | None) -> Vector:
-        """Return the origins of links and the corners of their shapes, shape (k, m, 3) [m]; of one robot or of all."""
+        """Origins of links and corners of their shapes in several configurations.
+
+        Args:
+            positions: the configurations, shape (k, nq).
+            instance: model instance of the links; None for the links of all instances.
+
+        Returns:
+            the points in the world, shape (k, m, 3) [m].
+        """
         inspector = self.station.scene_graph.model_inspector()
         links = []
         for frame in inspector.GetAllFrameIds():
             body = self.plant.GetBodyFromFrameId(frame)
-            if body is not None and frame != inspector.world_frame_id() and instance in (None, body.model_instance()):
+            if body is None or frame == inspector.world_frame_id():
+                continue
+            if instance is None or body.model_instance() == instance:
                 links.append(frame)
-        boxes = {}
-        for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
-            box = inspector.GetObbInGeometryFrame(geometry)
-            if box is not None and inspector.GetFrameId(geometry) in links:
-                boxes[geometry] = box.pose() @ (_BOX_SIGNS * box.half_width()).T
+        # Corners of the box around each visible shape, in the frame of the shape, shape (3, 8).
+        corners_of_shapes = {}
+        for shape in inspector.GetAllGeometryIds(Role.kIllustration):
+            box = inspector.GetObbInGeometryFrame(shape)
+            if box is not None and inspector.GetFrameId(shape) in links:
+                corners_of_shapes[shape] = box.pose() @ (_CORNERS * box.half_width()).T
         points: list[Vector] = []
         for row in positions:
             self.place(row)
             query = self.query()
             origins = np.array([query.GetPoseInWorld(link).translation() for link in links]).reshape(-1, 3)
-            points.append(np.vstack([origins, *((query.GetPoseInWorld(g) @ c).T for g, c in boxes.items())]))
+            corners = [(query.GetPoseInWorld(shape) @ own).T for shape, own in corners_of_shapes.items()]
+            points.append(np.vstack([origins, *corners]))
         return np.array(points)
 
 
-def with_floor_under(config: StationConfig, way: Vector) -> StationConfig:
-    """Return a station whose floor, if it has one, reaches beyond a way (m, 3) [m] over it."""
+def with_floor_under(config: StationConfig, path: Vector) -> StationConfig:
+    """Copy of a station whose floor, if it has one, is large enough for a path.
+
+    Args:
+        config: the station.
+        path: positions of the path, shape (m, 3) [m].
+    """
     if config.floor is None:
         return config
-    size = max(config.floor.size, 2 * (float(np.abs(way[:, :2]).max()) + _AROUND))
+    size = max(config.floor.size, 2 * (float(np.abs(path[:, :2]).max()) + _AROUND))
     return config.model_copy(update={"floor": config.floor.model_copy(update={"size": size})})
 
 
 def floor_lines(around: Vector, *, size: float) -> Vector:
-    """Return ends of lines of whole tenths of a metre around places (m, 3) on a square floor, shape (n, 2, 3) [m]."""
+    """Compute lines on a floor, in both directions, at whole multiples of their spacing.
+
+    Args:
+        around: positions around which there are lines, in the frame of the floor, shape (m, 3) [m].
+        size: length of an edge of the floor [m].
+
+    Returns:
+        both ends of each line in the frame of the floor, shape (n, 2, 3) [m].
+    """
     low = np.maximum(around.min(axis=0) - _AROUND, -size / 2)
     high = np.minimum(around.max(axis=0) + _AROUND, size / 2)
     lines = []
     for along, across in ((0, 1), (1, 0)):
-        for number in range(int(np.ceil(low[across] / SPACING)), int(np.floor(high[across] / SPACING)) + 1):
+        first = int(np.ceil(low[across] / SPACING))
+        last = int(np.floor(high[across] / SPACING))
+        for number in range(first, last + 1):
             line = np.full((2, 3), (0.0, 0.0, _TOP))
-            line[:, along], line[:, across] = (low[along], high[along]), number * SPACING
+            line[:, along] = (low[along], high[along])
+            line[:, across] = number * SPACING
             lines.append(line)
     return np.array(lines)
 
 
-def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: RigidTransform) -> None:
-    """Draw lines on a square floor, posed by ``tilt``, about a way (m, 3) [m], a bold one every 0.5 m, for images."""
+def add_floor_grid(scene_graph: SceneGraph, path: Vector, *, size: float, tilt: RigidTransform) -> None:
+    """Add lines on a square floor to a scene graph, for rendered images. Each fifth line is bold.
+
+    Args:
+        scene_graph: the scene graph.
+        path: positions around which there are lines, in the world, shape (m, 3) [m].
+        size: length of an edge of the floor [m].
+        tilt: pose of the floor in the world.
+    """
     source = scene_graph.RegisterSource("floor_grid")
-    for number, (begin, end) in enumerate(floor_lines((tilt.inverse() @ way.T).T, size=size)):
+    path_on_floor = (tilt.inverse() @ path.T).T
+    for number, (begin, end) in enumerate(floor_lines(path_on_floor, size=size)):
         across = 0 if begin[0] == end[0] else 1
-        bold = round(begin[across] / SPACING) % _BOLD == 0
-        shape = Box(*np.maximum(end - begin, (*[_WIDTH * (1 + bold)] * 2, 2 * _TOP)))
-        line = GeometryInstance(tilt @ RigidTransform((begin + end) / 2 - (0.0, 0.0, _TOP)), shape, f"line_{number}")
+        is_bold = round(begin[across] / SPACING) % _BOLD == 0
+        width = _WIDTH * (2 if is_bold else 1)
+        # Render engines have no lines: each is a flat box, whose top is over the floor.
+        shape = Box(*np.maximum(end - begin, (width, width, 2 * _TOP)))
+        middle = (begin + end) / 2 - (0.0, 0.0, _TOP)
+        line = GeometryInstance(tilt @ RigidTransform(middle), shape, f"line_{number}")
         looks = PerceptionProperties()
-        looks.AddProperty("phong", "diffuse", _DARK if bold else _COLOUR)
+        looks.AddProperty("phong", "diffuse", _DARK if is_bold else _COLOUR)
         line.set_perception_properties(looks)
         scene_graph.RegisterAnchoredGeometry(source, line)
 
 
+class _PagePose(NamedTuple):
+    """Path of an object in Meshcat's tree, and its pose in the world."""
+
+    path: str
+    pose: RigidTransform
+
+
 def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
-    """Return what brings a floor and lines below a place [m] in the page, by whole meshes, so that they stay."""
-    tilt, mesh = scene.station.ground.floor_pose, SPACING * _BOLD
+    """Commands to Meshcat's page that move the floor and its lines below a robot.
+
+    They move by whole distances of bold lines, so that the lines seem to stay where they are.
+
+    Args:
+        scene: the scene that the page shows.
+        place: position of the robot in the world, shape (3,) [m].
+
+    Returns:
+        the commands. There are none if the station has no floor.
+    """
     inspector = scene.query().inspector()
-    drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)
-    if (slab := next((one for one in drawn if inspector.GetName(one) == FLOOR), None)) is None:
+    shapes_of_world = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)
+    slab = next((shape for shape in shapes_of_world if inspector.GetName(shape) == FLOOR), None)
+    if slab is None:
         return []
-    local = tilt.inverse() @ place
-    shift = RigidTransform(tilt.rotation() @ np.array([*np.round(local[:2] / mesh) * mesh, 0.0]))
-    poses = {LINES: shift, f"/drake/station/{FLOOR}": shift @ inspector.GetPoseInFrame(slab)}
-    matrices = {path: np.round(pose.GetAsMatrix4(), 7).ravel(order="F").tolist() for path, pose in poses.items()}
-    return [{"type": "set_transform", "path": path, "matrix": own, "still": True} for path, own in matrices.items()]
+    tilt = scene.station.ground.floor_pose
+    place_on_floor = tilt.inverse() @ place
+    mesh = SPACING * _BOLD
+    steps = np.round(place_on_floor[:2] / mesh) * mesh
+    shift = RigidTransform(tilt.rotation() @ np.array([*steps, 0.0]))
+    moved = [
+        _PagePose(LINES, shift),
+        _PagePose(f"/drake/station/{FLOOR}", shift @ inspector.GetPoseInFrame(slab)),
+    ]
+    found = []
+    for path, pose in moved:
+        # Meshcat expects the matrix column by column. Seven decimals are exact to less than a micrometre.
+        matrix = np.round(pose.GetAsMatrix4(), 7).ravel(order="F").tolist()
+        found.append({"type": "set_transform", "path": path, "matrix": matrix, "still": True})
+    return found
 
 
 def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:
-    """Draw lines on the floor of a scene, of a size [m], about the world's origin, by which a way can be told."""
-    far = np.array([[-_SEEN, -_SEEN, 0.0], [_SEEN, _SEEN, 0.0]])
-    tilt = scene.station.ground.floor_pose @ RigidTransform([0.0, 0.0, _WIDTH / 2])
-    lines = floor_lines(far, size=size)
-    meshcat.SetLineSegments(LINES, tilt @ lines[:, 0].T, tilt @ lines[:, 1].T, 1.0, _COLOUR)
+    """Draw lines on the floor of a scene into Meshcat, around the origin of the world.
+
+    Args:
+        meshcat: the Meshcat.
+        scene: the scene.
+        size: length of an edge of the floor [m].
+    """
+    around_origin = np.array([[-_REACH, -_REACH, 0.0], [_REACH, _REACH, 0.0]])
+    above_floor = RigidTransform([0.0, 0.0, _WIDTH / 2])
+    pose = scene.station.ground.floor_pose @ above_floor
+    lines = floor_lines(around_origin, size=size)
+    begins = pose @ lines[:, 0].T
+    ends = pose @ lines[:, 1].T
+    meshcat.SetLineSegments(LINES, begins, ends, 1.0, _COLOUR)

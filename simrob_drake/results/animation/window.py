@@ -1,7 +1,7 @@
-"""A page on this computer that shows what it is told, and hears of sliders and buttons from nobody but its user.
+"""A page on this computer that a program draws into, and whose sliders and buttons only its user can set.
 
-The page is Meshcat's; what it is told comes as server-sent events. So a browser lets no other page read it, and nothing
-that anybody sends is ever parsed but a short list of a name and a number.
+The page is Meshcat's. It receives its commands as server-sent events, so that the browser lets no other page read
+them. The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
 """
 
 import json
@@ -19,22 +19,43 @@ from typing import Any
 from simrob_drake.results.animation.drawn import Command, empty_page
 
 _HOST = "127.0.0.1"
-_NAMES = (_HOST, "localhost")  # of this computer, in a page's address; any other leads here by a trick
-_FIRST_PORT, _PORTS = 7000, 100
-_SCRIPT = Path(__file__).with_suffix(".js")
-_LONGEST = 512  # bytes of a message
-_BREATH = 5.0  # s without news after which a word keeps the connection, and finds out whether anybody is there
+_NAMES = (_HOST, "localhost")
+"""Names of this computer in the address of a page. With another name, a foreign page tries to look like ours."""
 
+_FIRST_PORT = 7000
+_PORT_COUNT = 100
+"""Ports that are tried, before any free one is taken."""
+
+_SCRIPT = Path(__file__).with_suffix(".js")
+"""Script that the page has in addition to Meshcat's own."""
+
+_LONGEST = 512
+"""Longest message of a page [bytes]."""
+
+_MOST_DIGITS = 11
+"""Most digits of a number in a header or an address."""
+
+_PAUSE = 5.0
+"""Time without news after which a line keeps the connection, and shows whether the page is still there [s]."""
 
 Hears = Mapping[str, Callable[[Any], object]]
-"""Take what a page tells beside its controls, by its name; ValueError or TypeError: it is none of ours."""
+"""Callbacks for messages that set no control, by the name in the message. They get the message's value.
+
+A callback raises ValueError or TypeError if the value is not one of its own; the message is ignored then.
+"""
 
 
 @dataclass
 class Control:
-    """A slider between two values, or a button, whose value is 1 once it was pressed.
+    """A slider, or a button.
 
-    A key presses the button, or moves the slider down by a step; another one moves it up.
+    Attributes:
+        value: value of the slider; that of a button is 1 after it was pressed.
+        low: smallest value.
+        high: largest value.
+        step: step of the slider; None for a button.
+        key: key of the keyboard that presses the button, or moves the slider down by a step; None for no key.
+        key_up: key that moves the slider up by a step; None for no key.
     """
 
     value: float = 0.0
@@ -45,7 +66,7 @@ class Control:
     key_up: str | None = None
 
     def command(self, name: str) -> Command:
-        """Return what puts the control into the page's menu."""
+        """Command that adds the control to the menu of the page, under a name."""
         tell = f"tell({json.dumps(name)}"
         if self.step is None:
             return {"type": "set_control", "name": name, "callback": f"() => {tell}, 1)", "keycode1": self.key}
@@ -55,7 +76,15 @@ class Control:
 
 
 class Board:
-    """What Meshcat's page shows in every browser that looks, and what its users set there, whoever serves it."""
+    """Content of Meshcat's page in all browsers that show it, and the controls that its users set.
+
+    The board is independent of the server: it takes messages, and yields the events for each page. Commands belong to
+    a *subject*, such as "scene": new commands replace those of the same subject for pages that are opened later.
+
+    Attributes:
+        controls: controls that the users may set, by name.
+        page: HTML of the page, encoded. It reads the address ``events`` next to its own, and writes to ``told``.
+    """
 
     def __init__(
         self,
@@ -64,57 +93,70 @@ class Board:
         script: Path | None = None,
         hears: Hears = MappingProxyType({}),
     ) -> None:
-        """Begin with an empty page of controls by name, and perhaps a script of its own, and what takes its words."""
-        self.controls = controls or {}  # what the users may set, by name
+        """Make an empty page.
+
+        Args:
+            controls: controls that the users may set, by name.
+            script: file of a further script of the page, if any.
+            hears: callbacks for messages that set no control.
+        """
+        self.controls = controls or {}
         self._hears = hears
         self._news = Condition()
-        self._commands: dict[str, Sequence[Command]] = {}
-        self._versions: dict[str, int] = {}
+        self._commands: dict[str, Sequence[Command]] = {}  # by subject
+        self._versions: dict[str, int] = {}  # number of the latest event of each subject
         self._count = count(1)
         self._open = True
         before, end, after = empty_page().rpartition("</body>")
-        own = [one.read_text(encoding="utf-8") for one in (_SCRIPT, script) if one is not None]
-        scripts = "".join(f"<script>{one}</script>" for one in own)
-        self.page = f"{before}{scripts}{end}{after}".encode()  # served beside ``events`` and ``told``
+        files = [_SCRIPT] if script is None else [_SCRIPT, script]
+        texts = [file.read_text(encoding="utf-8") for file in files]
+        scripts = "".join(f"<script>{text}</script>" for text in texts)
+        self.page = f"{before}{scripts}{end}{after}".encode()
 
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
-        """Tell all pages, and those that come later, in place of what they were told of the same subject."""
+        """Send commands to all pages, also to later ones, in place of earlier commands of the same subject."""
         with self._news:
             self._commands[subject] = commands
             self._versions[subject] = next(self._count)
             self._news.notify_all()
 
     def show(self, name: str) -> None:
-        """Show a slider where it was set by the program."""
+        """Move a slider in all pages to the value that the program has set."""
         command = {"type": "set_control_value", "name": name, "value": self.controls[name].value}
         self.tell(f"control {name}", [{**command, "invoke_callback": False}])
 
     def wipe(self) -> None:
-        """Forget all that was told; pages that are open show it until they are loaded anew."""
+        """Forget all commands. Pages that are open keep their picture until they are loaded again."""
         with self._news:
             self._commands.clear()
             self._versions.clear()
 
     def hear(self, message: bytes) -> None:
-        """Hear of a control that is set to a number, or what else is heard: lists in JSON. All else is not heard."""
+        """Take a message of a page: set a control, or call a callback. Other messages are ignored.
+
+        Args:
+            message: a JSON list of a name and a value.
+        """
         try:
             name, content = json.loads(message)
             if name in self._hears:
                 self._hears[name](content)
                 return
-            control, value = self.controls[name], float(content)
+            control = self.controls[name]
+            value = float(content)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if math.isfinite(value):
             control.value = min(max(value, control.low), control.high)
-            with self._news:  # what the program set it to is past
+            with self._news:  # a value that the program has set is no longer valid
                 self._commands.pop(f"control {name}", None)
                 self._versions.pop(f"control {name}", None)
 
     def events(self, after: int = 0) -> Iterator[bytes]:
-        """Yield what a page is to know from now on, as server-sent events, until the board is closed.
+        """Yield the server-sent events for a page until the board is closed.
 
-        ``after`` is the number of the last event that the page has seen, as it comes with each.
+        Args:
+            after: number of the last event that the page has received; 0 for a new page, which gets the menu, too.
         """
         menu = [control.command(name) for name, control in self.controls.items() if not after]
         yield f"data: {json.dumps(menu)}\n\n".encode()
@@ -125,45 +167,64 @@ class Board:
         yield b"event: end\ndata:\n\n"
 
     def news(self, known: dict[str, int]) -> bytes | None:
-        """Wait for what a page does not know, and return it as an event; None when the board is closed."""
+        """Wait for commands that a page has not received.
+
+        Args:
+            known: number of the last event that the page has received of each subject. It is brought up to date.
+
+        Returns:
+            the commands as an event; a comment if nothing is new for some seconds; None if the board is closed.
+        """
         with self._news:
-            self._news.wait_for(lambda: self._unknown(known) or not self._open, timeout=_BREATH)
-            if not (self._open or self._unknown(known)):
+            self._news.wait_for(lambda: self._new_subjects(known) or not self._open, timeout=_PAUSE)
+            if not (self._open or self._new_subjects(known)):
                 return None
-            new = [command for subject in self._unknown(known) for command in self._commands[subject]]
+            new = [command for subject in self._new_subjects(known) for command in self._commands[subject]]
             known.update(self._versions)
         last = max(known.values(), default=0)
         return f"id: {last}\ndata: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
 
     def close(self) -> None:
-        """Tell the pages that nothing more will come."""
+        """End the events of all pages."""
         with self._news:
             self._open = False
             self._news.notify_all()
 
-    def _unknown(self, known: dict[str, int]) -> list[str]:
+    def _new_subjects(self, known: dict[str, int]) -> list[str]:
+        """Subjects with commands that a page has not received, given its last event of each subject."""
         return [subject for subject, version in self._versions.items() if known.get(subject) != version]
 
 
 def is_short(length: str) -> bool:
-    """Tell whether a message of a length, as its header says it, is one that a page of ours may send."""
+    """Whether a length, as a message's header gives it, is a number, and that of a message that a page may send."""
     return 0 <= number_of(length, -1) <= _LONGEST
 
 
 def number_of(text: str, otherwise: int = 0) -> int:
-    """Return the whole number that a text from outside is, if it has a few digits and nothing else."""
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 12 else otherwise
+    """Read a number from a text of unknown origin.
+
+    Args:
+        text: the text.
+        otherwise: result if the text is not a few digits and nothing else.
+    """
+    is_number = text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
+    return int(text) if is_number else otherwise
 
 
 class Window(Board):
-    """A board in a browser on this computer, at an address that nobody can guess."""
+    """A board that a server of its own shows on this computer, at an address that cannot be guessed.
+
+    Attributes:
+        path: path of the page in its address.
+        url: address of the page.
+    """
 
     def __init__(self, controls: dict[str, Control] | None = None) -> None:
-        """Open the window, with the controls that its user may set, by name."""
+        """Start the server, for a page with controls by name. No browser is opened."""
         super().__init__(controls)
         self._server = _server(self)
         self.path = f"/{secrets.token_urlsafe(9)}/"
-        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"  # where to look
+        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"
         Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
 
     def close(self) -> None:
@@ -174,20 +235,23 @@ class Window(Board):
 
 
 class _Server(ThreadingHTTPServer):
-    daemon_threads = True
+    """Server of one window."""
+
+    daemon_threads = True  # an open page does not keep the program from ending
     window: Window
 
     def handle_error(self, *_: object) -> None:
-        """Let a connection that breaks go without a word."""
+        """Ignore a connection that breaks: a page was closed."""
 
 
 def _server(window: Window) -> _Server:
-    """Return a server at the first free port."""
-    for port in (*range(_FIRST_PORT, _FIRST_PORT + _PORTS), 0):
+    """Start a server of a window at the first free port."""
+    any_port = 0  # the system chooses one
+    for port in (*range(_FIRST_PORT, _FIRST_PORT + _PORT_COUNT), any_port):
         try:
             server = _Server((_HOST, port), _Handler)
         except OSError:
-            if port == 0:
+            if port == any_port:
                 raise
             continue
         server.window = window
@@ -196,12 +260,14 @@ def _server(window: Window) -> _Server:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    timeout = 60.0  # s; a connection that says nothing
+    """Handler of one request to the server of a window."""
+
+    timeout = 60.0  # time after which a silent connection is closed [s]
     server: _Server
 
     def do_GET(self) -> None:
-        """Give the page, or its events."""
-        if not self._allowed():
+        """Answer with the page, or with its events."""
+        if not self._is_allowed():
             return
         window = self.server.window
         if self.path == window.path:
@@ -214,23 +280,36 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(404)
 
     def do_POST(self) -> None:
-        """Hear what the page's user set."""
-        if self._allowed():
+        """Take a message of the page: a control that its user has set."""
+        if self._is_allowed():
             length = self.headers.get("Content-Length", "")
-            known = self.path == f"{self.server.window.path}told"
-            if known and is_short(length):
+            is_known = self.path == f"{self.server.window.path}told"
+            if is_known and is_short(length):
                 self.server.window.hear(self.rfile.read(int(length)))
-            self._answer(204 if known else 404)
+            self._answer(204 if is_known else 404)
 
-    def _allowed(self) -> bool:
-        """Refuse who comes by another name than this computer's, or from another page."""
-        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
-        allowed = host.rpartition(":")[0] in _NAMES and origin in (None, f"http://{host}")
-        if not allowed:
+    def _is_allowed(self) -> bool:
+        """Whether a request comes from our page. All other requests are answered with an error.
+
+        The page of another origin may not send messages, and a foreign name of this computer is not accepted: a page
+        could make the browser look up such a name to reach this server.
+        """
+        host = self.headers.get("Host", "")
+        origin = self.headers.get("Origin")  # browsers leave it out if the page reads from its own server
+        name, _, _ = host.rpartition(":")
+        is_allowed = name in _NAMES and origin in (None, f"http://{host}")
+        if not is_allowed:
             self._answer(403)
-        return allowed
+        return is_allowed
 
     def _answer(self, code: int, kind: str = "text/plain", content: bytes = b"") -> None:
+        """Answer a request.
+
+        Args:
+            code: HTTP status.
+            kind: media type of the content.
+            content: the content. Events follow later.
+        """
         self.send_response(code)
         self.send_header("Content-Type", kind)
         self.send_header("Cache-Control", "no-store")
@@ -239,4 +318,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing: the terminal is the run's."""
+        """Write nothing: the terminal belongs to the run."""

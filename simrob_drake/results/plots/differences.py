@@ -29,18 +29,49 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
         a text for each result, such as ``servo.kp.lift 14000``. It is empty if the results have the same keys and
         values, or if their stations are not saved.
     """
-    settings = [_settings(folder) for folder in folders]
+    settings = _with_same_keys([_settings(folder) for folder in folders])
     keys = dict.fromkeys(key for values in settings for key in values)
-    differing = []
+    differing = dict[str, list[Any]]()
     for key in keys:
         values = [own.get(key, _NOT_SET) for own in settings]
         if any(value != values[0] for value in values):
-            differing.append(key)
+            differing[key] = values
+    # A saved station has the servo of its only robot twice: at its top, and in the section of the robot.
+    shown = [key for key, values in differing.items() if differing.get(_key_at_top(key)) != values]
     texts = []
-    for own in settings:
-        parts = [compound("{key} {value}", key=key, value=_in_words(own.get(key, _NOT_SET))) for key in differing]
+    for index in range(len(folders)):
+        parts = [compound("{key} {value}", key=key, value=_in_words(differing[key][index])) for key in shown]
         texts.append(listed(parts))
     return texts
+
+
+def _with_same_keys(settings: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Replace a number that stands for all axes, such as a gain, by one for each axis that another result names.
+
+    Args:
+        settings: the values of each result by dotted keys. One result has ``servo.kp``, another ``servo.kp.lift``.
+
+    Returns:
+        the values of each result, with ``servo.kp.lift`` in both.
+    """
+    all_keys = dict.fromkeys(key for values in settings for key in values)
+    subkeys = dict[str, list[str]]()
+    for key in all_keys:
+        parent, _, _ = key.rpartition(".")
+        subkeys.setdefault(parent, []).append(key)
+    found = []
+    for values in settings:
+        spread = dict[str, Any]()
+        for key, value in values.items():
+            is_for_all = isinstance(value, int | float) and key in subkeys
+            spread.update(dict.fromkeys(subkeys[key], value) if is_for_all else {key: value})
+        found.append(spread)
+    return found
+
+
+def _key_at_top(key: str) -> str:
+    """Key at the top of a station for a key in the servo section of its only robot. Empty for any other key."""
+    return key.removeprefix("robot.") if key.startswith("robot.servo.") else ""
 
 
 def _settings(folder: Path) -> dict[str, Any]:

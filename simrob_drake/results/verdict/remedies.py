@@ -120,13 +120,60 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if robot is None:
         return None
     if robot.model.base == "floating":
-        text = message("results.remedy_slower_gait", "take shorter steps (amplitude), or slower ones (step_time)")
-        return Remedy(text)
+        return _slower_legs(run, robot, entry.subject)
     jump = _start_at_reference(run, robot, entry.subject)
     if jump is not None:
         return jump
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
+
+
+def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
+    """Remedy of an axis of a robot on legs that moves too fast: slower steps, if a walk moves this axis.
+
+    Args:
+        run: the run.
+        robot: the robot, whose base floats.
+        subject: name of the axis, such as ``left.left_knee``.
+    """
+    # The class of the section is not imported here: it loads scipy, and every run imports this module.
+    walks = [
+        name
+        for name, section in run.config.controllers.items()
+        if getattr(section, "kind", "") == "walk"
+        and (getattr(section, "robot", None) or run.config.only_robot) == robot.name
+    ]
+    axis = subject.removeprefix(robot.prefix)
+    if axis not in robot.axes or not _is_of_leg(run, robot, robot.axes.index(axis)):
+        return Remedy(_SLOWER_MOTION)
+    if walks:
+        key = f"controllers.{walks[0]}.gait.step_time"
+        return Remedy(message("results.remedy_slower_loop", "take slower steps: --set {key}=SECONDS", key=key))
+    if run.did:
+        text = message(
+            "results.remedy_slower_walk",
+            "take shorter steps (simrob walk ... --amplitude 0.5) or slower ones (--step-time SECONDS); in a program: "
+            "{example}",
+            example="{walk: {steps: 4, amplitude: 0.5, step_time: 0.6}}",
+        )
+        return Remedy(text)
+    return Remedy(_SLOWER_MOTION)
+
+
+_SLOWER_MOTION = message(
+    "results.remedy_slower_motion",
+    "let the reference or the loop move this joint less far or more slowly, or choose a faster motor",
+)
+
+
+def _is_of_leg(run: RecordedRun, robot: StationRobot, axis: int) -> bool:
+    """Whether an axis, by its index, moves a foot of a robot."""
+    if robot.feet is None:
+        return False
+    plant = run.plant.plant
+    moved = set(plant.GetBodiesKinematicallyAffectedBy([robot.joints[axis].index()]))
+    feet = {plant.GetFrameByName(link, robot.instance).body().index() for link in robot.feet.links}
+    return bool(moved & feet)
 
 
 def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy | None:

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 import yaml
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
+from simrob_drake.extensions.legged import making, report
 from simrob_drake.extensions.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.extensions.legged.making import STAND, WALK, make_legged
+from simrob_drake.extensions.legged.report import Attempt, FastestAxis
 from simrob_drake.extensions.legged.scaling import EXAMPLES, Build, asked_speed, climb_of, gains, walk_of
 from simrob_drake.extensions.legged.soles import soles_of
 from simrob_drake.importer.importing import robot_from_file
@@ -210,6 +213,116 @@ def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
     assert "of its shapes" in said["link 'trunk'"]
     assert "no collision shape" in made.problem
     assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()
+
+
+def lowered(tree, height):
+    """Draw all of a robot from a point so far below its trunk [m]: the root's frame is then near the ground."""
+    for element in (*tree.robot.find("link[@name='trunk']"), *tree.robot.iterfind("joint[parent]")):
+        if element.tag == "joint" and element.find("parent").get("link") != "trunk":
+            continue
+        origin = element.find("origin")
+        if origin is None:
+            origin = ET.SubElement(element, "origin", xyz="0 0 0")
+        x, y, z = map(float, origin.get("xyz", "0 0 0").split())
+        origin.set("xyz", f"{x} {y} {z + height}")
+    return tree
+
+
+@pytest.mark.long
+def test_a_root_under_the_ground_is_moved_up_to_the_hips(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "attempt", lambda _, trial, speed=0.0: Attempt(trial, True, "done"))
+    monkeypatch.setattr(making, "attempt_climb", lambda *_, **__: Attempt("climbs", True, "done"))
+    made = make_legged(lowered(dog(), 0.5).write(tmp_path), tmp_path / "out")
+    assert made.problem == ""
+    (root,) = [line for line in made.found if "frame of the root" in line]
+    assert root == "the frame of the root trunk is 0.500 m below the hips in the source; here it is level with them"
+    station = load_station(tmp_path / "out" / STAND)
+    other = tmp_path / "other"
+    other.mkdir()
+    usual = make_legged(dog().write(other), tmp_path / "same")
+    same = load_station(tmp_path / "same" / STAND)
+    assert usual.found == [line for line in made.found if line != root]
+    assert station.robots["robot"].base == pytest.approx(same.robots["robot"].base, abs=1e-4)
+    assert station.monitors["fall"].height == pytest.approx(same.monitors["fall"].height, abs=1e-3)
+    assert station.monitors["fall"].height > 0.1
+
+
+@pytest.mark.long
+def test_an_unexpected_error_of_one_trial_loses_nothing(tmp_path, monkeypatch):
+    def fails(config, **_):
+        raise RuntimeError(f"no memory for {config.name}")
+
+    monkeypatch.setattr(report, "simulate", fails)
+    made = make_legged(dog().write(tmp_path), tmp_path / "out")
+    assert [one.trial for one in made.attempts] == ["stands", "walks"]
+    assert made.attempts[0].outcome == "unexpected error: RuntimeError: no memory for standing"
+    assert made.problem.startswith("made does not walk: unexpected error")
+    assert load_station(tmp_path / "out" / WALK).controllers.keys() == {"walk"}
+
+
+def test_an_unexpected_error_between_trials_keeps_what_was_made(tmp_path, monkeypatch):
+    def breaks(self):
+        raise IndexError("nothing under the feet")
+
+    monkeypatch.setattr(making._Making, "run", breaks)
+    made = make_legged(dog().write(tmp_path), tmp_path / "out")
+    assert made.problem == "unexpected error: IndexError: nothing under the feet"
+    assert load_station(tmp_path / "out" / STAND).mode == "dynamic"
+
+
+@pytest.mark.long
+def test_the_report_names_the_folder_that_stays(tmp_path, monkeypatch):
+    def refused(file, *_):
+        raise SimrobError(f"{file}: wrong")
+
+    monkeypatch.setattr(report, "load_station", refused)
+    made = make_legged(dog().write(tmp_path), tmp_path / "out")
+    assert made.attempts[0].outcome == f"{tmp_path / 'out' / STAND}: wrong"
+    assert ".simrob-part" not in (tmp_path / "out" / "legged.md").read_text() + made.problem
+
+
+@pytest.mark.long
+def test_a_biped_whose_feet_have_no_shape_is_told_which(tmp_path):
+    tree = biped()
+    for side in "pq":
+        foot = tree.robot.find(f"link[@name='{side}5']")
+        foot.remove(foot.find("collision"))
+    made = make_legged(tree.write(tmp_path), tmp_path / "out")
+    assert "p5, q5" in made.problem
+    assert "no collision shape" in made.problem
+    assert (tmp_path / "out" / STAND).is_file()
+
+
+@pytest.mark.long
+def test_a_walk_that_is_too_fast_for_its_motors_is_tried_with_slower_steps(tmp_path, monkeypatch):
+    """The longest step time is the first with which the joints are slow enough."""
+    step_times = list[float]()
+
+    def tried(station, trial, speed=0.0):
+        fastest = None
+        if trial == "walks":
+            step_times.append(yaml.safe_load((station.parent / "gaits.yaml").read_text())["reacting"]["step_time"])
+            fastest = FastestAxis("left_knee", 0.9 if step_times[-1] > 1.9 * step_times[0] else 1.5)
+        return Attempt(trial, True, "done", fastest=fastest)
+
+    monkeypatch.setattr(making, "attempt", tried)
+    monkeypatch.setattr(making, "attempt_climb", lambda *_, **__: Attempt("climbs", True, "done"))
+    made = make_legged(dog().write(tmp_path), tmp_path / "out")
+    assert np.array(step_times) / step_times[0] == pytest.approx([1, 1.25, 1.5, 2], rel=0.01)
+    written = yaml.safe_load((tmp_path / "out" / "gaits.yaml").read_text())["reacting"]["step_time"]
+    assert written == step_times[-1]
+    assert made.too_fast == []
+    assert any(line.startswith("step time: 2 times") for line in made.assumed)
+
+
+@pytest.mark.long
+def test_joints_that_are_faster_than_their_motors_stand_under_next(tmp_path, monkeypatch):
+    fastest = FastestAxis("left_knee", 1.78)
+    monkeypatch.setattr(making, "attempt", lambda _, trial, speed=0.0: Attempt(trial, True, "done", fastest=fastest))
+    monkeypatch.setattr(making, "attempt_climb", lambda *_, **__: Attempt("climbs", True, "done"))
+    make_legged(dog().write(tmp_path), tmp_path / "out")
+    _, following = (tmp_path / "out" / "legged.md").read_text().split("## Next")
+    assert "walks: left_knee turns at 178% of the speed of its motor; give the walk a longer step_time" in following
 
 
 def test_feet_that_a_robot_has_already_are_told(tmp_path):

@@ -16,7 +16,7 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.extensions.pendant.pages import station
-from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture, labels_of, with_buttons
+from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture, labels_of, with_buttons, with_values
 from simrob_drake.extensions.pendant.pages.station import in_brief
 from simrob_drake.extensions.pendant.pages.words import Notice, texts_of, words
 from simrob_drake.programs.timeline import Change
@@ -350,10 +350,32 @@ def test_the_blocks_of_a_picture_are_buttons():
     assert drawn.count('aria-pressed="true"') == 1
 
 
-def test_a_picture_is_never_too_small_to_be_read():
-    assert '<svg style="--own: 1316px; min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(
-        SVG
-    )
+def test_a_picture_opens_as_wide_as_its_place_and_never_too_small_to_be_read():
+    drawn = with_buttons(SVG)
+    assert '<svg style="--own: 1316px; min-width: calc(0.6 * 1316px); max-width: calc(2 * 1316px)" ' in drawn
+    largest = max(float(size) for size in re.findall(r'font-size="(\d+)"', SVG))
+    assert 0.6 * largest >= 7.0
+
+
+def test_values_stay_on_the_wires_when_a_block_or_a_wire_is_chosen():
+    number = wire("torque", "plant")
+
+    async def scenario(user, session):
+        session.run.watch(["position", "torque"])
+        session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
+        await settled(0.6)
+        for chosen in (["", number], ["plant", ""], ["", wire("joint_2.pd", "joint_2.saturation")]):
+            user.find(kind=ui.html).trigger("click", chosen)
+            await settled(0.1)
+            (drawn,) = (one.content for one in user.find(kind=ui.html).elements if "<svg" in one.content)
+            assert re.search(rf'data-value="{number}"[^>]*>max -37.2 N·m</text>', drawn)
+
+    on_page(scenario)
+
+
+def test_values_are_written_as_texts():
+    assert '">&lt;1</text>' in with_values(SVG, {wire("torque", "plant"): "<1"})
+    assert with_values(SVG, {}) == SVG
 
 
 def test_both_languages_have_the_words():

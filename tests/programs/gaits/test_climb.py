@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import SimrobError
@@ -252,6 +253,22 @@ def test_hips_come_down_where_a_stride_is_long():
     # as high as it goes, too, it is out of reach: that is told
     with pytest.raises(SimrobError, match=r"left_foot is out of reach by 6\.\d+ mm"):
         planned_gait(robot, "climb", {"stride": 0.18}, bends=True)
+
+
+@pytest.mark.parametrize("move", [{"act": "climb"}, {"climb": {"distance": 0.06}}], ids=str)
+def test_a_climb_on_spheres_is_refused_as_an_act_and_as_a_move(move):
+    robot = LeggedRobot(load_station("zjudancer_dynamic"))
+    with pytest.raises(SimrobError, match=r"it must be soles with edges \(boxes\), .*: --set robot\.feet=soles$"):
+        robot.do(move)
+    assert robot.runs == []
+
+
+def test_the_feet_of_a_climber_among_others_are_chosen_in_its_own_section(tmp_path):
+    both = {name: {"model": "zjudancer", "base": [x, 0, 0.538, 0, 0, 0]} for name, x in (("a", 0.0), ("b", 1.0))}
+    file = tmp_path / "two.yaml"
+    file.write_text(yaml.safe_dump({"robots": both, "floor": {"size": 3}, "contact": {"model": "point"}}))
+    with pytest.raises(SimrobError, match=r": --set robots\.b\.feet=soles$"):
+        planned_gait(LeggedRobot(load_station(file), "b"), "climb", {})
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """A kick: where its foot swings through and how fast, and what a ball does then by contact alone."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from simrob_drake.base.interpolation import stacked
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
+from simrob_drake.programs.moves.kick import KickMove
 
 RADIUS, HOLLOW = 0.0335, 2 / 3  # of the ball [m]; its moment of inertia over m r²
 SOLES = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}
@@ -87,6 +90,18 @@ def test_what_cannot_be_kicked_is_refused_before_anything_moves(move, changes, m
     with pytest.raises(SimrobError, match=message):
         robot.do({"kick": move})
     assert robot.runs == []
+
+
+def test_a_kick_that_is_too_fast_is_told_the_largest_speed_that_works():
+    robot = LeggedRobot(load_station("zjudancer_dynamic", {"servo.motor": "mx_106"}))
+    station = robot.cell.config
+    with pytest.raises(SimrobError, match=r"it must be at most [\d.]+ m/s: ") as refused:
+        KickMove(speed=1.5).swing(robot, station, {})
+    largest = float(re.search(r"at most ([\d.]+) m/s", str(refused.value))[1])
+    assert 0.3 < largest < 1.5
+    assert KickMove(speed=largest).swing(robot, station, {}).duration > 0
+    with pytest.raises(SimrobError, match=f"at most {largest:g} m/s"):
+        KickMove(speed=round(largest + 0.01, 2)).swing(robot, station, {})
 
 
 def test_a_ball_out_of_reach_is_refused():

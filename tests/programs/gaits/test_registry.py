@@ -1,7 +1,11 @@
 """Every gait of every robot has one name, and a planner behind it."""
 
-import pytest
+import shutil
 
+import pytest
+import yaml
+
+from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.files import models_root
 from simrob_drake.programs.gaits.registry import gait_kinds, gaits_model, gaits_of, load_gaits
@@ -41,3 +45,32 @@ def test_every_gait_is_planned_by_its_name(robot):
 def test_a_robot_without_gaits_is_told():
     with pytest.raises(InvalidParameter, match="one without gaits"):
         gaits_of("irb120", steps=True)
+
+
+def walker_by_commands(folder):
+    """Copy a robot into a folder, without its planned walks; return its folder."""
+    own = folder / "mine"
+    shutil.copytree(models_root() / "zjudancer", own)
+    gaits = yaml.safe_load((own / GAITS_FILE).read_text())
+    (own / GAITS_FILE).write_text(yaml.safe_dump({key: gaits[key] for key in ("facing_deg", "reacting")}))
+    return own
+
+
+def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(tmp_path, monkeypatch):
+    own = walker_by_commands(tmp_path)
+    station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
+    said = r"robot mine: it has no planned walk, and walks by commands; "
+    with pytest.raises(InvalidParameter, match=said + r"use \{go: \{ahead: 0\.1\}\} in a program$"):
+        LeggedRobot(station).walk(3)
+    (own / "walking.yaml").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidParameter, match=said + r"type simrob run mine/walking\.yaml, or use \{go: "):
+        LeggedRobot(station).walk(3)
+
+
+def test_a_robot_without_any_walk_says_so(tmp_path):
+    own = walker_by_commands(tmp_path)
+    (own / GAITS_FILE).write_text("facing_deg: 90\n")
+    station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
+    with pytest.raises(InvalidParameter, match=r"it has no gait with steps; .*gaits\.yaml"):
+        LeggedRobot(station).walk(3)

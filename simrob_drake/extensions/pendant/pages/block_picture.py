@@ -19,7 +19,7 @@ _TEXT = re.compile(r"<text[^>]*>(.*?)</text>")
 _VALUE = re.compile(r'(<text class="value" data-value="(\d+)"[^>]*>)[^<]*')
 _WIDTH = re.compile(r'<svg ([^>]*width="(\d+)")')
 _SMALLEST = 0.6
-"""Smallest scale at which the picture opens: texts of 13 pixels are 8 pixels high then, the smallest that can be read."""
+"""Smallest scale at which the picture opens: its texts are 8 pixels high then, which can just be read."""
 _UNTIL_DRAWN = 100
 """Time from a new drawing until a browser shows it [ms]."""
 _FOLDS = {"unfold_less": True, "unfold_more": False}

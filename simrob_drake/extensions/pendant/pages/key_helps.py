@@ -1,7 +1,7 @@
 """Helps of a station's keys in the language of the page.
 
-The English ones are the descriptions in the schema of station files. Those of another language are in a file of their
-own, by key; a key without one shows the English help.
+The English ones are the descriptions in the schema of station files. Those of another language are in two files: by
+key, and by the English help for keys that many sections have, or whose meaning depends on the kind of their section.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,20 +18,34 @@ _ANY_NAME = "*"
 
 def in_own_language(fields: Sequence[Field], language: str) -> list[Field]:
     """Fields with their helps in a language, as far as there are any, otherwise in English."""
-    helps = helps_of(language)
-    return [replace(field, help=_help_of(field, helps)) for field in fields]
+    return [replace(field, help=_help_of(field, language)) for field in fields]
 
 
 @cache
 def helps_of(language: str) -> Mapping[str, str]:
     """Helps in a language, by key; an asterisk stands for a name. Empty if the language has none."""
-    file = _FOLDER / f"{language}.yaml"
+    return _read_helps(f"{language}.yaml")
+
+
+@cache
+def helps_by_text(language: str) -> Mapping[str, str]:
+    """Helps in a language, by the English help. Empty if the language has none."""
+    return _read_helps(f"{language}_by_text.yaml")
+
+
+def _read_helps(file_name: str) -> Mapping[str, str]:
+    """Read a file with helps. Returns an empty mapping if there is no such file."""
+    file = _FOLDER / file_name
     return read_yaml(file) if file.is_file() else {}
 
 
-def _help_of(field: Field, helps: Mapping[str, str]) -> str:
+def _help_of(field: Field, language: str) -> str:
     """Help of a field in a language, or the one that the field has."""
-    return next((helps[key] for key in _patterns(field.key) if key in helps), field.help)
+    by_key = helps_of(language)
+    for key in _patterns(field.key):
+        if key in by_key:
+            return by_key[key]
+    return helps_by_text(language).get(field.help, field.help)
 
 
 def _patterns(key: str) -> Iterator[str]:

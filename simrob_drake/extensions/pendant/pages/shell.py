@@ -72,7 +72,7 @@ def build(pendant: Pendant) -> None:
             _looks(pendant, t, language)
             _help(t)
     _conflict(session, t)
-    ui.label(t("shell.lost_click")).classes("pendant-lost").props("role=alert")
+    ui.label(t("shell.lost_click")).classes("pendant-lost").props("aria-live=assertive")
     lessons.build_strip()
     with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):

@@ -2,6 +2,8 @@
 
 from asyncio import wrap_future
 from base64 import b64encode
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from nicegui import background_tasks, ui
@@ -105,7 +107,7 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
             session.push(body.value, (size * SIDES[side]).tolist(), seconds)
 
     for side, button in buttons.items():
-        button.on_click(lambda side=side: push(side))
+        button.on_click(partial(push, side))
 
     def show_bodies() -> None:
         """Offer the bodies of the station."""
@@ -118,11 +120,7 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
     def show_sides() -> None:
         """Say on each button where the side of the chosen body points."""
         kept.body = body.value or kept.body
-        words = session.description.get("push_sides", {}).get(body.value, {})
-        for side, button in buttons.items():
-            text = f"{side} {t('push.' + words[side])}" if side in words else side
-            button.text = text
-            set_label(button, t("push.along", side=text))
+        _name_sides(buttons, session.description.get("push_sides", {}).get(body.value, {}), t)
 
     def show_phase() -> None:
         """Allow the buttons while a run goes on."""
@@ -132,6 +130,20 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
     body.on_value_change(show_sides)
     follow(session, show_bodies, "description")
     follow(session, show_phase, "phase")
+
+
+def _name_sides(buttons: Mapping[str, ui.button], words: Mapping[str, str], t: Words) -> None:
+    """Write on the buttons of a pad where the sides of a body point.
+
+    Args:
+        buttons: the buttons, by side, such as ``+x``.
+        words: where the sides point, by side, such as ``left``. Sides that are oblique have no word.
+        t: texts in the language of the page.
+    """
+    for side, button in buttons.items():
+        text = f"{side} {t('push.' + words[side])}" if side in words else side
+        button.text = text
+        set_label(button, t("push.along", side=text))
 
 
 PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)

@@ -63,7 +63,7 @@ class Visit:
         self.page.get_by_role("spinbutton", name=self.texts["push.duration"], exact=True).fill(str(seconds))
         self.press("run.tick")
         expect(self.page.locator(".pendant-state")).to_have_text(self.texts["phase.paused"])
-        self.page.get_by_role("button", name=self.texts["push.along"].format(side=side), exact=True).click()
+        self.page.get_by_role("button", name=self.texts["push.along"].format(side=side)).click()
         self.press("run.play")
 
     def idle(self):
