@@ -209,8 +209,8 @@ def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "",
         result.add_row(*cells)
     # If the table is too wide, two spaces between columns become one, before the name of a joint is broken.
     unlimited = console.options.update(max_width=_WIDER_THAN_ANY_TABLE)
-    wanted_width = Measurement.get(console, unlimited, result).maximum
-    result.collapse_padding = wanted_width > console.width
+    required_width = Measurement.get(console, unlimited, result).maximum
+    result.collapse_padding = required_width > console.width
     return result
 
 
