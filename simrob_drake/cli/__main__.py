@@ -56,12 +56,12 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
     except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit, with a text
         if isinstance(problem, SystemExit) and not isinstance(problem.code, str):
             raise
-        from simrob_drake.cli.screen import tell
+        from simrob_drake.cli.screen import say_error
 
         if os.environ.get(DEBUG):
             traceback.print_exception(problem)
         if isinstance(problem, ModuleNotFoundError) and problem.name:
-            tell(_missing_package(problem.name, arguments))
+            say_error(_missing_package(problem.name, arguments))
             return ExitCode.BAD_INPUT
         frames = traceback.extract_tb(problem.__traceback__)
         package = Path(__file__).parents[1]
@@ -72,7 +72,7 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
             where = message("cli.file_and_line", "{file}, line {line}", file=file, line=own[-1].lineno)
         name = message("cli.check_of_drake", "a check of Drake")
         text = " ".join(str(problem).split())[:1000]
-        tell(
+        say_error(
             message(
                 "cli.unexpected",
                 "unexpected: {name}: {text} ({where}); {variable}=1 shows the traceback",

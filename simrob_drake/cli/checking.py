@@ -1,4 +1,8 @@
-"""The command that looks at stations, programs, robots and models before any run: check."""
+"""The command `simrob check`: it examines stations, programs, robots and files of other tools before any run.
+
+The argument decides what is examined. Each of these has its own options. An option that would have no effect on the
+argument is refused, so that no user believes that it had one.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +26,7 @@ from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import Runner
 from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.findings import Finding
 
 
 @with_importer_options("reading_class")
@@ -43,7 +48,7 @@ def check(
     allow_code: AllowCode = False,
     importer_options: ChosenOptions,
 ) -> None:
-    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do.
+    """Report before any run what will go wrong in a station, what a robot can carry, or what an import would do.
 
     For example:
 
@@ -51,60 +56,118 @@ def check(
 
         simrob check arm.urdf
     """
+    # A file of another tool, such as a Simulink model, is examined by the extension that imports it.
     importer = other_importer(station)
     if importer is not None:
         request = importer_request(importer, "reading_class", importer_options, options, set_)
         examine_with(importer, Path(station), request)
         return
     importer_options.refuse_all_but([])
-    # Stations and programs take --mesh-path, too, and none of the other options of imports.
-    refusable = options and options.model_copy(update={"mesh_path": ()})
+    # The order of the tests matters: names of stations come last, because any text may be one.
     if is_program_file(station):
-        refuse_import(
-            message("cli.is_a_program", "this is a program; the option belongs to the file of a robot"), refusable
-        )
-        refuse(message("cli.program_without_code", "this is a program, which names no code"), allow_code=allow_code)
-        program, config = program_from(station, set_)
-        console.print(findings_table([check_program(program, config, station)]))
-        return
-    if is_robot_file(station):
+        _check_program_file(station, set_, options, allow_code=allow_code)
+    elif is_robot_file(station) or is_description_file(station):
         refuse(
             message("cli.is_file_of_robot", "this is the file of a robot; the option belongs to stations"),
             set=set_,
             allow_code=allow_code,
         )
-        examine_file(Path(station), options)
-        return
-    if is_description_file(station):
-        refuse(
-            message("cli.is_file_of_robot", "this is the file of a robot; the option belongs to stations"),
-            set=set_,
-            allow_code=allow_code,
-        )
-        refuse_import(
-            message("cli.is_description_of_robot", "this is the description of a robot, and nothing is imported"),
-            options,
-        )
-        show_robot(read_robot(station))
-        return
-    if station in robot_names():
+        _check_robot_file(station, options)
+    elif station in robot_names():
         refuse(
             message("cli.is_a_robot", "this is a robot; the option belongs to stations"),
             set=set_,
             allow_code=allow_code,
         )
         refuse_import(
-            message("cli.robot_of_package", "this robot comes with the package, and nothing is imported"), options
+            message("cli.robot_of_package", "this robot comes with the package, and nothing is imported"),
+            options,
         )
         show_robot(read_robot(station))
+    else:
+        _check_station(station, set_, options, allow_code=allow_code)
+
+
+def _check_program_file(
+    file: str,
+    settings: list[str] | None,
+    options: ImportOptions | None,
+    *,
+    allow_code: bool,
+) -> None:
+    """Show whether the robots of the station that a program names can do the program.
+
+    Args:
+        file: file of the program.
+        settings: changes of the station, as the option ``--set`` takes them.
+        options: options of imports, of which only ``--mesh-path`` may be given. None if none is given.
+        allow_code: the option ``--allow-code``, which must not be given.
+
+    Raises:
+        SimrobError: the robots cannot do the program, or an option is given that has no effect on a program.
+    """
+    refuse_import(
+        message("cli.is_a_program", "this is a program; the option belongs to the file of a robot"),
+        _without_mesh_path(options),
+    )
+    refuse(message("cli.program_without_code", "this is a program, which names no code"), allow_code=allow_code)
+    program, config = program_from(file, settings)
+    console.print(findings_table([check_program(program, config, file)]))
+
+
+def _check_robot_file(file: str, options: ImportOptions | None) -> None:
+    """Show the axes of a robot, the mass that it can carry, and what an import of its file would change.
+
+    Args:
+        file: a file of another tool, such as a URDF, or a description of a robot in YAML.
+        options: options of the import. None if none is given. A description is read without an import, so it has none.
+    """
+    if is_robot_file(file):
+        examine_file(Path(file), options)
         return
     refuse_import(
-        message("cli.is_a_station", "this is a station; the option belongs to the file of a robot"), refusable
+        message("cli.is_description_of_robot", "this is the description of a robot, and nothing is imported"),
+        options,
     )
-    config = station_from(station, set_, allow_code=allow_code)
+    show_robot(read_robot(file))
+
+
+def _check_station(
+    station: str,
+    settings: list[str] | None,
+    options: ImportOptions | None,
+    *,
+    allow_code: bool,
+) -> None:
+    """Show the findings about a station, and about the program that it carries, if it has one.
+
+    Args:
+        station: name or file of the station.
+        settings: changes of the station, as the option ``--set`` takes them.
+        options: options of imports, of which only ``--mesh-path`` may be given. None if none is given.
+        allow_code: whether Python code that the station's file names may be run.
+
+    Raises:
+        SimrobError: the station cannot be run, or another option of imports is given.
+    """
+    refuse_import(
+        message("cli.is_a_station", "this is a station; the option belongs to the file of a robot"),
+        _without_mesh_path(options),
+    )
+    config = station_from(station, settings, allow_code=allow_code)
+    # The engine of the station may be another tool, which has limits of its own.
     Runner(config).check()
-    program_findings = [] if config.program is None else [check_program(own_program(config), config)]
+    program_findings = list[Finding]()
+    if config.program is not None:
+        program_findings.append(check_program(own_program(config), config))
     console.print(findings_table([*check_station(config), *program_findings]))
+
+
+def _without_mesh_path(options: ImportOptions | None) -> ImportOptions | None:
+    """Options of imports that stations and programs do not take: all but ``--mesh-path``, which holds for all files."""
+    if options is None:
+        return None
+    return options.model_copy(update={"mesh_path": ()})
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"check": check}

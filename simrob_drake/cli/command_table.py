@@ -1,11 +1,12 @@
 """The commands of ``simrob`` by name, those of the core and those of installed extensions.
 
-Names and helps are read from the source of the modules. A module with commands is imported when one of its commands is
-called, so that ``simrob --help`` imports none of them.
+A module with commands has a table ``COMMANDS`` of functions by command, and the docstring of each function is the help
+of its command. Both are read from the source of the module by Python's parser :mod:`ast`. The module is imported only
+when one of its commands is called: modules load Drake and scipy, and ``simrob --help`` would take seconds.
 """
 
 import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -19,7 +20,7 @@ from simrob_drake.base.extension import (
     load_addition,
     register_core_names,
 )
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, message
 from simrob_drake.cli.help import command_message
 
 _PACKAGE = "cli"  # first word of the ids of messages about the core's commands
@@ -68,37 +69,42 @@ class CommandEntry(NamedTuple):
 @cache
 def core_commands() -> dict[str, CommandEntry]:
     """Find the commands of the core by name, in the tables ``COMMANDS`` of this package's modules."""
-    found = {}
+    entries = {}
     for module, title in _TITLES.items():
         source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
         tree = ast.parse(source)
         helps = _docstrings(tree)
         for command, function in _command_table(tree).items():
-            found[command] = CommandEntry(
+            entries[command] = CommandEntry(
                 title=title,
                 module=f"simrob_drake.cli.{module}",
                 function=function,
                 help=command_message(command, helps[function], _PACKAGE),
             )
-    return found
+    return entries
 
 
+# An extension that adds a command of one of these names is reported, and its command is not used.
 register_core_names("commands", core_commands)
 
 
 @cache
 def all_commands() -> dict[str, CommandEntry]:
     """Find all commands by name, in the order of the help: title by title."""
-    found = core_commands() | _extension_commands()
-    titles = list(dict.fromkeys(entry.title for entry in found.values()))
+    entries = core_commands() | _extension_commands()
+    titles = list(dict.fromkeys(entry.title for entry in entries.values()))
     # The last title of the core comes after the titles of extensions.
     titles.remove(_LAST_TITLE)
     titles.append(_LAST_TITLE)
-    return dict(sorted(found.items(), key=lambda item: titles.index(item[1].title)))
+    commands_by_title = dict[str, CommandEntry]()
+    for title in titles:
+        commands_by_title |= {command: entry for command, entry in entries.items() if entry.title == title}
+    return commands_by_title
 
 
 def find_command(name: str) -> CommandEntry | None:
-    """Find a command by name. Extensions are looked for only if the core has no such command."""
+    """Find a command by name. Returns None if there is no such command."""
+    # The search for extensions takes time, so it is made only for a name that the core does not have.
     return core_commands().get(name) or all_commands().get(name)
 
 
@@ -144,49 +150,67 @@ def _extension_commands() -> dict[str, CommandEntry]:
 
     Commands of two words, which are below another command, are left out.
     """
-    found = {}
     titles = {installed.name: installed.extension.title for installed in installed_extensions() if installed.extension}
-    announced = {name: addition for name, addition in additions("commands").items() if " " not in name}
-    helps_of_modules = _helps_of_modules(addition.target.partition(":")[0] for addition in announced.values())
-    for name, addition in announced.items():
+    docstrings_of_modules = dict[str, Mapping[str, str] | None]()  # a module may have several commands
+    entries = {}
+    for name, addition in additions("commands").items():
+        if " " in name:
+            continue
+        # The target of an addition is written "package.module:function", as in entry points of Python.
         module, _, function = addition.target.partition(":")
-        helps = helps_of_modules[module]
-        text: str
-        if helps is None:
-            text = message(
-                "cli.command_cannot_be_read",
-                "A command of {package}, which cannot be read: see `simrob extensions --check`.",
-                package=addition.package,
-            )
-        elif function in helps:
-            text = command_message(name, helps[function], addition.extension)
-        else:
-            # A function that the module itself imports has no docstring in the source of the module.
-            text = message("cli.command_of_package", "A command of {package}.", package=addition.package)
-        found[name] = CommandEntry(
-            title=titles[addition.extension], module=module, function=function, help=text, addition=addition
+        if module not in docstrings_of_modules:
+            docstrings_of_modules[module] = _docstrings_of_module(module)
+        entries[name] = CommandEntry(
+            title=titles[addition.extension],
+            module=module,
+            function=function,
+            help=_help_of_addition(name, addition, docstrings_of_modules[module]),
+            addition=addition,
         )
-    return found
+    return entries
 
 
-def _helps_of_modules(modules: Iterable[str]) -> dict[str, Mapping[str, str] | None]:
-    """Read the docstrings of modules' functions from the sources, without an import of the modules.
+def _help_of_addition(name: str, addition: Addition, docstrings: Mapping[str, str] | None) -> Message:
+    """Make the help of a command of an extension, for the list of commands.
 
     Args:
-        modules: full names of the modules; a name may occur several times.
+        name: name of the command.
+        addition: the extension's announcement of the command.
+        docstrings: docstrings of the functions in the module of the command, by name. None if the source of the module
+            cannot be read.
+    """
+    if docstrings is None:
+        return message(
+            "cli.command_cannot_be_read",
+            "A command of {package}, which cannot be read: see `simrob extensions --check`.",
+            package=addition.package,
+        )
+    _, _, function = addition.target.partition(":")
+    if function in docstrings:
+        return command_message(name, docstrings[function], addition.extension)
+    # A function that the module itself imports has no docstring in the source of the module.
+    return message("cli.command_of_package", "A command of {package}.", package=addition.package)
+
+
+def _docstrings_of_module(module: str) -> dict[str, str] | None:
+    """Read the docstrings of a module's functions from its source, without an import of the module.
+
+    Args:
+        module: full name of the module.
 
     Returns:
-        the docstring of each function, by module and function; None for a module whose source cannot be read.
+        the docstring of each function, by name. None if the source of the module cannot be read.
     """
-    found: dict[str, Mapping[str, str] | None] = {}
-    for module in dict.fromkeys(modules):
-        try:
-            spec = find_spec(module)
-            source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else None
-            found[module] = None if source is None else _docstrings(ast.parse(source))
-        except (ImportError, OSError, SyntaxError, ValueError):
-            found[module] = None
-    return found
+    try:
+        spec = find_spec(module)
+        if spec is None or not spec.origin:
+            return None
+        source = Path(spec.origin).read_text(encoding="utf-8")
+        return _docstrings(ast.parse(source))
+    # `find_spec` imports the packages above the module, and the source may be damaged. `simrob extensions --check`
+    # reports the reason; the list of commands must not fail because of it.
+    except (ImportError, OSError, SyntaxError, ValueError):
+        return None
 
 
 def _docstrings(tree: ast.Module) -> dict[str, str]:
@@ -205,23 +229,32 @@ def _command_table(tree: ast.Module) -> dict[str, str]:
         ValueError: the table contains the entries of another one (``**OTHER``), which the source does not name.
     """
     for node in tree.body:
-        if isinstance(node, ast.AnnAssign):
+        if isinstance(node, ast.AnnAssign):  # COMMANDS: dict[...] = {...}
             targets: list[ast.expr] = [node.target]
-        elif isinstance(node, ast.Assign):
+        elif isinstance(node, ast.Assign):  # COMMANDS = {...}, or A = COMMANDS = {...}
             targets = node.targets
         else:
             continue
         is_table = any(_name(target) == "COMMANDS" for target in targets)
         if is_table and isinstance(node.value, ast.Dict):
-            table = dict[str, str]()
-            for key, function in zip(node.value.keys, node.value.values, strict=True):
-                if key is None:  # an entry **OTHER
-                    raise ValueError("COMMANDS contains **; each command must be written in the table itself")
-                table[ast.literal_eval(key)] = _name(function)
-            return table
+            return _functions_by_command(node.value)
     return {}
 
 
+def _functions_by_command(table: ast.Dict) -> dict[str, str]:
+    """Read the entries ``"NAME": FUNCTION`` of a table of commands.
+
+    Raises:
+        ValueError: the table contains the entries of another one (``**OTHER``).
+    """
+    functions = dict[str, str]()
+    for key, function in zip(table.keys, table.values, strict=True):
+        if key is None:  # the parser's form of an entry **OTHER
+            raise ValueError("COMMANDS contains **; each command must be written in the table itself")
+        functions[ast.literal_eval(key)] = _name(function)
+    return functions
+
+
 def _name(node: ast.expr) -> str:
-    """Name that an expression of the source consists of; empty for other expressions."""
+    """Name of a variable or function that is the whole expression, such as ``run``. Empty for other expressions."""
     return node.id if isinstance(node, ast.Name) else ""

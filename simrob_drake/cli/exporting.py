@@ -1,4 +1,8 @@
-"""The command that writes stations and programs for other software: `simrob export`."""
+"""The command that writes stations and programs for other software: `simrob export`.
+
+An *exporter* is a class of an extension that writes one *format*, such as MJCF. It takes either stations or programs.
+The command has an option ``--FORMAT FILE`` for each exporter, and the further options of all exporters.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import make_dataclass
@@ -10,7 +14,7 @@ import typer
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import (
     ChosenOptions,
@@ -38,7 +42,7 @@ _FORMATS = all_exporters()
 
 
 def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, Any, None]:
-    """Describe the option ``--FORMAT FILE`` as a field of a dataclass: its name, its type, and its default.
+    """Describe the option ``--FORMAT FILE`` as a field for `make_dataclass`: its name, its type, and its default None.
 
     An exporter that cannot be used has an option, too: `export` raises the error if a user gives the option.
 
@@ -61,13 +65,15 @@ def _with_formats(command: Callable[..., Any]) -> Callable[..., Any]:
     The command takes the options ``--FORMAT FILE`` as ``files``, and the further options of the exporters
     (`options_class`) as ``options``.
     """
-    files = make_dataclass("Files", [_format_option(name, exporter) for name, exporter in _FORMATS.items()])
-    further_options = [
-        OptionGroup(owner=flag_of(name), options_class=exporter.options_class)
-        for name, exporter in _FORMATS.items()
-        if not isinstance(exporter, SimrobError)
-    ]
-    return with_groups(further_options, "options")(with_group(files, "files")(command))
+    fields = [_format_option(name, exporter) for name, exporter in _FORMATS.items()]
+    files_class = make_dataclass("Files", fields)
+    further_options = list[OptionGroup]()
+    for name, exporter in _FORMATS.items():
+        if not isinstance(exporter, SimrobError):
+            further_options.append(OptionGroup(owner=flag_of(name), options_class=exporter.options_class))
+    # The command is wrapped twice: typer sees the options of both groups.
+    with_files = with_group(files_class, "files")(command)
+    return with_groups(further_options, "options")(with_files)
 
 
 @with_mesh_path
@@ -100,29 +106,37 @@ def export(
         simrob export program.yaml --rapid Module.mod
     """
     targets = {name: file for name, file in vars(files).items() if file is not None}
+    if not targets:
+        raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
+    # For a format that cannot be used, this raises the error that says why.
     exporters = {name: load_exporter(name) for name in targets}
-    of_programs = {name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)}
-    of_stations = {name: one for name, one in exporters.items() if isinstance(one, StationExporter)}
-    if not targets or (of_programs and of_stations):
-        found = (
-            message("cli.asked_for_both", "asked for a station and a program")
-            if targets
-            else message("cli.asked_for_nothing", "asked for nothing")
-        )
-        raise InvalidParameter(
-            message("cli.simrob_export", "simrob export"),
-            found,
-            message("cli.given_formats", "given {formats}", formats=_known_formats()),
-        )
+    program_exporters = {name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)}
+    station_exporters = {name: one for name, one in exporters.items() if isinstance(one, StationExporter)}
+    # The argument is either a station or a program, so one of the formats could not be written.
+    if program_exporters and station_exporters:
+        raise _wrong_formats(message("cli.asked_for_both", "asked for a station and a program"))
     for name, exporter in exporters.items():
-        if exporter.suffix:
+        if exporter.suffix:  # empty for a format whose files have any suffix
             check_ending(targets[name], [exporter.suffix], flag_of(name))
     _check_targets_differ(targets)
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
-    if of_programs:
-        _export_program(station, set_, targets, of_programs, options, force=force)
+    if program_exporters:
+        _export_program(station, set_, targets, program_exporters, options, force=force)
     else:
-        _export_station(station, set_, targets, of_stations, options, force=force)
+        _export_station(station, set_, targets, station_exporters, options, force=force)
+
+
+def _wrong_formats(problem: Message) -> InvalidParameter:
+    """Make the error for a command with no format, or with formats of stations and of programs.
+
+    Args:
+        problem: what the user asked for.
+    """
+    return InvalidParameter(
+        message("cli.simrob_export", "simrob export"),
+        problem,
+        message("cli.given_formats", "given {formats}", formats=_known_formats()),
+    )
 
 
 def _check_targets_differ(targets: Mapping[str, Path]) -> None:
@@ -134,9 +148,10 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
     Raises:
         InvalidParameter: two formats have the same file.
     """
-    formats = dict[Path, str]()  # by absolute path of the file
+    format_of_file = dict[Path, str]()  # by absolute path: a file has several relative ones
     for name, file in targets.items():
-        first = formats.setdefault(file.resolve(), name)
+        # `setdefault` returns the format of an earlier entry, if there is one with this file.
+        first = format_of_file.setdefault(file.resolve(), name)
         if first != name:
             raise InvalidParameter(
                 flag_of(name),
@@ -147,7 +162,7 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
 
 def _export_station(
     station: str,
-    set_: list[str] | None,
+    settings: list[str] | None,
     targets: Mapping[str, Path],
     exporters: Mapping[str, StationExporter],
     options: ChosenOptions,
@@ -158,7 +173,7 @@ def _export_station(
 
     Args:
         station: name or file of the station.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
         targets: file to write for each format, by the format's name.
         exporters: exporter of each format, by the format's name.
         options: values of the further options of all exporters.
@@ -168,8 +183,9 @@ def _export_station(
         SimrobError: there is no such station, a format cannot express it, or a file exists. Formats before that one are
             written.
     """
-    config = station_from(station, set_)
+    config = station_from(station, settings)
     for name, exporter in exporters.items():
+        # The exporter itself writes the file, and further ones next to it, such as meshes.
         check_new_file(targets[name], force=force)
         with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
@@ -182,18 +198,18 @@ def _known_formats() -> str:
 
     Formats of stations come first, then those of programs. Formats that cannot be used are left out.
     """
-    of_stations = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
-    of_programs = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
-    either = message("cli.or", " or ")
-    listed = [join_texts(flags, either) for flags in (of_stations, of_programs) if flags]
-    return join_texts(listed, message("cli.or_format", ", or ")) or message(
-        "cli.format_of_extension", "a format of an installed extension, and none adds one"
-    )
+    station_flags = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
+    program_flags = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
+    separator = message("cli.or", " or ")
+    lists = [join_texts(flags, separator) for flags in (station_flags, program_flags) if flags]
+    if not lists:
+        return message("cli.format_of_extension", "a format of an installed extension, and none adds one")
+    return join_texts(lists, message("cli.or_format", ", or "))
 
 
 def _export_program(
     source: str,
-    set_: list[str] | None,
+    settings: list[str] | None,
     targets: Mapping[str, Path],
     exporters: Mapping[str, ProgramExporter],
     options: ChosenOptions,
@@ -204,7 +220,7 @@ def _export_program(
 
     Args:
         source: file of the program.
-        set_: changes of the program's station, as the option ``--set`` takes them.
+        settings: changes of the program's station, as the option ``--set`` takes them.
         targets: file to write for each format, by the format's name.
         exporters: exporter of each format, by the format's name.
         options: values of the further options of all exporters.
@@ -215,18 +231,18 @@ def _export_program(
     """
     if not is_program_file(source):
         formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
-        raise InvalidConfig(
-            source, "", message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
-        )
-    program, config = program_from(source, set_)
-    texts = dict[Path, str]()
+        problem = message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
+        raise InvalidConfig(source, "", problem)
+    program, config = program_from(source, settings)
+    texts = dict[Path, str]()  # text of each file; a format may have several files
     remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
         with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
-            found = exporter.program_texts(program, config, targets[name], own_options, source=source)
-        texts |= found.texts
-        remarks |= dict.fromkeys(found.remarks)
+            exported = exporter.program_texts(program, config, targets[name], own_options, source=source)
+        texts |= exported.texts
+        remarks |= dict.fromkeys(exported.remarks)
+    # All texts are made, and all files checked, before the first is written.
     for file in texts:
         check_new_file(file, force=force)
     for file, text in texts.items():

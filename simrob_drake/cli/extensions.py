@@ -1,4 +1,8 @@
-"""Commands about installed extensions: which there are, and the schema of station files with the parts they add."""
+"""The commands about installed extensions: `simrob extensions` lists them, `simrob schema` prints the stations' schema.
+
+An *extension* is announced by an installed package. It adds Python objects, or folders and files of data, at *extension
+points*: a sensor at ``sensors``, a folder of robots at ``robots``. An extension that cannot be used is left out.
+"""
 
 import json
 from collections.abc import Callable
@@ -88,19 +92,14 @@ def extensions(
         return ExitCode.DONE
     # A list in the order of the extensions: one package may announce several of them.
     problems = [_problems(entry, is_thorough=check) for entry in installed]
-    rows = [_row(entry, found) for entry, found in zip(installed, problems, strict=True)]
-    console.print(
-        table(
-            (
-                message("cli.extension", "extension"),
-                message("cli.package", "package"),
-                message("cli.version", "version"),
-                message("cli.adds", "adds"),
-            ),
-            *rows,
-            numbers=False,
-        )
+    rows = [_row(entry, own_problems) for entry, own_problems in zip(installed, problems, strict=True)]
+    headings = (
+        message("cli.extension", "extension"),
+        message("cli.package", "package"),
+        message("cli.version", "version"),
+        message("cli.adds", "adds"),
     )
+    console.print(table(headings, *rows, numbers=False))
     # Without --check problems are only shown: the other extensions work in spite of them.
     return ExitCode.BAD_INPUT if check and any(problems) else ExitCode.DONE
 
@@ -114,7 +113,16 @@ def schema() -> None:
 
 
 def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
-    """Find the reasons why an extension, or a part of it, cannot be used. A thorough search imports all parts."""
+    """Find the reasons why an extension, or a part of it, cannot be used.
+
+    Args:
+        entry: the extension.
+        is_thorough: whether all parts are imported, which takes long and finds problems in their code.
+
+    Returns:
+        one sentence for each problem; empty if the extension works.
+    """
+    # An extension that is left out has no parts to check.
     if entry.extension is None:
         return [entry.problem]
     problems = _shadowed_names(entry.extension) + _hidden_models(entry)
@@ -124,6 +132,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
         for addition in entry.additions_at(point):
             try:
                 check_addition(point, addition)
+                # Such a file describes files of other tools, so that the core can refuse them with a reason.
                 if point == "other_files":
                     read_descriptions(Path(str(addition_path(addition))))
             except SimrobError as problem:
@@ -132,60 +141,67 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
 
 
 def _shadowed_names(extension: Extension) -> list[str]:
-    """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
-    # The core registers its names when its module is imported. It has no names for folders of models, which are not in
-    # _REGISTRIES.
+    """Find the names of an extension that the core has, too. Such a name in a file means the part of the core.
+
+    Returns:
+        one sentence for each name.
+    """
     problems = list[str]()
     for point, described in POINTS.items():
         names = getattr(extension, point)
-        if names and point in _REGISTRIES:
-            import_module(_REGISTRIES[point])
-            shadowed = sorted(core_names(point) & set(names))
-            problems += [
-                message(
-                    "cli.name_of_core",
-                    "the {described} {name} is one of simrob-drake already; choose another name",
-                    described=described,
-                    name=repr(name),
-                )
-                for name in shadowed
-            ]
+        # The core has no names at points for folders of models, which are not in _REGISTRIES.
+        if not names or point not in _REGISTRIES:
+            continue
+        # A module of the core registers its names when it is imported.
+        import_module(_REGISTRIES[point])
+        for name in sorted(core_names(point) & set(names)):
+            problem = message(
+                "cli.name_of_core",
+                "the {described} {name} is one of simrob-drake already; choose another name",
+                described=described,
+                name=repr(name),
+            )
+            problems.append(problem)
     return problems
 
 
 def _hidden_models(entry: InstalledExtension) -> list[str]:
-    """Find the robots, pieces and stations of an extension that cannot be used, since others have their names."""
+    """Find the robots, pieces and stations of an extension that cannot be used, since others have their names.
+
+    Returns:
+        one sentence for each of them.
+    """
     problems = list[str]()
     for point in MODELS:
         for addition in entry.additions_at(point):
             folder = addition_path(addition)
-            hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []
-            problems += [
-                message(
+            # A missing folder is a problem of its own, which only `simrob extensions --check` looks for.
+            if folder is None or not folder.is_dir():
+                continue
+            for model in hidden_models(point, folder):
+                problem = message(
                     "cli.hidden_model",
                     "{model} of its {point} is hidden by another one of this name",
                     model=repr(model),
                     point=_TITLES_OF_POINTS[point],
                 )
-                for model in hidden
-            ]
+                problems.append(problem)
     return problems
 
 
 def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, str, Text]:
     """Make the row of an extension: name, package, version, and what it adds, with its problems in red below."""
     lines = [] if entry.extension is None else _added_lines(entry.extension)
-    text = Text("\n".join(lines))
+    added = Text("\n".join(lines))
     for problem in problems:
-        if text:
-            text.append("\n")
-        line = (
-            message("cli.extension_left_out", "left out: {problem}", problem=problem)
-            if entry.extension is None
-            else message("cli.extension_broken", "broken: {problem}", problem=problem)
-        )
-        text.append(translate(line), style="red")
-    return entry.name, entry.package, entry.version, text
+        if added:  # an extension that is left out adds nothing, so its problem is the first line
+            added.append("\n")
+        if entry.extension is None:
+            sentence = message("cli.extension_left_out", "left out: {problem}", problem=problem)
+        else:
+            sentence = message("cli.extension_broken", "broken: {problem}", problem=problem)
+        added.append(translate(sentence), style="red")
+    return entry.name, entry.package, entry.version, added
 
 
 def _added_lines(extension: Extension) -> list[str]:

@@ -3,6 +3,8 @@
 Helps of options are messages where the options are declared. The help of a command is the docstring of its function,
 so it becomes a message here: its id is ``<package>.command_<name>``. Typer takes plain texts, so all of them are
 translated before typer makes a command of a function.
+
+Typer also adds texts of its own around the helps, such as "Usage:". They are replaced by messages, too.
 """
 
 import inspect
@@ -16,7 +18,11 @@ from typer.models import ParameterInfo
 from simrob_drake.base.messages import Message, join_texts, message, translate
 
 _PROGRAM = "simrob "
+"""Beginning of a command line. A paragraph of a docstring that begins with it is an example."""
+
 _EXAMPLES_FOLLOW = "For example:"
+"""Paragraph in front of the examples of a docstring. It is translated once, not with each help."""
+
 _FOR_EXAMPLE = message("cli.help_for_example", "For example:")
 
 _OPTIONS_OF_TYPER = {
@@ -50,26 +56,33 @@ def command_message(name: str, docstring: str, package: str) -> Message:
 
     Args:
         name: name of the command, of one or two words.
-        docstring: its paragraphs are sentences, or command lines as examples, which are the same in each language.
-        package: first word of the message's id.
+        docstring: its paragraphs are sentences, or command lines as examples.
+        package: first word of the message's id: "cli", or the name of an extension.
+
+    Returns:
+        the sentences as one message to translate, then the examples, which are the same in each language.
     """
-    paragraphs = docstring.split("\n\n")
-    is_example = [paragraph.strip().startswith(_PROGRAM) for paragraph in paragraphs]
-    sentences = [
-        paragraph
-        for paragraph, is_command in zip(paragraphs, is_example, strict=True)
-        if not is_command and paragraph != _EXAMPLES_FOLLOW
-    ]
-    examples = [paragraph for paragraph, is_command in zip(paragraphs, is_example, strict=True) if is_command]
+    sentences = list[str]()
+    examples = list[str]()
+    for paragraph in docstring.split("\n\n"):
+        if paragraph.strip().startswith(_PROGRAM):
+            examples.append(paragraph)
+        elif paragraph != _EXAMPLES_FOLLOW:
+            sentences.append(paragraph)
+    # The message has no fields, so braces of the docstring are text.
     template = "\n\n".join(sentences).replace("{", "{{").replace("}", "}}")
-    text = Message(f"{package}.command_{name.replace(' ', '_')}", template, {})
-    return join_texts([text, _FOR_EXAMPLE, _as_block(examples)], "\n\n") if examples else text
+    identifier = f"{package}.command_{name.replace(' ', '_')}"
+    text = Message(identifier, template, {})
+    if not examples:
+        return text
+    return join_texts([text, _FOR_EXAMPLE, _as_block(examples)], "\n\n")
 
 
 def _as_block(examples: Sequence[str]) -> str:
     """Mark up examples as one block, in which each command keeps a line of its own.
 
-    A block by indentation alone is lost: typer takes away an indentation that all lines after the first have.
+    Indentation, the other mark-up of a block in markdown, gets lost: typer removes an indentation that all lines after
+    the first have in common.
 
     Args:
         examples: command lines; several in one text have line breaks between them.
@@ -79,7 +92,12 @@ def _as_block(examples: Sequence[str]) -> str:
 
 
 def with_translated_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give the function of a command the helps of its options in the language of the output."""
+    """Wrap the function of a command, so that the helps of its options are in the language of the output.
+
+    Args:
+        function: the function. Its parameters have annotations ``Annotated[type, typer.Option(...)]``, whose helps may
+            be messages.
+    """
 
     @wraps(function)
     def run_command(**options: Any) -> Any:
@@ -88,10 +106,11 @@ def with_translated_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
     # Typer reads names, types and helps of options from the signature.
     signature = inspect.signature(function, eval_str=True)
-    translated = [
-        parameter.replace(annotation=_translate_annotation(parameter.annotation), kind=inspect.Parameter.KEYWORD_ONLY)
-        for parameter in signature.parameters.values()
-    ]
+    translated = list[inspect.Parameter]()
+    for parameter in signature.parameters.values():
+        annotation = _translate_annotation(parameter.annotation)
+        # `run_command` takes keywords only.
+        translated.append(parameter.replace(annotation=annotation, kind=inspect.Parameter.KEYWORD_ONLY))
     vars(run_command)["__signature__"] = signature.replace(parameters=translated)
     return run_command
 
@@ -101,19 +120,28 @@ def _translate_annotation(annotation: Any) -> Any:
     if get_origin(annotation) is not Annotated:
         return annotation
     value_type, *notes = get_args(annotation)
-    own_notes = []
+    translated_notes = []
     for note in notes:
-        own_note = copy(note)
+        # Several commands share the object, and another help may be written in another language: change a copy.
+        translated_note = copy(note)
         if isinstance(note, ParameterInfo) and note.help:
-            own_note.help = translate(note.help)
-        own_notes.append(own_note)
-    return Annotated[(value_type, *own_notes)]
+            translated_note.help = translate(note.help)
+        translated_notes.append(translated_note)
+    return Annotated[(value_type, *translated_notes)]
 
 
-def shown_parameters(parameters: Sequence[Any]) -> list[Any]:
-    """Prepare parameters for the help: flags have no type, and typer's own options are in the output's language."""
+def prepare_for_help(parameters: Sequence[Any]) -> list[Any]:
+    """Change parameters for the help: remove the types of flags, translate the helps of typer's own options.
+
+    Args:
+        parameters: arguments and options of a command, as typer has them. They are changed in place.
+
+    Returns:
+        the same parameters.
+    """
     for parameter in parameters:
         if getattr(parameter, "is_flag", False):
+            # Typer would show a type next to a flag, which takes no value.
             parameter.metavar = ""
         if parameter.name in _OPTIONS_OF_TYPER:
             parameter.help = translate(_OPTIONS_OF_TYPER[parameter.name])
@@ -124,11 +152,12 @@ def write_usage(command: Any, context: Any, formatter: Any) -> None:
     """Write the line with the usage of a command, in the language of the output.
 
     Args:
-        command: the command, as typer has it.
+        command: the command, as typer has it. Its words for options and commands are translated in place.
         context: typer's context of the call.
-        formatter: what collects the help.
+        formatter: typer's formatter, which collects the lines of the help.
     """
     command.options_metavar = translate(_OPTIONS_IN_USAGE)
+    # Only a group of commands has a word for the command that follows.
     if hasattr(command, "subcommand_metavar"):
         command.subcommand_metavar = translate(_COMMAND_IN_USAGE)
     pieces = " ".join(command.collect_usage_pieces(context))
@@ -140,5 +169,6 @@ def translate_frames() -> None:
     # Only a help needs this module, which takes long to import.
     from typer import rich_utils
 
+    # Typer has no parameters for these words: its functions read them from constants of the module.
     for constant, word in _WORDS_OF_TYPER.items():
         setattr(rich_utils, constant, translate(word))

@@ -1,9 +1,18 @@
-"""Importers of extensions on the command line: their options, and what is shown of their results."""
+"""Importers of extensions on the command line: their options, and what is shown of their results.
 
-from collections.abc import Callable
+An *importer* is a class of an extension that makes files of this toolbox from the file of another tool, such as a
+Simulink model. The suffix of the file decides which importer is used. An importer has up to two dataclasses of options:
+one for an import (`options_class`), and one for only reading the file, as `simrob check` does (`reading_class`).
+
+Parts of a file that have no counterpart here, and without which the result behaves differently, are *losses*.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal
+
+from rich.table import Table
 
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.extension import classes_of_extensions, code_of_extension
@@ -16,9 +25,11 @@ from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, find_importer
 from simrob_drake.robots.imports import REPORT_FILE, ImportOptions
 
-_SHOWN_LOSSES = 5  # losses that are shown on the screen; the report contains all
-_SHOWN_PLACES = 4  # places of use that are shown of a name that a file does not define
+_SHOWN_LOSSES = 5
+"""Largest count of losses on the screen. The report in the folder of the result contains all of them."""
 
+_SHOWN_PLACES = 4
+"""Largest count of places, on the screen, at which a file uses a name that it does not define."""
 
 _ClassAttribute = Literal["options_class", "reading_class"]
 """Attribute of an importer with a dataclass of options: those for an import, or those for only reading a file."""
@@ -36,7 +47,9 @@ def with_importer_options(
     """
     # A class may be announced under several suffixes. It gives its options once.
     importers = dict.fromkeys(classes_of_extensions("importers", FileImporter).values())
-    groups = [OptionGroup(owner=importer.title, options_class=getattr(importer, attribute)) for importer in importers]
+    groups = list[OptionGroup]()
+    for importer in importers:
+        groups.append(OptionGroup(owner=importer.title, options_class=getattr(importer, attribute)))
     return with_groups(groups, "importer_options")
 
 
@@ -53,7 +66,9 @@ def other_importer(file: Path | str) -> FileImporter | None:
         BrokenExtension: the importer cannot be used.
         MissingExtension: an extension of this project imports such files, and it is missing.
     """
+    # A name without a suffix, as of a station, needs no search in the extensions, which takes time.
     importer = find_importer(file) if Path(file).suffix else None
+    # Importers of programs are of another class, see `program_importer` in the module `programs`.
     return importer if isinstance(importer, FileImporter) else None
 
 
@@ -67,7 +82,7 @@ def importer_request(
     out: Path | None = None,
     force: bool = False,
 ) -> ImportRequest:
-    """Make the request for an import from the options of a command.
+    """Make the request for an import from the options of a command, and refuse options that the importer does not take.
 
     Args:
         importer: the importer.
@@ -81,15 +96,13 @@ def importer_request(
     Raises:
         Unsuitable: an option is given that the importer does not take.
     """
+    no_effect = message("cli.no_effect_on", "it has no effect on {title}", title=importer.title)
     all_robot_options = robot_options or ImportOptions()
     # The options that the importer takes are set back to their defaults, so that only the others are refused.
     defaults = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
-    refuse_import(
-        message("cli.no_effect_on", "it has no effect on {title}", title=importer.title),
-        all_robot_options.model_copy(update=defaults),
-    )
+    refuse_import(no_effect, all_robot_options.model_copy(update=defaults))
     if settings and not importer.takes_settings:
-        raise Unsuitable("--set", message("cli.no_effect_on", "it has no effect on {title}", title=importer.title))
+        raise Unsuitable("--set", no_effect)
     options_class = getattr(importer, attribute)
     chosen.refuse_all_but([options_class])
     return ImportRequest(
@@ -118,23 +131,22 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
     """
     with progress_note(message("cli.importing", "importing {file}", file=file)), _code_of(importer, file):
         outcome = importer.import_file(file, request)
-    _show(outcome)
+    _show_outcome(outcome)
+    # Losses are shown even if they are allowed: the user should know about them.
     for loss in outcome.losses[:_SHOWN_LOSSES]:
         say_text(message("cli.lost", "lost: {loss}", loss=loss), target=errors)
-    if outcome.losses and not allow_losses:
-        hidden = len(outcome.losses) - _SHOWN_LOSSES
-        if hidden > 0:
-            say_text(
-                message("cli.more_losses", "lost: {count} more, see {file}", count=hidden, file=REPORT_FILE),
-                target=errors,
-            )
-        consequence = message(
-            "cli.moves_differently",
-            "the station moves differently from the original; --allow-losses accepts that",
-        )
-        say_text(consequence, target=errors)
-        return ExitCode.BEYOND
-    return ExitCode.DONE
+    if not outcome.losses or allow_losses:
+        return ExitCode.DONE
+    hidden_count = len(outcome.losses) - _SHOWN_LOSSES
+    if hidden_count > 0:
+        rest = message("cli.more_losses", "lost: {count} more, see {file}", count=hidden_count, file=REPORT_FILE)
+        say_text(rest, target=errors)
+    consequence = message(
+        "cli.moves_differently",
+        "the station moves differently from the original; --allow-losses accepts that",
+    )
+    say_text(consequence, target=errors)
+    return ExitCode.BEYOND
 
 
 def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> None:
@@ -150,19 +162,19 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
     """
     with progress_note(message("cli.reading", "reading {file}", file=file)), _code_of(importer, file):
         outcome = importer.examine(file, request)
-    _show(outcome)
+    # The report explains the problem, so it is shown before the error.
+    _show_outcome(outcome)
     if outcome.problem is not None:
         raise outcome.problem
 
 
 def _code_of(importer: FileImporter, file: Path) -> AbstractContextManager[None]:
     """Context manager around code of an importer, which blames its package for errors that no user causes."""
-    return code_of_extension(
-        importer.owner, message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)
-    )
+    name = message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)
+    return code_of_extension(importer.owner, name)
 
 
-def _show(outcome: ImportOutcome) -> None:
+def _show_outcome(outcome: ImportOutcome) -> None:
     """Show the outcome of an import: headline, names that the file does not define, report and lines.
 
     Losses and the problem are shown by the callers.
@@ -170,22 +182,26 @@ def _show(outcome: ImportOutcome) -> None:
     if outcome.headline:
         say_text(outcome.headline)
     if outcome.unknowns:
-        rows = list[tuple[str, str]]()
-        for name, places in outcome.unknowns.items():
-            shown = join_texts(places[:_SHOWN_PLACES], "; ")
-            rest = " …" if len(places) > _SHOWN_PLACES else ""
-            rows.append((name, compound("{places}{rest}", places=shown, rest=rest)))
-        console.print(
-            table(
-                (
-                    message("cli.undefined_name", "name that the file does not define"),
-                    message("cli.where_used", "where it is used"),
-                ),
-                *rows,
-                numbers=False,
-            )
-        )
+        console.print(_unknowns_table(outcome.unknowns))
     if outcome.report is not None:
         console.print(report_table(outcome.report))
     for line in outcome.lines:
         say_text(line)
+
+
+def _unknowns_table(unknowns: Mapping[str, Sequence[str]]) -> Table:
+    """Make the table of the names that a file uses and does not define, such as variables of a Simulink model.
+
+    Args:
+        unknowns: the places at which the file uses each name, by the name.
+    """
+    rows = list[tuple[str, str]]()
+    for name, places in unknowns.items():
+        first_places = join_texts(places[:_SHOWN_PLACES], "; ")
+        rest = " …" if len(places) > _SHOWN_PLACES else ""
+        rows.append((name, compound("{places}{rest}", places=first_places, rest=rest)))
+    headings = (
+        message("cli.undefined_name", "name that the file does not define"),
+        message("cli.where_used", "where it is used"),
+    )
+    return table(headings, *rows, numbers=False)

@@ -17,7 +17,7 @@ from simrob_drake.cli.options import (
     with_mesh_path,
     with_saving,
 )
-from simrob_drake.cli.saving import done_in_workcell, way_of
+from simrob_drake.cli.saving import done_in_workcell, locomotion_sentence
 from simrob_drake.cli.screen import NEXT, say_place, say_text
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.load import load_station, station_names
@@ -222,6 +222,7 @@ def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> s
     name = gait
     if name is None:
         name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
+    # Only gaits with full steps of one length begin and end with shorter ones.
     ramp_steps = getattr(gaits[name], "ramp_steps", 0)
     taken = len(ramp_shares(steps, ramp_steps))
     if taken <= steps:
@@ -256,6 +257,7 @@ def _save_move(
     Raises:
         Unsuitable: a change is of the duration or the reference, which the move decides.
     """
+    # A change that the move would overwrite without a word is refused.
     for setting in settings or []:
         key, _, _ = setting.partition("=")
         section, _, _ = key.strip().partition(".")
@@ -274,12 +276,13 @@ def _save_move(
         def move() -> tuple[SimulationResult, str]:
             """Do the move. Returns the run, and the sentences about it, joined."""
             result, remark = perform(legged_robot)
-            sentences = [way_of(result, legged_robot.name), remark]
+            sentences = [locomotion_sentence(result, legged_robot.name), remark]
             return result, join_texts([sentence for sentence in sentences if sentence], "; ")
 
         return move
 
     code = done_in_workcell(station_from(station, settings), saving, prepare)
+    # Users who want several moves would otherwise look for an option of this command.
     say_text(
         message(
             "cli.chain_moves",

@@ -1,6 +1,9 @@
-"""The command that lists what comes with the package, which takes no more than reading its files."""
+"""The command that lists the stations, robots and pieces of the package.
 
-from collections.abc import Callable
+It only reads the names and descriptions in their files. No robot is loaded, which would take long.
+"""
+
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +17,36 @@ from simrob_drake.cli.screen import console, table
 @with_output_language
 def list_all() -> None:
     """List the stations, robots and pieces that come with the package."""
-    kinds = {
-        "station": (message("cli.station", "station"), station_files()),
-        "robot": (message("cli.robot", "robot"), robot_files()),
-        "piece": (message("cli.piece", "piece"), piece_files()),
-    }
-    for index, (kind, (title, files)) in enumerate(kinds.items()):
-        if index:
-            console.print()
-        rows = [(name, _description(kind, name, file)) for name, file in files.items()]
-        console.print(table((title, message("cli.description", "description")), *rows, numbers=False))
+    _list_files("station", message("cli.station", "station"), station_files())
+    console.print()
+    _list_files("robot", message("cli.robot", "robot"), robot_files())
+    console.print()
+    _list_files("piece", message("cli.piece", "piece"), piece_files())
+
+
+def _list_files(kind: str, heading: Message, files: Mapping[str, Path]) -> None:
+    """Show a table of names and descriptions.
+
+    Args:
+        kind: "station", "robot" or "piece". It is a part of the ids of the translated descriptions.
+        heading: heading of the names.
+        files: file of each station, robot or piece, by name.
+    """
+    rows = [(name, _description(kind, name, file)) for name, file in files.items()]
+    headings = (heading, message("cli.description", "description"))
+    console.print(table(headings, *rows, numbers=False))
 
 
 def _description(kind: str, name: str, file: Path) -> Message:
-    """Description of a station, robot or piece, from its file. Other languages have it by kind and name."""
-    return description_message(kind, name, str(read_yaml(file).get("description", "")))
+    """Read the description of a station, robot or piece from its file. Returns an empty message if it has none.
+
+    Args:
+        kind: "station", "robot" or "piece".
+        name: name of the station, robot or piece. Its translations are found by kind and name.
+        file: its YAML file.
+    """
+    english = str(read_yaml(file).get("description", ""))
+    return description_message(kind, name, english)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"list": list_all}

@@ -1,8 +1,14 @@
-"""Programs from the command line, of arms, of legged robots and in languages of robots: run, checked, imported."""
+"""Run, check and import programs from the command line.
+
+A *program* is a list of moves that the robots of one station make: arms, or a legged robot. It has a YAML file of its
+own, or is a section of a station's file (a *carried* program). Programs in the language of a robot, such as RAPID,
+are read by importers of extensions. Lines of theirs that have no counterpart here are *losses*: the program runs
+without them only if the user accepts that with ``--allow-losses``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -16,7 +22,7 @@ from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, station_from
 from simrob_drake.cli.options import LanguageOptions, Saving
-from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
+from simrob_drake.cli.saving import Frames, done_in_workcell, locomotion_sentence
 from simrob_drake.cli.screen import NEXT, PROGRAM, errors, say_place, say_text
 from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
 from simrob_drake.results.record.run import move_title
@@ -40,7 +46,7 @@ def run_program(
     file: str = "",
     lines: Mapping[int, str] = MappingProxyType({}),
 ) -> ExitCode:
-    """Run a program on a station, and save all of it as one result.
+    """Run a program on a station, and save and show all of its moves as one result.
 
     Args:
         program: the program.
@@ -48,24 +54,47 @@ def run_program(
         saving: how the result is shown and saved.
         frames: frames of the film strip.
         file: file of the program, for messages.
-        lines: for a program in the language of a robot, by the index of each move, its file and line. They are the
-            names of the moves in the verdict.
+        lines: for a program in the language of a robot, its file and line for each move, by the index of the move.
+            They are the names of the moves in the verdict. Empty for other programs.
+
+    Returns:
+        exit code of the run.
 
     Raises:
         SimrobError: the robots cannot do the program.
     """
     from simrob_drake.programs.whole_program import of_arms, perform
 
-    places = {str(move_title(index)): line for index, line in lines.items()}
+    def prepare(cell: Workcell) -> Callable[[], tuple[SimulationResult, str]]:
+        """Return the function that does the program in a workcell. Nothing is checked before: `perform` does that."""
 
-    def do_program(cell: Workcell) -> tuple[SimulationResult, str]:
-        """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
-        result = perform(cell, program, file)
-        runs = (run.at_place(places[run.place]) if run.place in places else run for run in result.runs)
-        way = "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
-        return replace(result, runs=tuple(runs)), way
+        def do_program() -> tuple[SimulationResult, str]:
+            """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
+            result = perform(cell, program, file)
+            remark = ""
+            if not of_arms(cell, program):
+                remark = locomotion_sentence(result, cell.robot_name(program.robot))
+            return _with_lines_as_places(result, lines), remark
 
-    return done_in_workcell(config, saving, lambda cell: lambda: do_program(cell), frames)
+        return do_program
+
+    return done_in_workcell(config, saving, prepare, frames)
+
+
+def _with_lines_as_places(result: SimulationResult, lines: Mapping[int, str]) -> SimulationResult:
+    """Copy a result in which moves are named by their lines in the user's file, instead of as "move 3".
+
+    Args:
+        result: the result.
+        lines: file and line of each move, by its index. Moves without an entry keep their names.
+    """
+    # A run knows its move only by the title that the core gave to it.
+    line_of_title = {str(move_title(index)): line for index, line in lines.items()}
+    runs = []
+    for run in result.runs:
+        line = line_of_title.get(run.place)
+        runs.append(run if line is None else run.at_place(line))
+    return replace(result, runs=tuple(runs))
 
 
 def own_program(config: StationConfig) -> Program:
@@ -76,19 +105,23 @@ def own_program(config: StationConfig) -> Program:
     """
     from simrob_drake.programs.whole_program import carried_program
 
-    if (program := carried_program(config)) is None:
+    program = carried_program(config)
+    if program is None:
         raise InvalidConfig(
             config.name, "program", message("cli.missing_moves", "missing: the moves that its robots make")
         )
     return program
 
 
-def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
+def program_from(file: str, settings: list[str] | None) -> tuple[Program, StationConfig]:
     """Read a program's file, and the station that it names.
 
     Args:
-        file: the program.
-        set_: changes of the station, as the option ``--set`` takes them.
+        file: file of the program.
+        settings: changes of the station, as the option ``--set`` takes them.
+
+    Returns:
+        the program, and the station with the changes.
 
     Raises:
         InvalidConfig: the program is damaged, or names no station.
@@ -102,7 +135,9 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
             "station",
             message("cli.missing_station", "missing: the name or the file of the station that it is to run on"),
         )
-    return program, station_from(station_with_absolute_path(program.station, Path(file)), set_)
+    # A path in the program's file is relative to the folder of this file, not to the working folder.
+    station = station_with_absolute_path(program.station, Path(file))
+    return program, station_from(station, settings)
 
 
 def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:
@@ -112,6 +147,10 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         program: the program.
         config: the station.
         file: file of the program, for messages. Empty for the program that the station carries.
+
+    Returns:
+        how many moves can be done, for the table of findings. It is a note, not "ok", if a move can only be checked
+        by a simulation.
 
     Raises:
         SimrobError: the robots cannot do a move; the message names the file and the move.
@@ -123,32 +162,33 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     from simrob_drake.programs.whole_program import of_arms
 
     cell = Workcell(config)
-    moves = len(program.moves)
+    move_count = len(program.moves)
+    # Changes of the station at times of the program, such as a piece that appears, must fit the station, too.
     Timeline(program.grid, program.changes).check(config)
     if not of_arms(cell, program):
+        # The stages are planned for the errors of the planner only; nothing is run.
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
-        return Finding(
-            "ok",
-            PROGRAM,
-            message("cli.moves_can_be_done", "{moves} moves can be done", moves=moves)
-            if moves
-            else message("cli.cells_can_be_reached", "its cells can be reached"),
-        )
+        text = message("cli.moves_can_be_done", "{moves} moves can be done", moves=move_count)
+        if not move_count:  # an automatic program has cells instead: postures to which a sequencer leads the robot
+            text = message("cli.cells_can_be_reached", "its cells can be reached")
+        return Finding("ok", PROGRAM, text)
     # The rehearsal ends before a move that depends on the simulation, such as on where a piece falls.
-    seen, time = cell.rehearse(program, file)
-    if seen == moves:
-        return Finding(
-            "ok",
-            PROGRAM,
-            message("cli.entries_can_be_done", "{moves} entries can be done, in {time:.4g} s", moves=moves, time=time),
+    checked_count, duration = cell.rehearse(program, file)
+    if checked_count == move_count:
+        text = message(
+            "cli.entries_can_be_done",
+            "{moves} entries can be done, in {time:.4g} s",
+            moves=move_count,
+            time=duration,
         )
+        return Finding("ok", PROGRAM, text)
     text = message(
         "cli.program_depends_on_fall",
         "{seen} of {moves} entries can be done, in {time:.4g} s; {move} depends on where a piece falls",
-        seen=seen,
-        moves=moves,
-        time=time,
-        move=move_title(seen),
+        seen=checked_count,
+        moves=move_count,
+        time=duration,
+        move=move_title(checked_count),  # the index of the first move that was not checked
     )
     return Finding("note", PROGRAM, text)
 
@@ -170,7 +210,8 @@ def program_importer(file: Path | str) -> ProgramImporter | None:
     """
     suffix = Path(file).suffix.lower()
     if suffix in ("", *YAML_SUFFIXES, *CORE_SUFFIXES):
-        # A name, a station or a robot, as in most commands: to look for extensions would take time.
+        # The argument of most commands is a name, a station or a robot. Searching the installed extensions would only
+        # delay these commands.
         return None
     from simrob_drake.programs.program_importer import ProgramImporter
 
@@ -179,17 +220,18 @@ def program_importer(file: Path | str) -> ProgramImporter | None:
 
 
 def refuse_language(options: LanguageOptions) -> bool:
-    """Check that no option of programs in the language of a robot is given, since there is no such program.
+    """Check that no option of programs in the language of a robot is given, for a command with another file.
 
     Args:
-        options: values of these options.
+        options: values of the options.
 
     Returns:
         value of the option ``--allow-losses``, which is not refused: importers of other files have this option, too.
 
     Raises:
-        Unsuitable: another of these options is given.
+        Unsuitable: another one of the options is given.
     """
+    # A value equal to its default has no effect, so it counts as not given.
     defaults = LanguageOptions()
     chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
     allow_losses = bool(chosen.pop("allow_losses", False))
@@ -198,35 +240,43 @@ def refuse_language(options: LanguageOptions) -> bool:
 
 
 def language_program(
-    file: Path, options: LanguageOptions, set_: list[str] | None
+    file: Path, options: LanguageOptions, settings: list[str] | None
 ) -> tuple[Program, StationConfig, Mapping[int, str]]:
     """Read a program in the language of a robot, to be run, and show the remarks about its lines.
 
     Args:
         file: the program, with the suffix of an importer of programs.
         options: options of programs in the language of a robot.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
 
     Returns:
-        the program, the station on which it is done, and for each move, by its number, its file and line.
+        the program, the station on which it is done, and the file and line of each move by its index.
 
     Raises:
         SimrobError: the program is wrong, or lines are not understood and losses are not allowed.
     """
-    imported, config = _read_program(file, options, set_)
+    imported, config = _read_program(file, options, settings)
     _show_remarks(imported)
-    losses = imported.losses
-    if losses and not options.allow_losses:
-        more = message("cli.and_more_losses", ", and {count} more", count=len(losses) - 1) if len(losses) > 1 else ""
-        raise SimrobError(
-            message(
-                "cli.nothing_moved",
-                "{first}{more}; nothing moved: --allow-losses runs it without",
-                first=losses[0],
-                more=more,
-            )
-        )
+    if imported.losses and not options.allow_losses:
+        raise _losses_error(imported.losses)
     return imported.program, config, imported.lines
+
+
+def _losses_error(losses: Sequence[str]) -> SimrobError:
+    """Make the error for a program with lost lines, which is not run.
+
+    Args:
+        losses: sentences about the lost lines, at least one. The message contains the first, and the count of the rest.
+    """
+    rest_count = len(losses) - 1
+    rest = message("cli.and_more_losses", ", and {count} more", count=rest_count) if rest_count else ""
+    text = message(
+        "cli.nothing_moved",
+        "{first}{more}; nothing moved: --allow-losses runs it without",
+        first=losses[0],
+        more=rest,
+    )
+    return SimrobError(text)
 
 
 def import_program(file: Path, out: Path | None, options: LanguageOptions, *, force: bool) -> ExitCode:
@@ -247,10 +297,13 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     target = out or Path(f"{file.stem}.yaml")
     station = target.with_name(f"{target.stem}_station.yaml")
     new_files = [target] if options.on else [target, station]
+    # All files are checked before the program is read, which may take long, and before one of them is written.
     for file_to_write in new_files:
         check_new_file(file_to_write, force=force)
     imported, config = _read_program(file, options, None)
-    written_at_once(target, imported.program.on(options.on or station.name).text())
+    # The two files are in one folder, so the program names its station by the file's name alone.
+    station_name = options.on or station.name
+    written_at_once(target, imported.program.on(station_name).text())
     if options.on is None:
         written_at_once(station, station_yaml(config))
     _show_remarks(imported)
@@ -269,14 +322,17 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
 
 
 def _read_program(
-    file: Path, options: LanguageOptions, set_: list[str] | None
+    file: Path, options: LanguageOptions, settings: list[str] | None
 ) -> tuple[ImportedProgram, StationConfig]:
     """Read a program in the language of a robot, and find the station on which it is done.
 
     Args:
         file: the program, with the suffix of an importer of programs.
         options: options of programs in the language of a robot.
-        set_: changes of the station, as the option ``--set`` takes them.
+        settings: changes of the station, as the option ``--set`` takes them.
+
+    Returns:
+        the program with the remarks about its lines, and the station with the changes.
 
     Raises:
         SimrobError: neither a robot nor a station is named, or the program cannot be read.
@@ -284,21 +340,29 @@ def _read_program(
     from simrob_drake.programs.program_importer import ProgramRequest
 
     importer = program_importer(file)
-    assert importer is not None  # the caller has looked
+    assert importer is not None  # callers have checked the file with `is_language_file`
     if options.on is None and options.robot is None:
         raise InvalidParameter(
             "--robot", "missing", message("cli.who_does_it", "who does it, as --robot irb120; or --on a station")
         )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.
-        config = station_from(options.on, set_)
+        config = station_from(options.on, settings)
         robot = options.robot
     else:
         # The robot is one of the package's, alone on a station made for it.
-        config = bare_station(str(options.robot), changes_of(set_, "--set"))
+        config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
-    request = ProgramRequest(config=config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
-    with code_of_extension(importer.owner, message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)):
+    request = ProgramRequest(
+        config=config,
+        robot=robot,
+        signals=options.io,
+        cycles=options.cycles,
+        check=options.check,
+    )
+    # An error that no user can cause is reported as one of the extension's package.
+    blamed_part = message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)
+    with code_of_extension(importer.owner, blamed_part):
         return importer.read_program(file, request), config
 
 

@@ -1,4 +1,8 @@
-"""The commands about robots: import, view, station."""
+"""The commands about robots: import, view, station.
+
+A robot comes from a file, such as a URDF, which the core imports itself: it resolves, repairs and checks the file, and
+reports each change. Files of other tools are imported by extensions, see :mod:`simrob_drake.cli.importers`.
+"""
 
 import shlex
 from collections.abc import Callable, Iterable
@@ -61,7 +65,7 @@ def import_file(
     importer_options: ChosenOptions,
     language: LanguageOptions,
 ) -> ExitCode:
-    """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and tell all that was done.
+    """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and report all that was done.
 
     For example:
 
@@ -78,17 +82,20 @@ def import_file(
         importer_options.refuse_all_but([])
         refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_)
         return import_program(file, out, language, force=force)
+    # All imports share --allow-losses with programs, so it is passed on instead of refused.
     allow_losses = refuse_language(language)
+    # A file of another tool is imported by an extension, a robot's file by the core.
     importer = other_importer(file)
     if importer is not None:
         request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
         return import_with(importer, file, request, allow_losses=allow_losses)
     importer_options.refuse_all_but([])
+    # The report of a robot shows what is lost, but the import never stops for it: there is nothing to allow.
     refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
     with progress_note(message("cli.importing", "importing {file}", file=file)):
         imported = import_robot(file, folder, options, force=force)
-    _tell(imported)
+    _show_report(imported)
     say_place(ROBOT, imported.model.urdf_path)
     say_place(NEXT, f"simrob view {imported.model.urdf_path}")
     say_place("", f"simrob station {imported.model.urdf_path}")
@@ -96,19 +103,26 @@ def import_file(
 
 
 def examine_file(file: Path, options: ImportOptions | None) -> None:
-    """Report on a robot's file without writing anything."""
+    """Show a robot as its file would be imported, and what the import would change, without writing anything.
+
+    Args:
+        file: the robot's file.
+        options: options of the import. None if the user gives none.
+    """
     with progress_note(message("cli.reading", "reading {file}", file=file)):
         imported = examine_robot(file, options)
     show_robot(imported.model)
-    _tell(imported)
+    _show_report(imported)
+    # Drake cannot simulate such a link by forces: the user has to add inertias, or to estimate them by an option.
     names = imported.model.links_without_inertia
     links = join_texts(names) if names else message("cli.no_links", "none")
     say_text(message("cli.links_without_inertia", "moving links without inertia: {links}", links=links))
 
 
 def show_robot(robot: RobotModel) -> None:
-    """Report on a robot: its axes, and what an arm can carry."""
+    """Show the axes of a robot and, if it is an arm, the mass that it can carry."""
     console.print(robot_table(robot))
+    # Without the masses of the links, the torque that is left for a payload is unknown.
     if robot.is_arm and not robot.links_without_inertia:
         for line in payload_lines(robot):
             say_text(line)
@@ -133,6 +147,7 @@ def view(
     """
     from simrob_drake.results.animation.robot_view import RobotView
 
+    # A robot of the package, or a description of one, is read as it is: it has no options.
     if is_robot_file(robot):
         with progress_note(message("cli.reading", "reading {file}", file=robot)):
             window = RobotView(read_robot(robot, options))
@@ -146,7 +161,7 @@ def view(
     )
     say_text(hint)
     try:
-        window.run()
+        window.run()  # returns when the user stops it in the browser
     finally:
         window.close()
 
@@ -168,39 +183,70 @@ def station(
         simrob station arm.urdf --out arm.yaml
     """
     target = out or Path(f"{file.stem}.yaml")
+    # The draft needs trial runs, which take time, so the target is checked first.
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)
     with progress_note(message("cli.reading", "reading {file}", file=file)):
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
-    for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
-        say_text(remark.removeprefix("# "))
+    # The comments of the file are the remarks on it. The first is only the title of the file.
+    comments = [line for line in text.splitlines() if line.startswith("# ")]
+    for comment in comments[1:]:
+        say_text(comment.removeprefix("# "))
     say_place(STATION, target)
-    outside = _outside_folders(target, [file, *(options.mesh_path if options else ())])
-    flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in outside)
-    if outside and remember_grants(target, outside):
-        # The user has just named the robot, so the station may read its package without being told again.
-        say_text(
-            message(
-                "cli.station_may_read",
-                "The robot is outside of the station's folder. This computer remembers that the station may read it; "
-                "elsewhere, or after it is moved, add:",
-            )
-        )
-        say(flags.strip())
-        flags = ""
+    mesh_folders = options.mesh_path if options else ()
+    flags = _grant_robot_folders(target, [file, *mesh_folders])
     say_place(NEXT, f"simrob check {target}{flags}")
     say_place("", f"simrob run {target}{flags}")
 
 
-def _outside_folders(station: Path, places: Iterable[Path]) -> list[Path]:
-    """Find the packages outside of a station's own one, of files and folders that the station reads."""
-    own = package_root(resolved(station))
-    outside = [package_root(place) for place in map(resolved, places) if not place.is_relative_to(own)]
-    return list(dict.fromkeys(outside))
+def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
+    """Remember on this computer that a new station may read its robot outside of its own package.
+
+    A station may otherwise read only files of its own package, so that a file from the internet cannot read others. The
+    user has just named the robot, so the station may read it.
+
+    Args:
+        station: file of the station.
+        sources: the robot's file, and the folders of its meshes.
+
+    Returns:
+        options ``--mesh-path`` that commands with the station need, each with a space in front. Empty if they need
+        none: nothing is outside of the package, or this computer remembers the folders, which is then shown.
+    """
+    folders = _packages_outside(station, sources)
+    flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in folders)
+    if not folders or not remember_grants(station, folders):
+        return flags
+    text = message(
+        "cli.station_may_read",
+        "The robot is outside of the station's folder. This computer remembers that the station may read it; "
+        "elsewhere, or after it is moved, add:",
+    )
+    say_text(text)
+    say(flags.strip())
+    return ""
 
 
-def _tell(imported: ImportedRobot) -> None:
+def _packages_outside(station: Path, sources: Iterable[Path]) -> list[Path]:
+    """Find the folders of the packages, other than the station's own one, from which a station reads.
+
+    Args:
+        station: file of the station.
+        sources: files and folders that the station reads.
+
+    Returns:
+        folder of each package, without repetition.
+    """
+    own_package = package_root(resolved(station))
+    folders = list[Path]()
+    for source in map(resolved, sources):
+        if not source.is_relative_to(own_package):
+            folders.append(package_root(source))
+    return list(dict.fromkeys(folders))
+
+
+def _show_report(imported: ImportedRobot) -> None:
     """Show the report of an import, and the counts of its entries."""
     console.print(report_table(imported.report))
     file = imported.report.source.name

@@ -1,4 +1,8 @@
-"""From a run to its folder, and to what the screen says of it; one way for all commands that simulate."""
+"""Save the result of a run in its folder, and show it on the screen. All commands that simulate share this code.
+
+A command first prepares the folder, then runs the station, and then saves and shows the result. So it finds out before
+a long run that the folder cannot be written.
+"""
 
 import sys
 from collections.abc import Callable, Collection
@@ -45,7 +49,7 @@ Frames = int | Literal["events"] | None
 
 
 class PreparedFolder(NamedTuple):
-    """Folder for the result of a run, and the warnings that were shown before the run.
+    """Folder for the result of a run, and the warnings of the station's check that were shown before the run.
 
     Attributes:
         path: the folder.
@@ -57,7 +61,11 @@ class PreparedFolder(NamedTuple):
 
 
 def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
-    """Find the folder for the result of a run, before the run begins, and show the warnings of the station's check.
+    """Choose and check the folder for the result of a run, before the run, and show the warnings about the station.
+
+    Args:
+        config: the station. Its name is part of the name of the default folder.
+        saving: options for saving the result.
 
     Raises:
         SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
@@ -67,6 +75,7 @@ def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
     if saving.video:
         from simrob_drake.results.animation.pictures import frame_writer
 
+        # A missing package for videos is found now, not after the run.
         frame_writer()
     warnings = [finding for finding in check_station(config) if finding.level == "warning"]
     for finding in warnings:
@@ -77,6 +86,7 @@ def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
 def wait_for_watcher(url: str) -> None:
     """Show the address at which the motion can be watched. At a terminal, wait until the user has opened it."""
     say(message("cli.watch_at", "watch it at {url}", url=url))
+    # Without a terminal, as in a script or a test, there is no user to press Enter.
     if sys.stdin.isatty():
         question = message("cli.open_in_browser", "open it in a browser, then press Enter to start ")
         console.input(translate(question))
@@ -93,9 +103,12 @@ def done_in_workcell(
     Args:
         config: the station.
         saving: how the run is shown and saved.
-        prepare: checks that the move can be done in the workcell. Returns a function that does it, which returns the
-            run and a sentence about it.
+        prepare: called once with the workcell, before the motion is shown. It may raise errors of the move. It returns
+            a function that does the move, and returns the run and a sentence about it; the sentence may be empty.
         frames: frames of the film strip.
+
+    Returns:
+        exit code of the run.
 
     Raises:
         SimrobError: the move cannot be done, or the run cannot be saved.
@@ -104,37 +117,46 @@ def done_in_workcell(
 
     cell = Workcell(config)
     prepared = prepared_folder(config, saving)
+    # The progress bar would only repeat the time that the browser shows.
     cell.progress = not saving.live
     perform = prepare(cell)
     if saving.live:
         wait_for_watcher(cell.show())
     try:
-        result, more = perform()
+        result, remark = perform()
     finally:
+        # The page in the browser belongs to the workcell. It would go on listening after an error, too.
         cell.close()
-    return save_and_show(result, prepared, saving, more=more, frames=frames)
+    return save_and_show(result, prepared, saving, remark=remark, frames=frames)
 
 
-def way_of(result: SimulationResult, robot: str) -> str:
-    """Sentence about how far a robot moved, and how it turned. Empty for a robot whose way is not known."""
+def locomotion_sentence(result: SimulationResult, robot: str) -> str:
+    """Sentence about how far a legged robot moved, and how far it turned.
+
+    Args:
+        result: the run.
+        robot: name of the robot. The sentence is empty if it has no legs, or if the run diverged.
+    """
+    # The last positions of a diverged run are no motion of a robot.
     if result.ending == "diverged" or robot not in legged_robots(result):
         return ""
-    found = locomotion(result, robot)
+    path = locomotion(result, robot)
     moved = message(
         "cli.robot_moved",
         "{robot} moved {distance:.3f} m at {speed:.3f} m/s on average",
         robot=robot,
-        distance=found.distance,
-        speed=found.speed,
+        distance=path.distance,
+        speed=path.speed,
     )
+    # The format z writes -0.000 as 0.000.
     direction = message(
         "cli.ahead_and_turned",
         "{ahead:z.3f} m ahead, {drift:.3f} m to the {side}, turned by {turn:.1f} deg to the {turn_side}",
-        ahead=found.ahead,
-        drift=abs(found.drift),
-        side=_side(found.drift),
-        turn=abs(degrees(found.yaw)),
-        turn_side=_side(found.yaw),
+        ahead=path.ahead,
+        drift=abs(path.drift),
+        side=_side(path.drift),
+        turn=abs(degrees(path.yaw)),
+        turn_side=_side(path.yaw),
     )
     return compound("{moved}: {direction}", moved=moved, direction=direction)
 
@@ -145,41 +167,68 @@ def _side(value: float) -> Message:
 
 
 def save_and_show(
-    result: SimulationResult, prepared: PreparedFolder, saving: Saving, *, more: str = "", frames: Frames = None
+    result: SimulationResult,
+    prepared: PreparedFolder,
+    saving: Saving,
+    *,
+    remark: str = "",
+    frames: Frames = None,
 ) -> ExitCode:
-    """Save a result, show it, and return the exit code.
+    """Save a result, and then show it on the screen.
 
     Args:
         result: the result.
-        prepared: where it is saved, and what was shown before the run.
-        saving: how it is saved and shown.
-        more: a sentence about the run that the result does not contain; empty if there is none.
+        prepared: folder for the result, and the warnings that were shown before the run.
+        saving: options for saving and showing the result.
+        remark: a sentence about the run that the result does not contain; empty if there is none.
         frames: frames of the film strip.
+
+    Returns:
+        exit code of the run; INTERRUPTED (130) if the user interrupted the saving, which was finished nevertheless.
 
     Raises:
         Interrupted: the user interrupted twice; nothing was saved.
     """
     folder = prepared.path
-    kept: Saved = {**saving.save_options, "frames": frames}
-    with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as interrupted:
-        result.save(folder, **kept)
+    save_options: Saved = {**saving.save_options, "frames": frames}
+    with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as was_interrupted:
+        result.save(folder, **save_options)
+    # The result is saved before it is shown: a broken pipe on the screen then loses no files.
     _show_end(result)
     _show_verdict(
-        result.verdict, f"{result.config.name}: ", with_table=saving.verdict, shown_before=prepared.shown_warnings
+        result.verdict,
+        f"{result.config.name}: ",
+        with_table=saving.verdict,
+        shown_before=prepared.shown_warnings,
     )
-    for remark in remarks_of(result):
-        say_remark(Remark(CONTROLLER_REMARK, remark))
-    if more:
-        say_text(more)
+    for controller_remark in remarks_of(result):
+        say_remark(Remark(CONTROLLER_REMARK, controller_remark))
+    if remark:
+        say_text(remark)
     say_text(result.speed_in_words)
+    _show_files(result, folder, with_recording=not saving.no_recording)
+    if was_interrupted():
+        return ExitCode.INTERRUPTED
+    return exit_code(result, strict=saving.strict)
+
+
+def _show_files(result: SimulationResult, folder: Path, *, with_recording: bool) -> None:
+    """Show the folder of the result, and its files that users open or run again.
+
+    Args:
+        result: the result.
+        folder: its folder.
+        with_recording: whether a recording was saved.
+    """
     say_place(RESULT, folder)
     if result.commanded:
         say_place(message("cli.commanded", "commanded"), folder / COMMANDS)
     if (folder / PROGRAM).exists():
         say_place(PROGRAM_LABEL, folder / PROGRAM)
-    if not saving.no_recording:
-        say_place(message("cli.recording", "recording"), (folder / "recording.html").resolve().as_uri())
-    return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
+    if with_recording:
+        # An address, unlike a path, is opened by a click in most terminals.
+        address = (folder / "recording.html").resolve().as_uri()
+        say_place(message("cli.recording", "recording"), address)
 
 
 def _show_end(result: SimulationResult) -> None:
@@ -191,31 +240,33 @@ def _show_end(result: SimulationResult) -> None:
     if moves:
         console.print()
         console.print(table(*table_of_moves(moves)))
-        nearest = nearest_bodies(moves)
-        for line in (nearest, meaning_of_distances(moves)):
-            if line:
-                say_text(line)
+        # Both sentences explain the distances of the table. They are empty if it has none.
+        for sentence in (nearest_bodies(moves), meaning_of_distances(moves)):
+            if sentence:
+                say_text(sentence)
     console.print()
 
 
 def _show_verdict(verdict: Verdict, name: str, *, with_table: bool, shown_before: Collection[str] = ()) -> None:
-    """Show a verdict: its sentence; the criteria as a table if a bound is violated; each remark with its remedy.
+    """Show a verdict: its sentence, the table of its criteria if a bound is violated, and its remarks with remedies.
 
     Args:
         verdict: the verdict.
-        name: what the sentence begins with.
+        name: beginning of the sentence, such as "irb120_dynamic: ".
         with_table: whether the table is shown even if all values are within their bounds.
         shown_before: texts of warnings that were shown before the run, and are left out.
     """
-    summary, *remarks = verdict.remarks
+    summary, *remarks = verdict.remarks  # the first remark sums up the run
     # An output without colours shows a warning or a failure by its word.
     is_plain = not console.is_terminal and summary.severity in ("warning", "failure")
     word = f"{translate(SEVERITY_WORDS[summary.severity])}: " if is_plain else ""
     sentence = translate(summary.text).rstrip(".")
     say_text(f"{word}{name}{sentence}.", SEVERITY_STYLES[summary.severity])
-    if verdict.table and summary.severity != "failure" and (with_table or verdict.beyond):
+    # After a failure, violated criteria are only its consequences.
+    is_table_useful = bool(verdict.table) and summary.severity != "failure"
+    if is_table_useful and (with_table or verdict.beyond):
         console.print(criteria_table(verdict))
-    shown_remedies = list[Remedy]()
+    shown_remedies = list[Remedy]()  # several remarks may have the same remedy, which is shown once
     for remark in remarks:
         if remark.text in shown_before:
             continue
@@ -225,6 +276,20 @@ def _show_verdict(verdict: Verdict, name: str, *, with_table: bool, shown_before
 
 
 def exit_code(result: SimulationResult, *, strict: bool = False) -> ExitCode:
-    """Exit code for the end of a run."""
-    codes = {"diverged": ExitCode.DIVERGED, "failed": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
-    return codes.get(result.ending, ExitCode.BEYOND if strict and result.warnings else ExitCode.DONE)
+    """Exit code for the end of a run.
+
+    Args:
+        result: the run.
+        strict: whether warnings about the run give the code BEYOND (4), see the option ``--strict``.
+    """
+    # An end by a monitor or after the full duration is a success.
+    codes_of_other_ends = {
+        "diverged": ExitCode.DIVERGED,
+        "failed": ExitCode.DIVERGED,
+        "interrupted": ExitCode.INTERRUPTED,
+    }
+    if result.ending in codes_of_other_ends:
+        return codes_of_other_ends[result.ending]
+    if strict and result.warnings:
+        return ExitCode.BEYOND
+    return ExitCode.DONE

@@ -1,4 +1,9 @@
-"""Where the commands write to, and what an interrupt by the user, Ctrl-C, does while files are written."""
+"""Output of the commands on the screen, and interrupts by the user (Ctrl-C) while files are written.
+
+Results go to the output stream (``console``), warnings and errors to the error stream (``errors``). Texts are messages:
+each function here translates them into the language of the output. Texts are wrapped at words. Paths, addresses and
+commands are never broken, so that a user can copy them.
+"""
 
 import re
 import shlex
@@ -17,9 +22,10 @@ from rich.text import Text
 
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.messages import message, translate
-from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Severity
+from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy, Severity
 
 _LONGEST = 2000
+"""Largest count of characters of an error. A message may quote a user's file, which may be one long line."""
 
 WIDTH = 80
 """Columns of an output that is no terminal, such as a file: what a page of text and most editors show."""
@@ -30,15 +36,16 @@ def _width_of(stream: TextIO) -> int | None:
     return None if stream.isatty() else WIDTH
 
 
+# Paths and units have brackets and colons, so rich must not take them for mark-up or emojis.
 console = Console(markup=False, emoji=False, highlight=False, width=_width_of(sys.stdout))
 errors = Console(markup=False, emoji=False, highlight=False, stderr=True, width=_width_of(sys.stderr))
 
 SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warning": "yellow", "failure": "red"}
 """Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
 
-_INDENT = " " * len("warning ")
+_INDENT = " " * len("warning ")  # the longest word of a severity, with a space behind it
 _SETTINGS_INDENT = f"{_INDENT}  "
-_LABEL_WIDTH = len("recording")
+_LABEL_WIDTH = len("recording")  # the longest of the labels of `say_place`
 
 # Labels in front of paths and commands, see `say_place`.
 NEXT = message("cli.next", "next")
@@ -51,8 +58,9 @@ WRITTEN = message("cli.written", "written")
 
 
 def say(text: str | Text) -> None:
-    """Write a line in the language of the output, however long it is."""
-    console.print(translate(text) if isinstance(text, str) else text, soft_wrap=True)
+    """Write a text in the language of the output as one line, however long it is."""
+    line = translate(text) if isinstance(text, str) else text
+    console.print(line, soft_wrap=True)
 
 
 def say_text(text: str, style: str = "", target: Console = console) -> None:
@@ -65,14 +73,22 @@ def say_text(text: str, style: str = "", target: Console = console) -> None:
         style: style of rich, such as ``green``; empty for the usual one.
         target: where it is written.
     """
-    for line in _wrap(translate(text), target.width) or [""]:
+    lines = _wrap(translate(text), target.width) or [""]
+    for line in lines:
         target.print(Text(line, style), soft_wrap=True)
 
 
 def _wrap(text: str, width: int) -> list[str]:
     """Wrap a text to lines of a width. Words are not broken, and an option stays in one line with its setting."""
     whole_settings = keep_settings_whole(text)
-    lines = textwrap.wrap(whole_settings, max(width, _NARROWEST), break_long_words=False, break_on_hyphens=False)
+    # Words are not broken at hyphens: they may be options or paths.
+    lines = textwrap.wrap(
+        whole_settings,
+        max(width, _NARROWEST),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    # The no-break spaces have done their work. A shell would not take them for spaces.
     return [line.replace(_NO_BREAK_SPACE, " ") for line in lines]
 
 
@@ -88,7 +104,7 @@ def keep_settings_whole(text: str) -> str:
 
 
 def say_place(label: str, place: object) -> None:
-    """Write a label and a path, an address or a command, which is never broken, so that a user can copy it.
+    """Write a label, and next to it a path, an address or a command, unbroken, so that a user can copy it.
 
     A place that does not fit next to its label is written on a line of its own.
 
@@ -120,18 +136,27 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
         with_remedy: whether the remedy is written. Several remarks may have the same one.
     """
     target = errors if remark.severity in ("warning", "failure") else console
-    word = Text(translate(SEVERITY_WORDS[remark.severity]), SEVERITY_STYLES[remark.severity])
-    _say_hanging(target, word, remark.text)
-    if remark.remedy is None or not with_remedy:
+    word = translate(SEVERITY_WORDS[remark.severity])
+    _say_hanging(target, Text(word, SEVERITY_STYLES[remark.severity]), remark.text)
+    remedy = remark.remedy
+    if remedy is None or not with_remedy:
         return
-    _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
-    settings = remark.remedy.settings
-    if settings:
-        options = " ".join(f"--set {_quoted_for_shell(setting)}" for setting in settings)
-    else:
-        options = f"--set {remark.remedy.key}=..." if remark.remedy.key else ""
-    for line in _wrap(options, target.width - len(_SETTINGS_INDENT)):
+    _say_hanging(target, Text(""), f"→ {translate(remedy.text)}")
+    # The options have lines of their own, so that a user can copy them.
+    width = target.width - len(_SETTINGS_INDENT)
+    for line in _wrap(_options_of_remedy(remedy), width):
         target.print(f"{_SETTINGS_INDENT}{line}", soft_wrap=True)
+
+
+def _options_of_remedy(remedy: Remedy) -> str:
+    """Write the options ``--set`` with which a remedy is tried: ``--set servo.kp=500``.
+
+    If the remedy names a key of the station without a value, the user is to choose it: ``--set servo.kp=...``. Empty if
+    the remedy names no key.
+    """
+    if remedy.settings:
+        return " ".join(f"--set {_quoted_for_shell(setting)}" for setting in remedy.settings)
+    return f"--set {remedy.key}=..." if remedy.key else ""
 
 
 def _quoted_for_shell(setting: str) -> str:
@@ -140,9 +165,16 @@ def _quoted_for_shell(setting: str) -> str:
 
 
 def _say_hanging(target: Console, word: Text, text: str) -> None:
-    """Write a word and a text. The text is wrapped at words, and all of its lines begin at the same column."""
+    """Write a word and a text. The text is wrapped at words, and all of its lines begin at the same column.
+
+    Args:
+        target: where it is written.
+        word: the word with its style; empty to write only the text, in its column.
+        text: the text, a message.
+    """
     lines = _wrap(translate(text), target.width - len(_INDENT)) or [""]
-    target.print(Text.assemble(word, " " * (len(_INDENT) - len(word)), lines[0]), soft_wrap=True)
+    gap = " " * (len(_INDENT) - len(word))
+    target.print(Text.assemble(word, gap, lines[0]), soft_wrap=True)
     for line in lines[1:]:
         target.print(f"{_INDENT}{line}", soft_wrap=True)
 
@@ -151,7 +183,8 @@ _NARROWEST = 20
 """Least columns of a wrapped text. A narrower terminal wraps it once more."""
 
 
-_WIDER_THAN_ANY_TABLE = 10_000  # count of characters
+_WIDER_THAN_ANY_TABLE = 10_000
+"""Count of columns with which rich measures the width that a table would like to have."""
 
 
 def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
@@ -164,19 +197,21 @@ def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "",
         numbers: whether the columns hold numbers. Then all columns but the first are aligned to the right.
     """
     shown_title = Text(translate(title)) if title else None
-    found = Table(box=None, pad_edge=False, title=shown_title)
+    result = Table(box=None, pad_edge=False, title=shown_title)
     for index, heading in enumerate(headings):
-        justify: Literal["left", "right"] = "right" if numbers and index else "left"
+        is_name = index == 0  # the first column names the row, also in a table of numbers
+        justify: Literal["left", "right"] = "right" if numbers and not is_name else "left"
         # A word that is longer than its column goes on in the next line.
-        found.add_column(Text(translate(heading)), justify=justify, overflow="fold")
+        result.add_column(Text(translate(heading)), justify=justify, overflow="fold")
     for row in rows:
         # Cells are texts of rich, for which [s] is no mark-up.
         cells = [Text(translate(cell)) if isinstance(cell, str) else cell for cell in row]
-        found.add_row(*cells)
-    # Two spaces between columns become one, before the name of a joint is broken.
+        result.add_row(*cells)
+    # If the table is too wide, two spaces between columns become one, before the name of a joint is broken.
     unlimited = console.options.update(max_width=_WIDER_THAN_ANY_TABLE)
-    found.collapse_padding = Measurement.get(console, unlimited, found).maximum > console.width
-    return found
+    required_width = Measurement.get(console, unlimited, result).maximum
+    result.collapse_padding = required_width > console.width
+    return result
 
 
 def progress_note(text: str) -> AbstractContextManager[object]:
@@ -184,7 +219,7 @@ def progress_note(text: str) -> AbstractContextManager[object]:
     return errors.status(Text(translate(text)))
 
 
-def tell(text: str) -> None:
+def say_error(text: str) -> None:
     """Write an error on the error stream: on one line for scripts, wrapped at words for a user at a terminal."""
     line = f"simrob: {shortened(translate(text), _LONGEST)}"
     if sys.stderr.isatty():
@@ -193,12 +228,18 @@ def tell(text: str) -> None:
 
 
 class Interrupted(Exception):
-    """Raised when the user interrupts a command. Its text describes what is left of the work. No command catches it."""
+    """Raised when the user interrupts a command.
+
+    Its text describes what is left of the work. Only :func:`simrob_drake.cli.app.run_command` catches it.
+    """
 
 
 @contextmanager
 def finished_first(work: str) -> Iterator[Callable[[], bool]]:
-    """Context manager that finishes work although the user interrupts it.
+    """Context manager that finishes work although the user interrupts it once. A second interrupt abandons the work.
+
+    Where this code does not handle interrupts (in another thread, or in a process with its own handling of Ctrl-C), the
+    work is done as it would be without this context manager.
 
     Args:
         work: the work, such as "the files of runs/a".
@@ -209,28 +250,32 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
     Raises:
         Interrupted: the user interrupted the work twice, and it was abandoned.
     """
-    times = 0
+    interrupt_count = 0
 
-    def hear(*_: object) -> None:
-        nonlocal times
-        times += 1
-        if times == 1:
-            tell(
-                message(
-                    "cli.being_finished",
-                    "interrupted; {work} are being finished, interrupt again to abandon them",
-                    work=work,
-                )
+    def count_interrupt(*_: object) -> None:
+        """Handle SIGINT: show at the first interrupt that the work goes on, abandon the work at the second one."""
+        nonlocal interrupt_count
+        interrupt_count += 1
+        if interrupt_count == 1:
+            text = message(
+                "cli.being_finished",
+                "interrupted; {work} are being finished, interrupt again to abandon them",
+                work=work,
             )
-        elif times == 2:  # what comes then must not keep it from tidying up
+            say_error(text)
+        elif interrupt_count == 2:  # a third interrupt must not disturb the clean-up after the second one
             raise KeyboardInterrupt
 
-    if current_thread() is not main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    # Python allows handlers of signals in the main thread only. A handler other than Python's own belongs to the
+    # caller.
+    is_main_thread = current_thread() is main_thread()
+    has_default_handler = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not (is_main_thread and has_default_handler):
         yield lambda: False
         return
-    signal.signal(signal.SIGINT, hear)
+    signal.signal(signal.SIGINT, count_interrupt)
     try:
-        yield lambda: times > 0
+        yield lambda: interrupt_count > 0
     except KeyboardInterrupt:
         text = message("cli.abandoned", "interrupted; {work} are abandoned, nothing was saved", work=work)
         raise Interrupted(text) from None

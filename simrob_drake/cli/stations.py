@@ -1,4 +1,9 @@
-"""The commands that run and draw stations: demo, run, diagram."""
+"""The commands that run and draw stations: demo, run, diagram.
+
+A *station* is a closed system of robots, controllers and pieces that one YAML file describes. A *program*, a list of
+moves, runs on a station: it has a file of its own, a file in the language of a robot such as RAPID, or a section of the
+station's file.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -91,38 +96,41 @@ def run(
 
         simrob run Module.mod --robot irb120
     """
-    shown = _frames(frames)
-    if is_language_file(station):
+    film_frames = _read_frames(frames)
+    # Options without an effect on this kind of file are refused, before the file is read.
+    is_in_language = is_language_file(station)
+    is_program = not is_in_language and is_program_file(station)
+    if not is_in_language:
+        refuse_language(language)
+    if is_in_language or is_program:
         refuse(
             message("cli.program_has_duration", "a program has its own duration and names no code"),
             duration=duration,
             converge=converge,
             allow_code=allow_code,
         )
+    if is_in_language:
         program, config, lines = language_program(Path(station), language, set_)
-        return run_program(program, config, saving, shown, lines=lines)
-    refuse_language(language)
-    if is_program_file(station):
-        refuse(
-            message("cli.program_has_duration", "a program has its own duration and names no code"),
-            duration=duration,
-            converge=converge,
-            allow_code=allow_code,
-        )
+        return run_program(program, config, saving, film_frames, lines=lines)
+    if is_program:
         program, config = program_from(station, set_)
-        return run_program(program, config, saving, shown, station)
+        return run_program(program, config, saving, film_frames, station)
     config = station_from(station, set_, allow_code=allow_code, duration=duration)
     if config.program is not None:
+        # The station's moves take as long as they need; --allow-code has an effect, unlike on a program's own file.
         refuse(
             message("cli.station_has_program", "the station has a program (--set program=null runs its reference)"),
             duration=duration,
             converge=converge,
         )
-        return run_program(own_program(config), config, saving, shown)
+        return run_program(own_program(config), config, saving, film_frames)
     prepared = prepared_folder(config, saving)
     result = _simulate(config, saving.live)
-    code = save_and_show(result, prepared, saving, frames=shown)
-    return _run_tighter(result) if converge and code == ExitCode.DONE else code
+    code = save_and_show(result, prepared, saving, frames=film_frames)
+    # After a run that diverged or was interrupted, there is nothing to compare.
+    if converge and code == ExitCode.DONE:
+        return _run_tighter(result)
+    return code
 
 
 def demo(
@@ -155,27 +163,40 @@ def diagram(
 
     config = station_from(station, set_, allow_code=allow_code)
     if out is None:
+        # Not through the console, which would break long lines: the text is input of another tool.
         print(station_dot(config))
         return
     check_new_file(out, force=force)
     say(str(save_block_picture(config, out)))
 
 
-def _frames(text: str | None) -> Frames:
-    """Read the value of the option ``--frames``.
+def _read_frames(text: str | None) -> Frames:
+    """Read the value of the option ``--frames``: the count of pictures of the film strip, or ``events``.
+
+    Args:
+        text: the value. None if the option is not given; the result, then None, stands for the default.
 
     Raises:
         InvalidParameter: the value is neither a number of at least 2 nor ``events``.
     """
     if text is None or text == "events":
         return cast(Frames, text)
+    # A film strip shows at least the begin and the end.
     if not text.isdecimal() or int(text) < 2:
         raise InvalidParameter("--frames", text, message("cli.two_or_events", 'a number of at least 2, or "events"'))
     return int(text)
 
 
 def _simulate(config: StationConfig, live: bool) -> SimulationResult:
-    """Simulate a station. If `live` is set, show the motion in the browser and let the user steer it."""
+    """Simulate a station.
+
+    Args:
+        config: the station.
+        live: whether the motion is shown in the browser, where the user can also steer the station.
+
+    Returns:
+        the run; an interrupted run up to the interrupt.
+    """
     if not live:
         return simulate(config)
     from simrob_drake.results.animation.live import LiveView, Steering
@@ -184,6 +205,8 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
     view = LiveView(config, steering=steering)
     wait_for_watcher(view.url)
     try:
+        # The browser shows the time, so a progress bar would only repeat it. Commands of the user reach the station
+        # through the steering.
         result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
         view.say(result.end_in_words)
         return result
@@ -192,10 +215,15 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
 
 
 def _run_tighter(result: SimulationResult) -> ExitCode:
-    """Run a station again with ten times tighter accuracy, and show the differences.
+    """Run a station again with ten times tighter accuracy, and show the differences between the two runs.
+
+    Small differences mean that the accuracy of the solver does not decide the result.
+
+    Args:
+        result: the run with the station's own accuracy.
 
     Returns:
-        exit code of the tighter run.
+        exit code of the tighter run; DONE if the station has no solver.
     """
     if not result.config.engine.moves_by_forces:
         text = message(
@@ -204,7 +232,8 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
         )
         say_text(text)
         return ExitCode.DONE
-    tight = simulate(result.config.model_copy(update={"solver": result.config.solver.tighter()}))
+    tighter_solver = result.config.solver.tighter()
+    tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))
     console.print(convergence_table(result, tight))
     return exit_code(tight)
 

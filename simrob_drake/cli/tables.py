@@ -1,4 +1,7 @@
-"""Tables of the command line: of results, findings, robots and imports."""
+"""Tables of the command line: of results, findings, robots and imports.
+
+Cells are messages, which :func:`simrob_drake.cli.screen.table` translates into the language of the output.
+"""
 
 from typing import NamedTuple
 
@@ -24,32 +27,47 @@ LARGEST_DIFFERENCE = message("cli.largest_difference", "largest difference")
 AT_TIME = message("cli.at_time", "at [s]")
 
 _COLOURS: dict[EntryKind, str] = {
-    "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
-    "open": "yellow", "lost": "red", "refused": "red",
-}  # fmt: skip
+    "read": "dim",
+    "repaired": "green",
+    "approximated": "green",
+    "defaulted": "yellow",
+    "dropped": "magenta",
+    "open": "yellow",
+    "lost": "red",
+    "refused": "red",
+}
+"""Colours for the kinds of entries in the report of an import, by what the import did with a part of the file."""
+
+_LISTED_ELEMENTS = 4
+"""Largest count of names in one cell of the report of an import. A further one is only counted."""
 
 
-def _mark(severity: Severity) -> Text:
+def _severity_word(severity: Severity) -> Text:
     """Word for a severity, in its colour."""
     return Text(translate(SEVERITY_WORDS[severity]), SEVERITY_STYLES[severity])
 
 
 def criteria_table(verdict: Verdict) -> Table:
     """Make the table of criteria: severity, criterion, value, bound, and the part with the worst value."""
-    rows = [(_mark(row.severity), row.criterion, row.value, row.bound, row.worst) for row in verdict.table]
+    rows = [(_severity_word(row.severity), row.criterion, row.value, row.bound, row.worst) for row in verdict.table]
     criteria = table(verdict.headings, *rows, numbers=False)
-    for column in (2, 3):  # value and bound
+    # Only the columns of the value and of the bound are numbers.
+    for column in (2, 3):
         criteria.columns[column].justify = "right"
     return criteria
 
 
 def cells_table(result: SimulationResult) -> Table:
-    """Make the table of the times at which the robots reached the cells of their sequencers."""
+    """Make the table of the times [s] at which the robots reached the cells of their sequencers.
+
+    A *sequencer* is a controller that leads a robot from one posture (a *cell*) to the next. A cell that was not
+    reached has a dash in place of its time.
+    """
     rows = []
-    for name, times in result.cells.items():
-        for number, time in enumerate(times):
-            was_reached = time is not None
-            rows.append((name, str(number), compound("{time:.2f}", time=time) if was_reached else "–"))
+    for controller, times in result.cells.items():
+        for index, time in enumerate(times):
+            reached = "–" if time is None else compound("{time:.2f}", time=time)
+            rows.append((controller, str(index), reached))
     headings = (
         message("cli.controller", "controller"),
         message("cli.cell", "cell"),
@@ -78,15 +96,18 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
 
 def _rows_of_joints(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
     """Rows of the table of differences for the joints: name, largest difference, its time, torque at the end, unit."""
-    common = min(len(result.times), len(tight.times))  # one of the runs may have ended early
+    # One of the runs may have ended early. Both are recorded at the same times, so samples are compared by index.
+    sample_count = min(len(result.times), len(tight.times))
+    last = sample_count - 1
     rows = list[tuple[str, ...]]()
     for robot in result.plant.robots.values():
         for axis, unit in zip(robot.axes, robot.model.units, strict=True):
-            column = f"{robot.prefix}q.{axis}"
-            differences = np.abs(result[column][:common] - tight[column][:common])
+            # Signals of a robot have its prefix, which is empty if the station has only one robot.
+            position = f"{robot.prefix}q.{axis}"
+            differences = np.abs(result[position][:sample_count] - tight[position][:sample_count])
             worst = int(np.argmax(differences))
             torque = f"{robot.prefix}tau.{axis}"
-            torque_difference = abs(result[torque][common - 1] - tight[torque][common - 1])
+            torque_difference = abs(result[torque][last] - tight[torque][last])
             row = (
                 f"{robot.prefix}{axis}",
                 in_units(differences[worst], unit.si),
@@ -99,21 +120,17 @@ def _rows_of_joints(result: SimulationResult, tight: SimulationResult) -> list[t
 
 
 def _rows_of_bodies(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
-    """Rows of the table of differences for bodies that move freely: bases of robots, and free pieces."""
-    common = min(len(result.times), len(tight.times))
-    poses = dict[str, tuple[Vector, Vector]]()  # in both runs, by the name of the body
-    for robot in result.plant.robots.values():
-        if robot.model.base == "floating":
-            poses[f"{robot.prefix}base"] = (result.pose("base", robot.name), tight.pose("base", robot.name))
-    for piece in result.config.free_pieces:
-        poses[piece] = (result.piece_pose(piece), tight.piece_pose(piece))
+    """Rows of the table of differences for bodies that move freely: bases of robots, and free pieces.
 
+    A body has no torque and no single unit, so these cells are a dash and empty.
+    """
+    sample_count = min(len(result.times), len(tight.times))
     rows = list[tuple[str, ...]]()
-    for name, (loose_poses, tight_poses) in poses.items():
-        for difference in _pose_differences(loose_poses[:common], tight_poses[:common]):
+    for body in [*_base_poses(result, tight), *_piece_poses(result, tight)]:
+        for difference in _pose_differences(body.poses[:sample_count], body.tight_poses[:sample_count]):
             worst = int(np.argmax(difference.values))
             row = (
-                message("cli.quantity_of", "{quantity} of {name}", quantity=difference.quantity, name=name),
+                message("cli.quantity_of", "{quantity} of {name}", quantity=difference.quantity, name=body.name),
                 compound("{value:.2e} {unit}", value=difference.values[worst], unit=difference.unit),
                 compound("{time:.2f}", time=result.times[worst]),
                 "–",
@@ -121,6 +138,38 @@ def _rows_of_bodies(result: SimulationResult, tight: SimulationResult) -> list[t
             )
             rows.append(row)
     return rows
+
+
+class _BodyPoses(NamedTuple):
+    """Poses of a body in a run and in the tighter run, each x y z qw qx qy qz, shape (m, 7).
+
+    The runs may have different counts m of samples.
+
+    Attributes:
+        name: name of the body for users.
+        poses: poses in the run.
+        tight_poses: poses in the tighter run.
+    """
+
+    name: str
+    poses: Vector
+    tight_poses: Vector
+
+
+def _base_poses(result: SimulationResult, tight: SimulationResult) -> list[_BodyPoses]:
+    """Poses of the bases of all robots whose base moves freely."""
+    bodies = list[_BodyPoses]()
+    for robot in result.plant.robots.values():
+        if robot.model.base == "floating":
+            name = f"{robot.prefix}base"
+            bodies.append(_BodyPoses(name, result.pose("base", robot.name), tight.pose("base", robot.name)))
+    return bodies
+
+
+def _piece_poses(result: SimulationResult, tight: SimulationResult) -> list[_BodyPoses]:
+    """Poses of all pieces that move freely."""
+    pieces = result.config.free_pieces
+    return [_BodyPoses(piece, result.piece_pose(piece), tight.piece_pose(piece)) for piece in pieces]
 
 
 class _Difference(NamedTuple):
@@ -138,10 +187,10 @@ class _Difference(NamedTuple):
 
 
 def _pose_differences(poses: Vector, others: Vector) -> list[_Difference]:
-    """Differences of poses x y z qw qx qy qz, shape (m, 7), in position [mm] and in orientation [deg]."""
-    distances = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)
-    # The quaternions q and -q are the same orientation, so the smaller distance counts. Unit quaternions of rotations
-    # that differ by the angle a have the distance 2 sin(a / 4).
+    """Compute the distance [mm] and the angle [deg] between poses x y z qw qx qy qz, shape (m, 7), sample by sample."""
+    distances = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)  # from m to mm
+    # Unit quaternions p and q of orientations that differ by the angle a have the distance |p - q| = 2 sin(a / 4), so
+    # a = 4 asin(|p - q| / 2). The quaternions q and -q are the same orientation: the smaller distance counts.
     quaternions = poses[:, 3:]
     other_quaternions = others[:, 3:]
     distances_to_same = np.linalg.norm(quaternions - other_quaternions, axis=1)
@@ -155,7 +204,12 @@ def _pose_differences(poses: Vector, others: Vector) -> list[_Difference]:
 
 
 def in_units(value: float, unit: str) -> str:
-    """Write a value with its unit, for a table; an angle is also written in degrees."""
+    """Write a value with its unit, for a table. An angle is also written in degrees.
+
+    Args:
+        value: the value.
+        unit: its unit: "1" for a value without a unit, "rad", "m" or another one.
+    """
     if unit == "1":  # a share, or an entry of a quaternion
         return compound("{value:.2e}", value=value)
     if unit == "rad":
@@ -165,13 +219,14 @@ def in_units(value: float, unit: str) -> str:
 
 def findings_table(findings: list[Finding]) -> Table:
     """Make the table of the findings of a check, with one row for each."""
-    rows = [(_mark(finding.severity), finding.subject, finding.text) for finding in findings]
+    rows = [(_severity_word(finding.severity), finding.subject, finding.text) for finding in findings]
     headings = ("", message("cli.subject", "subject"), message("cli.finding", "finding"))
     return table(headings, *rows, numbers=False)
 
 
 def robot_table(robot: RobotModel) -> Table:
     """Make the table of the axes of a robot, with their limits of position and effort."""
+    # Limits are in SI units, and the table in the units for users: deg instead of rad.
     lower_limits, upper_limits = robot.axis_limits
     lower = [compound("{end:.5g}", end=end) for end in lower_limits / robot.user_units]
     upper = [compound("{end:.5g}", end=end) for end in upper_limits / robot.user_units]
@@ -200,7 +255,10 @@ def robot_table(robot: RobotModel) -> Table:
 
 
 def payload_lines(robot: RobotModel) -> list[str]:
-    """Sentences about the mass that an arm can hold at its first tool: at home, and in its weakest posture."""
+    """Sentences about the mass that an arm can hold at its first tool: at home, and in its weakest posture.
+
+    A posture in which no motor limits the mass has no sentence.
+    """
     dynamics = Dynamics.of_robot(robot)
     lines = list[str]()
     postures = (
@@ -208,9 +266,10 @@ def payload_lines(robot: RobotModel) -> list[str]:
         (message("cli.in_weakest_posture", "in its weakest posture"), dynamics.weakest_posture()),
     )
     for where, posture in postures:
-        masses = dynamics.payload(posture)
-        axis = int(np.argmin(masses))
-        if not np.isfinite(masses[axis]):  # no motor carries the load, as in a robot that moves in a plane
+        masses = dynamics.payload(posture)  # largest mass [kg] that the motor of each axis can hold
+        axis = int(np.argmin(masses))  # the axis whose motor limits the payload
+        mass = float(masses[axis])
+        if not np.isfinite(mass):  # no motor carries the load, as in a robot that moves in a plane
             continue
         # Adding 0.0 turns -0.0 into 0.0.
         positions = (posture / robot.user_units).round(3) + 0.0
@@ -220,24 +279,28 @@ def payload_lines(robot: RobotModel) -> list[str]:
             tool=next(iter(robot.tools)),
             where=where,
             posture=join_texts([compound("{value:.3g}", value=value) for value in positions], " "),
-            mass=float(masses[axis]),
+            mass=mass,
             axis=list(robot.axes)[axis],
         )
-        doubt = payload_doubt(float(masses[axis]), moving_mass(robot.element))
+        # An implausible payload is a sign of masses, lengths or efforts in other units, which no other check finds.
+        doubt = payload_doubt(mass, moving_mass(robot.element))
         lines.append(compound("{line}; {doubt}", line=line, doubt=doubt) if doubt else line)
     return lines
 
 
 def report_table(report: ImportReport) -> Table:
-    """Make the table of the entries of an import, in the order of their kinds. Those of equal text share a row."""
-    elements: dict[tuple[EntryKind, str], list[str]] = {}  # names of the elements, by kind and text of the entries
-    for entry in report.entries:
-        elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    kinds_and_texts = sorted(elements, key=lambda kind_and_text: ENTRY_KINDS.index(kind_and_text[0]))
+    """Make the table of the entries of an import, in the order of their kinds.
+
+    Entries of the same kind with the same text, such as a missing inertia of many links, share a row.
+    """
     rows = []
-    for kind, text in kinds_and_texts:
-        mark = Text(translate(CHANGE[kind]), _COLOURS[kind])
-        names = elements[kind, text]
-        rows.append((mark, listed(names, 4), text))
+    for kind in ENTRY_KINDS:
+        change = Text(translate(CHANGE[kind]), _COLOURS[kind])
+        elements_by_text = dict[str, list[str]]()  # names of the elements that a row lists, by the text of the row
+        for entry in report.entries:
+            if entry.kind == kind:
+                elements_by_text.setdefault(entry.text, []).append(entry.element)
+        for text, elements in elements_by_text.items():
+            rows.append((change, listed(elements, _LISTED_ELEMENTS), text))
     headings = ("", message("cli.element", "element"), message("cli.what_was_done", "what was done"))
     return table(headings, *rows, numbers=False)

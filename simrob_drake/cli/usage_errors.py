@@ -1,7 +1,8 @@
 """Errors in how a command is called, such as a missing argument, as messages of this project.
 
-Typer finds these errors. Its classes and the attributes of its errors decide which message is shown, never its
-English text.
+Typer finds these errors, and has an English text for each. The functions here make the message from the class of
+typer's error and from its attributes, such as ``param``, so that the message exists in each language. They do not read
+typer's text, which may change with its next version.
 """
 
 from typing import Any
@@ -26,17 +27,20 @@ def usage_problem(problem: TyperException) -> str:
         what is wrong and what would be right; typer's own text for a kind of error without a message. Empty if the
         help was shown instead.
     """
-    # The classes are private in typer, so their names tell them apart.
-    kinds = {kind.__name__ for kind in type(problem).__mro__}
-    if "MissingParameter" in kinds:
-        return _missing(problem)
-    if "NoSuchOption" in kinds:
+    # The classes are private in typer, so they are compared by name, base classes included.
+    class_names = {own_class.__name__ for own_class in type(problem).__mro__}
+    # MissingParameter is derived from BadParameter, so it comes first.
+    if "MissingParameter" in class_names:
+        return _missing_argument(problem)
+    if "NoSuchOption" in class_names:
         return _unknown_option(problem)
-    if "BadOptionUsage" in kinds:
+    if "BadOptionUsage" in class_names:
         return _misused_option(problem)
-    if "BadParameter" in kinds and isinstance(problem.__cause__, ValidationError):
+    # Pydantic checks the values of arguments and options for typer.
+    if "BadParameter" in class_names and isinstance(problem.__cause__, ValidationError):
         return _wrong_value(problem, problem.__cause__.errors()[0])
-    return problem.format_message()  # empty for a group of commands that was called without one: typer shows its help
+    # The text is empty if a group of commands was called without one: typer has shown its help.
+    return problem.format_message()
 
 
 def unexpected_arguments(command: str, arguments: list[str]) -> Message:
@@ -55,15 +59,20 @@ def unexpected_arguments(command: str, arguments: list[str]) -> Message:
     )
 
 
-def _missing(problem: Any) -> Message:
+def _missing_argument(problem: Any) -> Message:
     """Message for a missing argument, with the first example of the command's help.
+
+    A command without an example refers to its help instead.
 
     Args:
         problem: typer's error, with the context of the command in ``ctx``.
     """
     command = command_name(problem.ctx)
-    lines = [line.strip() for line in (problem.ctx.command.help or "").splitlines()]
-    example = next((line for line in lines if line.startswith(f"{command} ")), f"{command} --help")
+    help_text = problem.ctx.command.help or ""
+    lines = [line.strip() for line in help_text.splitlines()]
+    # Examples are lines of the help that begin with the command.
+    examples = [line for line in lines if line.startswith(f"{command} ")]
+    example = examples[0] if examples else f"{command} --help"
     return message(
         "cli.missing_argument",
         "{command} needs {argument}; for example: {example}",
@@ -78,16 +87,15 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
 
     Args:
         problem: typer's error, with the argument or option in ``param``.
-        finding: the problem that pydantic found in the value.
+        finding: the problem that pydantic found in the value: an entry of ``ValidationError.errors()``.
     """
+    described = finding
     choices = problem.param.type_descriptor.choices
     if choices:
-        finding = {
-            **finding,
-            "type": "literal_error",
-            "ctx": {"expected": ", ".join(f"'{choice}'" for choice in choices)},
-        }
-    text = value_problem(finding)
+        # The message for a literal lists its choices, so the finding becomes one about a literal.
+        quoted_choices = ", ".join(f"'{choice}'" for choice in choices)
+        described = {**finding, "type": "literal_error", "ctx": {"expected": quoted_choices}}
+    text = value_problem(described)
     value = finding.get("input")
     if value is not None:
         text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(value))
@@ -95,22 +103,38 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
 
 
 def _unknown_option(problem: Any) -> Message:
-    """Message for an option that a command does not have, with the nearest one that it has."""
-    context = problem.ctx
-    options = [] if context is None else [name for own in context.command.params for name in own.opts]
+    """Message for an option that a command does not have, with the option of a similar name that it has.
+
+    Args:
+        problem: typer's error, with the option in ``option_name`` and the context of the command in ``ctx``. Without a
+            context, no option is suggested.
+    """
+    names = list[str]()
+    if problem.ctx is not None:
+        for parameter in problem.ctx.command.params:
+            names += parameter.opts
+    # The names of arguments have no dash.
+    options = [name for name in names if name.startswith("-")]
     return message(
         "cli.unknown_option",
         "there is no option {option}{suggestion}",
         option=shortened(problem.option_name),
-        suggestion=nearest(problem.option_name, [name for name in options if name.startswith("-")]),
+        suggestion=nearest(problem.option_name, options),
     )
 
 
 def _misused_option(problem: Any) -> Message:
-    """Message for an option without its value, or for a flag with one."""
+    """Message for an option without its value, or for a flag with a value.
+
+    Args:
+        problem: typer's error, with the option in ``option_name`` and the context of the command in ``ctx``.
+    """
     option = problem.option_name
-    flags = [name for own in problem.ctx.command.params if getattr(own, "is_flag", False) for name in own.opts]
-    if option in flags:
+    flag_names = list[str]()
+    for parameter in problem.ctx.command.params:
+        if getattr(parameter, "is_flag", False):  # arguments have no such attribute
+            flag_names += parameter.opts
+    if option in flag_names:
         return message("cli.option_takes_no_value", "{option} takes no value", option=option)
     return message("cli.option_needs_value", "{option} needs a value", option=option)
 
@@ -122,6 +146,7 @@ def command_name(context: Any) -> str:
         context: typer's context of the command, whose parents are the commands above it.
     """
     names = list[str]()
+    # The context without a parent is that of `simrob` itself. Its name depends on how Python was started.
     while context.parent is not None:
         names.insert(0, context.info_name)
         context = context.parent
