@@ -115,15 +115,9 @@ def draft_station(
         )
     robot = read_robot(file, options)
     remarks = list[str]()
-    falls_through = _falls_through(robot)
-    # The base of a robot that a YAML file describes is the user's choice.
-    if falls_through and is_description:
-        raise Unsuitable(
-            compound("{file}: {key}", file=file.name, key="base"),
-            message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
-            message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
-        )
-    if falls_through:
+    if is_description:
+        _check_floating_base(robot, file)
+    elif _falls_through(robot):
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         reason = message(
@@ -182,6 +176,22 @@ def _falls_through(robot: RobotModel) -> bool:
     has_shapes = robot.element.find("link/collision") is not None
     is_dynamic = not robot.links_without_inertia
     return robot.base == "floating" and is_dynamic and not has_shapes
+
+
+def _check_floating_base(robot: RobotModel, file: Path) -> None:
+    """Check that a robot of a YAML file whose base is floating has something to stand on.
+
+    The base of an imported robot is fixed in this case, but that of a described robot is the user's choice.
+
+    Raises:
+        Unsuitable: nothing could carry the robot.
+    """
+    if _falls_through(robot):
+        raise Unsuitable(
+            compound("{file}: {key}", file=file.name, key="base"),
+            message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
+            message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
+        )
 
 
 def _path_text(file: Path, folder: Path | None) -> str:
