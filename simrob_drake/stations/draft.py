@@ -137,20 +137,7 @@ def draft_station(
     }
     if robot.followers:
         content["couplings"] = _couplings(robot)
-        coupled = message(
-            "stations.drafted_followers",
-            "By the robot's file these axes follow others, see couplings: {followers}.",
-            followers=", ".join(robot.followers),
-        )
-        remarks.append(coupled)
-    if robot.passive_axes and not is_kinematic:
-        without_motor = message(
-            "stations.drafted_without_motor",
-            "By the robot's file no motor moves these axes: {axes}."
-            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
-            axes=", ".join(robot.passive_axes),
-        )
-        remarks.append(without_motor)
+    remarks += _remarks_on_axes(robot)
     remarks += _import_warnings(robot, content, file)
     estimated = estimated_inertias(robot, file)
     if estimated is not None:
@@ -176,6 +163,28 @@ def _falls_through(robot: RobotModel) -> bool:
     has_shapes = robot.element.find("link/collision") is not None
     is_dynamic = not robot.links_without_inertia
     return robot.base == "floating" and is_dynamic and not has_shapes
+
+
+def _remarks_on_axes(robot: RobotModel) -> list[str]:
+    """Write remarks on axes that follow others, and on axes without a motor in a dynamic station."""
+    remarks = list[str]()
+    if robot.followers:
+        coupled = message(
+            "stations.drafted_followers",
+            "By the robot's file these axes follow others, see couplings: {followers}.",
+            followers=", ".join(robot.followers),
+        )
+        remarks.append(coupled)
+    is_kinematic = bool(robot.links_without_inertia)
+    if robot.passive_axes and not is_kinematic:
+        without_motor = message(
+            "stations.drafted_without_motor",
+            "By the robot's file no motor moves these axes: {axes}."
+            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
+            axes=", ".join(robot.passive_axes),
+        )
+        remarks.append(without_motor)
+    return remarks
 
 
 def _check_floating_base(robot: RobotModel, file: Path) -> None:
