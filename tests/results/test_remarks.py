@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from ast import literal_eval
 from pathlib import Path
 from string import Formatter
 
@@ -183,8 +184,9 @@ def test_each_criterion_has_its_words_in_spanish_with_a_decimal_comma():
 def test_every_spanish_template_of_results_has_the_fields_of_the_english_one():
     """Templates of the code are found in its text; those of the criteria by the criteria."""
     sources = [file.read_text() for file in (Path(simrob_drake.__file__).parent / "results").rglob("*.py")]
-    written = re.compile(r'message\(\s*"(results\.\w+)",\s*"((?:[^"\\]|\\.)*)"')
-    english = dict(found for source in sources for found in written.findall(source))
+    # A text may be written as several literals, one after the other.
+    written = re.compile(r'message\(\s*"(results\.\w+)",\s*((?:"(?:[^"\\]|\\.)*"\s*)+)')
+    english = {name: literal_eval(f"({text})") for source in sources for name, text in written.findall(source)}
     for criterion in CRITERIA:
         english[f"results.title_{criterion.name}"] = criterion.title
         english[f"results.beyond_{criterion.name}"] = criterion.sentence
