@@ -87,6 +87,7 @@ URDF = str(models_root() / "irb120" / "irb120.urdf")
 COMMANDS = {
     "check of a station": ["check", "irb120_dynamic"],
     "check of a station with warnings": ["check", "irb120_dynamic", "--set", "servo.torque_limit=10"],
+    "check of a station with many axes": ["check", "humanoid_balance"],
     "check of a robot": ["check", "puma560"],
     "check of a file": ["check", URDF],
     "import": ["import", URDF, "--out", "made"],

@@ -41,6 +41,16 @@ def check(
     set_: Settings = None,
     options: ImportOptions | None,
     allow_code: AllowCode = False,
+    all_: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help=message(
+                "cli.help_check_all",
+                "Show a row for each axis of a station, also if it is far from its torque limit.",
+            ),
+        ),
+    ] = False,
     importer_options: ChosenOptions,
 ) -> None:
     """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do.
@@ -104,7 +114,7 @@ def check(
     config = station_from(station, set_, allow_code=allow_code)
     Runner(config).check()
     program_findings = [] if config.program is None else [check_program(own_program(config), config)]
-    console.print(findings_table([*check_station(config), *program_findings]))
+    console.print(findings_table([*check_station(config), *program_findings], show_all=all_))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"check": check}

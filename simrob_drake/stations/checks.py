@@ -23,7 +23,7 @@ from simrob_drake.stations.clearance_checks import clearance_findings
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
-from simrob_drake.stations.holding import error_bound, holding_findings, too_warm
+from simrob_drake.stations.holding import error_bound, holding_findings, too_warm, torque_share
 from simrob_drake.stations.ignored_settings import rounded_delays
 from simrob_drake.stations.physics_findings import CONTACT, physics_findings
 from simrob_drake.stations.ports import StationPorts
@@ -470,7 +470,7 @@ def _standing_torque(
     warmth = too_warm(robot, axis, torque)  # empty if the motor does not get too warm
     if warmth:
         return Finding("warning", subject, text + warmth)
-    return Finding(level, subject, text)
+    return Finding(level, subject, text, torque_share(torque, limit))
 
 
 def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Finding:
