@@ -17,8 +17,9 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.__main__ import DEBUG, run_guarded
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.arguments import station_from
-from simrob_drake.cli.tables import _pose_differences
+from simrob_drake.cli.tables import _pose_differences, fold_axes
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.stations.findings import Finding
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 
@@ -128,6 +129,34 @@ def test_check_foretells_the_overload(capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert "warning torque of joint_2" in out
     assert "-20.79" in out
+
+
+def test_check_folds_the_axes_that_are_far_from_their_torque_limits(capsys):
+    """The 18 axes of the humanoid have a limit of 3 N·m; a knee needs the most, 0.61 N·m or 20 %."""
+    assert run_command(["check", "humanoid_balance"]) == 0
+    folded = " ".join(capsys.readouterr().out.split())
+    assert folded.count("torque of") == 1
+    assert "torque of right_knee standing takes -0.61 N·m" in folded
+    assert "17 more axes each needs at most 20% of its torque limit; --all shows each" in folded
+    assert run_command(["check", "humanoid_balance", "--all"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert shown.count("torque of") == len(load_robot("humanoid").axes)
+    assert "more axes" not in shown
+
+
+def test_an_axis_near_its_limit_or_with_a_warning_is_not_folded():
+    def axis(number, share, level="ok"):
+        return Finding(level, f"axis {number}", "", share)
+
+    easy = [axis(number, 0.01 * number) for number in range(1, 9)]
+    warned, loaded = axis(9, 0.1, "warning"), axis(10, 0.61)
+    other = Finding("ok", "contact", "")
+    *shown, summary, last = fold_axes([other, loaded, *easy[::-1], warned])
+    assert {finding.subject for finding in (*shown, last)} == {"contact", "axis 10", "axis 8", "axis 9"}
+    assert summary.subject == "7 more axes"
+    assert "at most 7%" in summary.text
+    few = [*easy[:7], loaded, other]
+    assert fold_axes(few) == few
 
 
 @pytest.mark.long

@@ -84,9 +84,11 @@ def test_all_that_comes_with_the_package_is_described_in_spanish():
 
 
 URDF = str(models_root() / "irb120" / "irb120.urdf")
+FEET = str(models_root() / "yobotics" / "yobotics.urdf")
 COMMANDS = {
     "check of a station": ["check", "irb120_dynamic"],
     "check of a station with warnings": ["check", "irb120_dynamic", "--set", "servo.torque_limit=10"],
+    "check of a station with many axes": ["check", "humanoid_balance"],
     "check of a robot": ["check", "puma560"],
     "check of a file": ["check", URDF],
     "import": ["import", URDF, "--out", "made"],
@@ -94,6 +96,7 @@ COMMANDS = {
     "acts": ["act", "roid1_dynamic"],
     "act without a station": ["act"],
     "walk without a station": ["walk"],
+    "a legged robot with feet of its own": ["legged", FEET, "--out", "made"],
     "a missing argument": ["plot"],
     "a wrong value": ["run", "irb120_dynamic", "--duration", "long"],
     "an unknown option": ["run", "irb120_dynamic", "--durationn", "1"],
@@ -104,6 +107,13 @@ COMMANDS = {
     "a station that is wrong": ["check", "double_pendulum.yaml", "--set", "duration=-1"],
 }
 ENGLISH = re.compile(r"\b(the|of|and|with|is|are|at|not|must|should|to|limit|holding|reference|joint|axis|unit)\b")
+
+
+def test_positions_of_pieces_have_a_decimal_comma(capsys, monkeypatch):
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+    assert run_command(["check", "belt_pick"]) == ExitCode.DONE
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "con su origen en -0,05 0,48 0,0626 m" in shown
 
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)

@@ -46,6 +46,16 @@ def check(
     set_: Settings = None,
     options: ImportOptions | None,
     allow_code: AllowCode = False,
+    all_: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help=message(
+                "cli.help_check_all",
+                "Show a row for each axis of a station, also if it is far from its torque limit.",
+            ),
+        ),
+    ] = False,
     importer_options: ChosenOptions,
 ) -> None:
     """Report before any run what will go wrong in a station, what a robot can carry, or what an import would do.
@@ -85,7 +95,7 @@ def check(
         )
         show_robot(read_robot(station))
     else:
-        _check_station(station, set_, options, allow_code=allow_code)
+        _check_station(station, set_, options, allow_code=allow_code, show_all=all_)
 
 
 def _check_program_file(
@@ -138,6 +148,7 @@ def _check_station(
     options: ImportOptions | None,
     *,
     allow_code: bool,
+    show_all: bool,
 ) -> None:
     """Show the findings about a station, and about the program that it carries, if it has one.
 
@@ -146,6 +157,7 @@ def _check_station(
         settings: changes of the station, as the option ``--set`` takes them.
         options: options of imports, of which only ``--mesh-path`` may be given. None if none is given.
         allow_code: whether Python code that the station's file names may be run.
+        show_all: whether to show a row for each axis.
 
     Raises:
         SimrobError: the station cannot be run, or another option of imports is given.
@@ -160,7 +172,7 @@ def _check_station(
     program_findings = list[Finding]()
     if config.program is not None:
         program_findings.append(check_program(own_program(config), config))
-    console.print(findings_table([*check_station(config), *program_findings]))
+    console.print(findings_table([*check_station(config), *program_findings], show_all=show_all))
 
 
 def _without_mesh_path(options: ImportOptions | None) -> ImportOptions | None:

@@ -3,6 +3,7 @@
 Cells are messages, which :func:`simrob_drake.cli.screen.table` translates into the language of the output.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,11 @@ from simrob_drake.stations.findings import Finding
 # Headings that extensions use in their tables, too.
 LARGEST_DIFFERENCE = message("cli.largest_difference", "largest difference")
 AT_TIME = message("cli.at_time", "at [s]")
+
+# Largest torque of an axis, as a share of its limit, with which the axis can be folded into the row of several axes.
+_EASY_SHARE = 0.6
+# A station with more easy axes than this has one row for them. An arm on a linear axis has seven.
+_MOST_EASY_AXES = 7
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim",
@@ -217,11 +223,53 @@ def in_units(value: float, unit: str) -> str:
     return compound("{value:.2e} {unit}", value=value, unit=unit)
 
 
-def findings_table(findings: list[Finding]) -> Table:
-    """Make the table of the findings of a check, with one row for each."""
-    rows = [(_severity_word(finding.severity), finding.subject, finding.text) for finding in findings]
+def findings_table(findings: Sequence[Finding], *, show_all: bool = False) -> Table:
+    """Make the table of the findings of a check, with one row for each.
+
+    Args:
+        findings: the findings.
+        show_all: whether each axis has its row. Otherwise one row stands for the axes that `fold_axes` folds.
+    """
+    shown = findings if show_all else fold_axes(findings)
+    rows = [(_severity_word(finding.severity), finding.subject, finding.text) for finding in shown]
     headings = ("", message("cli.subject", "subject"), message("cli.finding", "finding"))
     return table(headings, *rows, numbers=False)
+
+
+def fold_axes(findings: Sequence[Finding]) -> list[Finding]:
+    """Replace the findings about axes with easy torques by one finding, if a station has many of these axes.
+
+    An axis is easy if its finding is no warning and its torque is at most `_EASY_SHARE` of its limit. The easy axis
+    with the largest share keeps its finding, so that the user sees how much the robot is loaded.
+    """
+    easy = [
+        finding
+        for finding in findings
+        if finding.level != "warning" and finding.torque_share is not None and finding.torque_share <= _EASY_SHARE
+    ]
+    if len(easy) <= _MOST_EASY_AXES:
+        return list(findings)
+    most_loaded = max(easy, key=_torque_share)
+    folded = [finding for finding in easy if finding is not most_loaded]
+    summary = Finding(
+        "ok" if all(finding.level == "ok" for finding in folded) else "note",
+        message("cli.more_axes", "{count} more axes", count=len(folded)),
+        message(
+            "cli.within_share_of_torque",
+            "each needs at most {largest:.0%} of its torque limit; {option} shows each",
+            largest=max(map(_torque_share, folded)),
+            option="--all",
+        ),
+    )
+    # The summary takes the position of the last of the axes that it replaces.
+    last = folded[-1]
+    shown = [summary if finding is last else finding for finding in findings]
+    return [finding for finding in shown if all(finding is not other for other in folded)]
+
+
+def _torque_share(finding: Finding) -> float:
+    """Share of the torque limit that a finding reports, or 0 if the finding is not about an axis."""
+    return finding.torque_share or 0.0
 
 
 def robot_table(robot: RobotModel) -> Table:

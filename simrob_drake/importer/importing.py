@@ -21,7 +21,7 @@ from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, li
 from simrob_drake.base.files import ROBOT_FILE, opened, text_of
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import MANIFEST, package_root
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
@@ -160,14 +160,14 @@ def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
     palm, pose = found
     add_frame(robot, GRASP, palm, pose)
     _write(robot, file)
-    place = " ".join(f"{value:.4g}" for value in pose.translation())
+    coordinates = [compound("{value:.4g}", value=value) for value in pose.translation()]
     report.add(
         "read",
         message("importer.frame_called", "frame '{name}'", name=GRASP),
         message(
             "importer.where_fingers_meet",
             "where the fingers meet, at {place} m of '{palm}'; they close along its y",
-            place=place,
+            place=join_texts(coordinates, " "),
             palm=palm,
         ),
     )

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram
 
 from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import NO_TORQUE
@@ -23,7 +23,7 @@ from simrob_drake.stations.clearance_checks import clearance_findings
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
-from simrob_drake.stations.holding import error_bound, holding_findings, too_warm
+from simrob_drake.stations.holding import error_bound, holding_findings, too_warm, torque_share
 from simrob_drake.stations.ignored_settings import rounded_delays
 from simrob_drake.stations.physics_findings import CONTACT, physics_findings
 from simrob_drake.stations.ports import StationPorts
@@ -122,13 +122,13 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
 def _mount_text(piece: ResolvedPiece) -> str:
     """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry."""
     # Adding 0.0 turns -0.0 into 0.0.
-    origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
+    coordinates = [compound("{value:.4g}", value=value) for value in piece.pose.translation() + 0.0]
     text = message("stations.hangs_on", "hangs on {parent}", parent=piece.parent)
     # `mount` is the frame on which the piece hangs, whose name begins with that of the parent; empty for the world.
     if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += message("stations.at_frame", ", at {frame}", frame=frame)
-    text += message("stations.its_origin_at", ", its origin at {origin} m", origin=origin)
+    text += message("stations.its_origin_at", ", its origin at {origin} m", origin=join_texts(coordinates, " "))
     # The carrier is the robot that moves it, perhaps through other pieces.
     if piece.carrier not in (piece.parent, WORLD):
         text += message("stations.carried_by", "; {carrier} carries it", carrier=piece.carrier)
@@ -470,7 +470,7 @@ def _standing_torque(
     warmth = too_warm(robot, axis, torque)  # empty if the motor does not get too warm
     if warmth:
         return Finding("warning", subject, text + warmth)
-    return Finding(level, subject, text)
+    return Finding(level, subject, text, torque_share(torque, limit))
 
 
 def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Finding:

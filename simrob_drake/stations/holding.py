@@ -156,7 +156,7 @@ def _axis_finding(
         return Finding("warning", subject, text)
     if not config.engine.moves_by_forces:
         # A kinematic station has no servos, so there is nothing more to judge than the limit above.
-        return Finding("note", subject, text)
+        return Finding("note", subject, text, torque_share(largest, limit))
 
     text += message("stations.the_limit_is", "; the limit is {limit:g} {effort}", limit=limit, effort=effort_unit)
     level: Level = "ok"
@@ -179,7 +179,13 @@ def _axis_finding(
     heat_warning = too_warm(robot, axis, largest)
     if heat_warning:
         level = "warning"
-    return Finding(level, subject, text + heat_warning)
+    return Finding(level, subject, text + heat_warning, torque_share(largest, limit))
+
+
+def torque_share(torque: float, limit: float) -> float:
+    """Compute the magnitude of a torque as a share of its limit, both in N·m or N. No torque is a share of 0."""
+    # An axis without torque may have the limit 0, by which nothing can be divided.
+    return abs(float(torque)) / float(limit) if torque else 0.0
 
 
 def too_warm(robot: StationRobot, axis: int, torque: float) -> str:

@@ -65,8 +65,10 @@ def legged(
         raise SimrobError(
             message(
                 "legged.could_be_done",
-                "{problem}. What could be done is in {folder}",
-                problem=made.problem.rstrip("."),
+                "{problem}{stop} What could be done is in {folder}",
+                problem=made.problem,
+                # A problem in several sentences has its own full stop.
+                stop="" if made.problem.endswith(".") else ".",
                 folder=folder,
             )
         )

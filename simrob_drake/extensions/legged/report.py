@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stacked
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, message
 from simrob_drake.extensions.legged.soles import EDGED
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
@@ -60,9 +60,10 @@ class Attempt:
 
 def reason_of(problem: Exception) -> str:
     """Text of an error for the report, in one line. An error that is not ours also has the name of its class."""
-    text = " ".join(str(problem).split())
     if isinstance(problem, SimrobError):
-        return text
+        # The message of our errors is one line, and can be rendered in each language.
+        return problem.message
+    text = " ".join(str(problem).split())
     name = type(problem).__name__
     return message("legged.unexpected", "unexpected error: {name}: {text}", name=name, text=text)
 
@@ -218,14 +219,26 @@ class Made:
     def rename_folder(self, old: Path, new: Path) -> None:
         """Write another folder in place of an old one in all texts: that in which the robot was made is temporary."""
         places = str(old), str(new)
-        self.found = [line.replace(*places) for line in self.found]
-        self.assumed = [line.replace(*places) for line in self.assumed]
-        self.attempts = [replace(one, outcome=one.outcome.replace(*places)) for one in self.attempts]
-        self.problem = self.problem.replace(*places)
+        self.found = [_with_other_folder(line, *places) for line in self.found]
+        self.assumed = [_with_other_folder(line, *places) for line in self.assumed]
+        self.attempts = [replace(one, outcome=_with_other_folder(one.outcome, *places)) for one in self.attempts]
+        self.problem = _with_other_folder(self.problem, *places)
 
     def can(self, trial: str) -> bool:
         """Whether the robot passed a trial."""
         return any(one.done for one in self.attempts if one.trial == trial)
+
+
+def _with_other_folder(text: str, old: str, new: str) -> str:
+    """Replace a folder in a text. In a message it is replaced in the fields, so that the message keeps its id."""
+    if not isinstance(text, Message):
+        return text.replace(old, new)
+    fields = dict(text.fields)
+    for name, value in fields.items():
+        if isinstance(value, (str, Path)):
+            field_text = value if isinstance(value, str) else str(value)
+            fields[name] = _with_other_folder(field_text, old, new)
+    return Message(text.id, text.template, fields, text.longest, text.is_sentence)
 
 
 def save_report(made: Made, folder: Path) -> None:

@@ -18,6 +18,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.values_in_force import values_in_force
 from simrob_drake.walking.parameters import load_walking
 
 
@@ -31,6 +32,9 @@ def description(cell: Workcell) -> dict[str, Any]:
         "mode": config.mode,
         "robots": {name: _robot(cell, config, name) for name in config.robots},
         "pieces": list(config.pieces),
+        "in_force": {
+            key: {"value": entry.value, "origin": entry.origin} for key, entry in values_in_force(config).items()
+        },
         "bodies": bodies,
         "push_sides": push_sides(cell, bodies),
         "loops": list(loops_of(config.controllers)),

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import yaml
@@ -40,6 +40,8 @@ class Field:
     high: float | None = None  # largest number, likewise
     removable: bool = False  # whether a section can be taken out of the station
     whole: bool = False  # whether it is a whole number
+    in_force: Any = None  # value in force if the station leaves the key out, or None if it is unknown
+    origin: str = ""  # origin of the value in force, see `simrob_drake.stations.values_in_force.Origin`
 
     @property
     def top(self) -> str:
@@ -54,6 +56,21 @@ def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
     if "robot" in content:
         keys[keys.index("robots")] = "robot"
     return [field for key in keys for field in walk.fields(key, schema["properties"][key], content.get(key))]
+
+
+def with_values_in_force(fields: Iterable[Field], in_force: Mapping[str, Mapping[str, Any]]) -> list[Field]:
+    """Add the values in force to fields whose keys the station leaves out.
+
+    Args:
+        fields: the fields of the station.
+        in_force: ``value`` and ``origin`` by dotted key, as the description of the station has them.
+    """
+    return [
+        replace(field, in_force=in_force[field.key]["value"], origin=in_force[field.key]["origin"])
+        if field.key in in_force
+        else field
+        for field in fields
+    ]
 
 
 def move_fields(kind: type[Move], keys: Iterable[str], content: Mapping[str, Any]) -> list[Field]:

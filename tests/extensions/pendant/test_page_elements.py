@@ -82,6 +82,12 @@ def moves_of(station, **settings):
     return robot["moves"]
 
 
+def test_a_description_contains_the_values_in_force():
+    values = description(Workcell("irb120_dynamic"))["in_force"]
+    assert values["pieces.gripper.mass"] == {"value": 1.0, "origin": "piece"}
+    assert values["servo.torque_limit"]["value"]["joint_6"] == 15
+
+
 def test_moves_of_fingers_are_offered_to_robots_with_fingers_alone():
     assert not {"grip", "open"} & moves_of("irb120_dynamic").keys()
     assert {"force", "width", "duration"} <= set(moves_of("irb120_gripper")["grip"])

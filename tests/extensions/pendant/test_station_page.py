@@ -18,7 +18,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.extensions.pendant.pages import station
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture, labels_of, with_buttons, with_values
 from simrob_drake.extensions.pendant.pages.station import in_brief
-from simrob_drake.extensions.pendant.pages.words import Notice, texts_of, words
+from simrob_drake.extensions.pendant.pages.words import Notice, texts_of, value_text, words
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.block_diagram.picture import station_svg
 from simrob_drake.stations.load import load_station
@@ -103,6 +103,66 @@ def on_page(scenario, session=None, language="en"):
             await scenario(user, session)
 
     asyncio.run(run())
+
+
+IN_FORCE = {
+    "en": {
+        "pieces.gripper.mass": ("1.0", "in force: 1.0, from the piece's file"),
+        "servo.torque_limit": ("3.1", "in force: 3.1, from the motor"),
+        "servo.ki": ("0.5", "in force: 0.5, from the robot's file"),
+    },
+    "es": {
+        "pieces.gripper.mass": ("1,0", "en vigor: 1,0, del fichero de la pieza"),
+        "servo.torque_limit": ("3,1", "en vigor: 3,1, del motor"),
+        "servo.ki": ("0,5", "en vigor: 0,5, del fichero del robot"),
+    },
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("language", IN_FORCE)
+def test_a_field_that_is_not_set_shows_the_value_in_force_and_its_origin(language):
+    session = Station()
+    session.description["in_force"] = {
+        "pieces.gripper.mass": {"value": 1.0, "origin": "piece"},
+        "servo.torque_limit": {"value": 3.1, "origin": "motor"},
+        "servo.ki": {"value": 0.5, "origin": "robot"},
+    }
+
+    async def scenario(user, _):
+        (search,) = user.find(content=words(language)("station.search"), kind=ui.input).elements
+        for key, (placeholder, hint) in IN_FORCE[language].items():
+            search.value = key
+            await settled(0.1)
+            (element,) = user.find(content=key, kind=ui.input).elements
+            assert element.value in ("", None)
+            assert element.props["placeholder"] == placeholder
+            assert hint in element.props["hint"]
+
+    on_page(scenario, session, language)
+
+
+@pytest.mark.parametrize("value", [1.5, {"joint_1": 1.5}, [1.5, 2.5], True, "1.5", None])
+def test_one_number_has_the_decimal_sign_of_the_language(value):
+    """Lists and mappings are YAML, in which a comma separates."""
+    expected = "1,5" if value == 1.5 else value_text(value, "en")
+    assert value_text(value, "es") == expected
+
+
+@pytest.mark.long
+def test_a_gain_with_a_decimal_comma_is_a_number():
+    async def scenario(user, session):
+        user.find(content=words("es")("station.search"), kind=ui.input).type("servo.kp")
+        await settled(0.1)
+        field = user.find(content="servo.kp", kind=ui.input)
+        (element,) = field.elements
+        assert element.value == "1000,0"
+        element.value = "900,5"
+        field.trigger("keydown.enter")
+        await settled(0.1)
+        assert session.book.settings == {"servo.kp": 900.5}
+
+    on_page(scenario, language="es")
 
 
 @pytest.mark.long

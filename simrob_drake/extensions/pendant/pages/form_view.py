@@ -1,5 +1,6 @@
 """Fields of a station on a page: each with its help below, and in its place what is wrong with what was typed."""
 
+import re
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -8,11 +9,14 @@ from nicegui import ui
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import number_in_language
-from simrob_drake.extensions.pendant.form import Field, as_text, as_value
-from simrob_drake.extensions.pendant.pages.words import Words
+from simrob_drake.extensions.pendant.form import Field, as_value
+from simrob_drake.extensions.pendant.pages.words import Words, value_text
 
 Give = Callable[[str, Any], Awaitable[str]]
 """Takes a key and its new value, and returns what is wrong with it; nothing where it was done."""
+
+_COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+"""A number with a decimal comma. As YAML, it would be a text."""
 
 _HUGE = 1e6  # bounds from here on are nothing that a user meets
 
@@ -101,10 +105,9 @@ class FormView:
         return update
 
     def _typed(self, field: Field) -> Callable[[Field], object]:
-        empty = self._shown(field, field.default) or self._t("station.not_given")
-        box = ui.input(self._name(field), suffix=field.unit or None, placeholder=empty)
+        box = ui.input(self._name(field), suffix=field.unit or None)
         # The label stays above, so that an empty field shows what holds, and not its own name.
-        box.classes("w-full").props("dense stack-label").props["hint"] = self._help(field)
+        box.classes("w-full").props("dense stack-label")
         shown = [""]
 
         async def typed() -> None:
@@ -117,7 +120,10 @@ class FormView:
                 box.error = self._t.render(str(problem))
 
         def update(new: Field) -> None:
-            text = self._shown(new, new.value)
+            # The value in force changes with other keys, such as the torque limit with the motor.
+            box.props["placeholder"] = self._shown_if_empty(new)
+            box.props["hint"] = self._help(new)
+            text = self._shown(new.value)
             if text != shown[0]:
                 shown[0] = box.value = text
                 box.error = None
@@ -125,21 +131,31 @@ class FormView:
         box.on("keydown.enter", typed).on("blur", typed)
         return update
 
-    def _shown(self, field: Field, value: Any) -> str:
+    def _shown(self, value: Any) -> str:
         """Write a value for the user: a number with the decimal sign of the language, other values as YAML."""
-        text = as_text(value)
-        return number_in_language(text, self._t.language) if field.kind == "number" else text
+        return value_text(value, self._t.language)
+
+    def _shown_if_empty(self, field: Field) -> str:
+        """Write the value that holds if the field is empty: the value in force, else the default of the key."""
+        value = field.default if field.in_force is None else field.in_force
+        return self._shown(value) or self._t("station.not_given")
 
     def _as_typed(self, field: Field, text: str) -> str:
         """Read a number with either decimal sign. Other values are YAML, in which a comma separates."""
-        return text.replace(",", ".") if field.kind == "number" and self._t.has_decimal_comma else text
+        is_number = field.kind == "number" or (field.kind == "value" and _COMMA_NUMBER.fullmatch(text.strip()))
+        return text.replace(",", ".") if is_number and self._t.has_decimal_comma else text
 
     def _help(self, field: Field) -> str:
-        """Return what a field is, with its bounds and its default."""
+        """Describe a field, with its bounds and its default, or the value in force and its origin."""
         ends = (("≥", field.low), ("≤", field.high))
         bounds = [f"{sign} {self._t.figure(bound)}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
-        default = self._shown(field, field.default)
-        hints = [*bounds, self._t("station.default", value=default) if default else ""]
+        if field.in_force is not None:
+            value = self._shown(field.in_force)
+            source = self._t("station.in_force", value=value, origin=self._t(f"station.origin_{field.origin}"))
+        else:
+            default = self._shown(field.default)
+            source = self._t("station.default", value=default) if default else ""
+        hints = [*bounds, source]
         return " · ".join(filter(None, (field.help, *hints)))
 
     def _entries(self, field: Field) -> Callable[[Field], object]:
@@ -201,8 +217,11 @@ def is_tuned(key: str) -> bool:
     return key.rpartition(".")[2] in _TUNED
 
 
-def build_tuner(tuning: Tuning) -> None:
-    """Build the slider of a number. It acts when it is released, or by the arrow keys."""
+def build_tuner(tuning: Tuning, t: Words) -> None:
+    """Build the slider of a number, whose value is written in a language.
+
+    It acts when it is released, or by the arrow keys.
+    """
     value, give = tuning.value, tuning.give
     with ui.row().classes("w-full items-center no-wrap gap-3"):
         ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
@@ -215,7 +234,7 @@ def build_tuner(tuning: Tuning) -> None:
         return float(f"{value * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
 
     def show() -> None:
-        label.text = f"{now():g} {tuning.unit}"
+        label.text = f"{number_in_language(f'{now():g}', t.language)} {tuning.unit}"
 
     async def turned() -> None:
         wrong.text = await give(now())

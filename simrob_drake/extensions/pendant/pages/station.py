@@ -16,13 +16,13 @@ from simrob_drake.extensions.pendant.describe import (
     block_meaning,
     wire_meaning,
 )
-from simrob_drake.extensions.pendant.form import Field, as_text, form_fields
+from simrob_drake.extensions.pendant.form import Field, form_fields, with_values_in_force
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
 from simrob_drake.extensions.pendant.pages.elements import card, follow, own_tab_panels
 from simrob_drake.extensions.pendant.pages.form_view import FormView, Tuning, build_tuner, is_tuned, tunings
 from simrob_drake.extensions.pendant.pages.key_helps import in_own_language
 from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
-from simrob_drake.extensions.pendant.pages.words import Phrases, Words
+from simrob_drake.extensions.pendant.pages.words import Phrases, Words, value_text
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.timeline import GRID
 from simrob_drake.stations.load import station_content
@@ -100,7 +100,10 @@ class _Page:
         if not session.description:
             return
         self._content = station_content(session.book.config)
-        self._fields = in_own_language(form_fields(station_schema(), self._content), self._t.language)
+        fields = with_values_in_force(
+            form_fields(station_schema(), self._content), session.description.get("in_force", {})
+        )
+        self._fields = in_own_language(fields, self._t.language)
         self._show_form()
         self._search()
         self._show_changed()
@@ -266,7 +269,9 @@ class _Page:
         self._changed.clear()
         with self._changed:
             for key, value in self._session.book.settings.items():
-                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune").props("outline")
+                chip = ui.chip(
+                    f"{key}: {value_text(value, self._t.language) or '–'}", removable=True, icon="tune"
+                ).props("outline")
                 chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
     def _show_stops(self) -> None:
@@ -276,7 +281,9 @@ class _Page:
             monitors = [field for field in self._fields if field.top == "monitors" and field.key.count(".") == 1]
             for monitor in monitors:
                 inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
-                changed = [_field_text(field) for field in inner if field.value not in (None, field.default)]
+                changed = [
+                    _field_text(field, self._t.language) for field in inner if field.value not in (None, field.default)
+                ]
                 name = monitor.key.partition(".")[2] + (f" ({', '.join(changed)})" if changed else "")
                 ui.label(f"{name}: {monitor.help}").classes("text-sm")
             if not monitors:
@@ -329,7 +336,7 @@ class _Page:
         if sliders and note:
             ui.label(note).classes("text-sm")
         for tuning in sliders:
-            build_tuner(tuning)
+            build_tuner(tuning, t)
 
     def _axis_tuning(self, meaning: BlockMeaning, field: Field, axes: Sequence[str]) -> Tuning | None:
         """Make the slider with which a field of a joint's block changes this joint. Returns None if it has none."""
@@ -373,6 +380,7 @@ def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
         ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
 
 
-def _field_text(field: Field) -> str:
+def _field_text(field: Field, language: str) -> str:
+    """Name, value and unit of a field, in a language."""
     name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
-    return f"{name} {as_text(field.value)} {field.unit}".strip()
+    return f"{name} {value_text(field.value, language)} {field.unit}".strip()

@@ -60,6 +60,13 @@ class Words:
         return number_in_language(f"{value:.{count}f}", self.language)
 
 
+def value_text(value: Any, language: str) -> str:
+    """Write a value for the user: one number with the decimal sign of the language, other values as YAML."""
+    text = as_text(value)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number_in_language(text, language) if is_number else text
+
+
 def languages() -> list[str]:
     """Return the languages that there are, ``en`` first."""
     return sorted(file.stem for file in _FOLDER.glob("*.yaml"))
@@ -264,7 +271,8 @@ class Phrases:
         elif change.drive is not None:
             what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
         else:
-            what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
+            settings = change.set or {}
+            what = ", ".join(f"{key} = {value_text(value, t.language)}" for key, value in settings.items())
         return t("legs.told_at", time=t.figure(change.time), what=what)
 
     def _named(self, section: str, name: str, otherwise: str | None = None) -> str:

@@ -1,0 +1,73 @@
+"""Values in force of keys that a station leaves out: from the files of the piece, the motor and the robot."""
+
+from typing import Any
+
+import pytest
+
+from simrob_drake.base.files import models_root
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.robots.catalog import robot_files
+from simrob_drake.robots.pieces import piece_file
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.values_in_force import ValueInForce, values_in_force
+
+
+def found(station: str, settings: dict[str, Any] | None = None) -> dict[str, ValueInForce]:
+    """Values in force of a station with changed keys."""
+    return values_in_force(load_station(station, settings or {}))
+
+
+def test_a_piece_has_the_mass_of_its_file() -> None:
+    mass = read_yaml(piece_file("gripper"))["mass"]
+    assert found("irb120_dynamic")["pieces.gripper.mass"] == ValueInForce(mass, "piece")
+
+
+def test_a_mass_that_the_station_gives_is_not_repeated() -> None:
+    assert "pieces.gripper.mass" not in found("irb120_dynamic", {"pieces.gripper.mass": 2})
+
+
+def test_a_density_gives_the_mass_of_the_shapes() -> None:
+    """The cube of steel has 40 mm sides: its mass is the density times 6.4e-5 m³."""
+    values = found("irb120_gripper", {"pieces.cube_1.density": 1000})
+    assert values["pieces.cube_1.mass"].origin == "shapes"
+    assert values["pieces.cube_1.mass"].value == pytest.approx(1000 * 0.04**3, rel=1e-5)
+
+
+def test_a_motor_gives_the_torque_limit_and_its_own_values() -> None:
+    motor = read_yaml(models_root() / "motors.yaml")["mx_28"]
+    by_name = found("humanoid_balance", {"servo.motor": "mx_28"})
+    assert by_name["servo.torque_limit"] == ValueInForce(motor["stall_torque"], "motor")
+    by_section = found("humanoid_balance", {"servo.motor": {"model": "mx_28", "rated_torque": 0.5}})
+    assert by_section["servo.motor.stall_torque"] == ValueInForce(motor["stall_torque"], "motor")
+    assert "servo.motor.rated_torque" not in by_section
+
+
+def test_gains_are_those_of_the_robots_file() -> None:
+    kp = read_yaml(robot_files()["irb120"])["servo"]["kp"]
+    assert found("irb120_dynamic", {"servo.kp": None})["servo.kp"] == ValueInForce(kp, "robot")
+
+
+def test_limits_that_differ_are_given_by_axis() -> None:
+    values = found("irb120_dynamic")
+    assert values["servo.torque_limit"].value["joint_6"] == 15
+    assert values["servo.torque_limit"].origin == "robot"
+    # The integral part may reach the torque limit, which is then that of the station.
+    limited = found("irb120_dynamic", {"servo.torque_limit": 40})
+    assert "servo.torque_limit" not in limited
+    assert limited["servo.integral_limit"] == ValueInForce(40, "station")
+
+
+def test_robots_that_share_a_section_but_not_the_value_have_none() -> None:
+    """The belt has a kp of 20000 N/m and the arm one of 1000 N·m/rad."""
+    values = found("belt_pick", {"mode": "dynamic", "servo.kp": None})
+    assert "servo.kp" not in values
+
+
+def test_a_passive_axis_has_no_gains() -> None:
+    """The pole of the cart has no motor; the cart's gains are the only ones."""
+    values = found("cart_pole", {"servo.torque_limit": None})
+    assert not isinstance(values["servo.torque_limit"].value, dict)
+
+
+def test_a_kinematic_station_has_no_servos() -> None:
+    assert not [key for key in found("irb120_kinematic") if key.startswith("servo.")]
