@@ -30,7 +30,7 @@ from simrob_drake.blocks.references import BLEND, hold
 # An S-curve without a given jerk has ramps of three equal parts: the acceleration rises, stays and falls [1].
 _RAMP_PARTS = 3.0
 LONGEST_RAMP = _RAMP_PARTS / (_RAMP_PARTS - 1)
-"""Duration of such an S-curve's ramp over that of a trapezoid's with the same speed and acceleration."""
+"""Duration of the ramp of an S-curve without a given jerk, relative to that of a trapezoid with its acceleration."""
 # Part of the whole duration that a ramp takes if only the duration is given [1].
 _RAMP_SHARE = 0.25
 # A shorter distance is no motion [rad or m].
@@ -174,7 +174,7 @@ def _check_limits(
 
 
 def cruise_in(duration: float, *, rounded: bool) -> TimeLaw:
-    """Compute the time law of a path of length 1 for a duration, a quarter of which is the ramp.
+    """Compute the time law of a path of length 1 for a duration, of which the ramp at each end takes a quarter.
 
     Args:
         duration: duration of the motion [s].
@@ -182,6 +182,7 @@ def cruise_in(duration: float, *, rounded: bool) -> TimeLaw:
     """
     # In the duration 1 with ramps of r at each end, the length 1 is v (1 - r).
     speed = 1 / (1 - _RAMP_SHARE)
+    # A trapezoid's ramp lasts v / a, and that of an S-curve LONGEST_RAMP times as long. This acceleration makes it r.
     acceleration = speed / _RAMP_SHARE * (LONGEST_RAMP if rounded else 1.0)
     return cruise(1.0, speed, acceleration, None if rounded else np.inf).slower(duration)
 

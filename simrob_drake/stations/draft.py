@@ -102,7 +102,8 @@ def draft_station(
 
     Raises:
         InvalidModel: the robot cannot be imported.
-        InvalidParameter: options are given for a YAML file.
+        Unsuitable: options are given for a YAML file, or a YAML file describes a robot with a floating base that has no
+            collision shapes.
     """
     file = robot_file(urdf, "urdf")
     own_folder = None if folder is None else as_path(folder, "folder")
@@ -114,7 +115,15 @@ def draft_station(
         )
     robot = read_robot(file, options)
     remarks = list[str]()
-    if not is_description and _falls_through(robot):
+    falls_through = _falls_through(robot)
+    # The base of a robot that a YAML file describes is the user's choice.
+    if falls_through and is_description:
+        raise Unsuitable(
+            compound("{file}: base", file=file.name),
+            message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
+            message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
+        )
+    if falls_through:
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         reason = message(
@@ -495,8 +504,10 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     # The robot is imported already, so its import options are left out.
     section = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
     # A URDF is enough if it stands alone or a robot.yaml is in its folder, which is found from the URDF. A table of
-    # Denavit-Hartenberg parameters, or a description of another name, has to be named itself.
-    if robot.dh is not None or robot.description_file.name != ROBOT_FILE:
+    # Denavit-Hartenberg parameters, or a description of another name, has to be named itself. (The description file of
+    # a lone URDF is the robot.yaml that its folder would have.)
+    needs_description = robot.dh is not None or robot.description_file.name != ROBOT_FILE
+    if needs_description:
         section["model"] = str(robot.description_file)
     else:
         section["urdf"] = robot.urdf_path

@@ -128,6 +128,9 @@ def add_plant(
         resolved: the station.
         hooks: callbacks that may add bodies to the plant; None if there are none.
 
+    Returns:
+        the station's finalized plant. Its attribute ``stand_in`` is the block of another engine, if there is one.
+
     Raises:
         SimrobError: a robot does not suit the mode of the station, or the engine cannot simulate the station.
     """
@@ -135,8 +138,9 @@ def add_plant(
     config = resolved.config
     if hooks.is_used:
         check_steps_plant(config)
-    stand_in = other_engine(config)
-    if not config.engine.moves_by_forces or stand_in is not None:
+    # The engine that steps the station in place of Drake's plant, or None.
+    engine_in_place = other_engine(config)
+    if not config.engine.moves_by_forces or engine_in_place is not None:
         # A plant outside of the diagram only computes poses and masses: its time step 0 has no
         # effect.
         plant = MultibodyPlant(0.0)
@@ -157,11 +161,12 @@ def add_plant(
     # Bodies, joints and actuators can be added until here only; collision filters and defaults come after.
     plant.Finalize()
     station = complete_plant(models)
+    # Flat shapes touch by contact points. Filters exclude the pairs of whole shapes that these points replace.
     replaced = filter_contact_points(scene_graph, models.points)
     station = replace(station, replaced_pairs=tuple(replaced))
-    if stand_in is None:
+    if engine_in_place is None:
         return station
-    return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
+    return replace(station, stand_in=add_plant_block(builder, engine_in_place, resolved, station))
 
 
 def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
@@ -264,7 +269,9 @@ def add_models(
 
 
 def complete_plant(models: StationModels) -> StationPlant:
-    """Set what a station can set only after its plant is finalized: initial posture, rotors, collision filters.
+    """Set what a station can set only after its plant is finalized, and check couplings and contact stiffnesses.
+
+    It sets the initial posture, heavy rotors of joints whose motion is prescribed, and collision filters.
 
     Args:
         models: the station's robots and pieces.
@@ -282,9 +289,10 @@ def complete_plant(models: StationModels) -> StationPlant:
             joint.set_default_positions(np.array([sign * angle]))
     for robot in station.robots.values():
         set_rotors(plant, robot.joints, robot)
-    start = plant.CreateDefaultContext() if config.couplings else None
-    for name, coupling in config.couplings.items() if start is not None else ():
-        coupling.check_start(f"couplings.{name}", station, start)
+    if config.couplings:
+        start = plant.CreateDefaultContext()
+        for name, coupling in config.couplings.items():
+            coupling.check_start(f"couplings.{name}", station, start)
     check_stiffnesses(plant, station.scene_graph, resolved, models.shapes)
     _filter_collisions(station, config.contact)
     return station

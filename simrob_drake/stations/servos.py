@@ -28,7 +28,8 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
 
     Raises:
         UnknownName: there is no motor or no axis of that name.
-        InvalidParameter: a motor has no torque at rest or no speed without load, or a supply without a voltage.
+        InvalidParameter: a motor has no torque at rest or no speed without load, also not from the limits of the URDF,
+            or a supply is given without the voltage or current at which the motor's values hold.
         Unsuitable: the station names a motor for a passive axis.
     """
     choice = robot.servo.motor if servo.motor is None else servo.motor
@@ -42,8 +43,8 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
         index = robot.axis_index(axis, _KEY)
         if index not in passive:
             found[index] = _complete_motor(own, robot, index)
-        # A choice for all axes, or of the robot's own file, just leaves passive axes out; a name
-        # asks for one.
+        # A choice for all axes, or one of the robot's own file, leaves passive axes out. A station that names a passive
+        # axis asks for a motor there, which is an error unless it says that there is none.
         elif isinstance(servo.motor, dict) and own != NO_MOTOR:
             raise passive_axis(f"{_KEY}.{axis}", axis)
     return found

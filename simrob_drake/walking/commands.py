@@ -285,12 +285,14 @@ class Follower:
 
         # The desired direction leads back to the path. A robot that looks elsewhere first turns, then walks.
         back = clamp(-_SIDE_GAIN * offset.imag, self._speed * tan(_LARGEST_APPROACH))
-        error = cmath.phase(soon.direction * complex(self._speed, back) / pose.direction)
-        velocity = soon.direction * complex(speed, back) * max(cos(error), 0.0) / pose.direction
+        # The direction is that at full speed: at the slow end of a path, a small distance aside would turn the robot
+        # across the path otherwise.
+        heading_error = cmath.phase(soon.direction * complex(self._speed, back) / pose.direction)
+        velocity = soon.direction * complex(speed, back) * max(cos(heading_error), 0.0) / pose.direction
 
         ahead = max(min(velocity.real, self._speed), 0.0)
         sideways = clamp(velocity.imag, self._largest_sideways)
-        turn = clamp(soon.curvature * speed + _HEADING_GAIN * error, self._largest_turn)
+        turn = clamp(soon.curvature * speed + _HEADING_GAIN * heading_error, self._largest_turn)
         return Command(complex(ahead, sideways), turn)
 
 

@@ -91,12 +91,13 @@ class WalkingEngine:
             The state of the walk, and the posture, shape (n,) [rad].
         """
         steps = self.planner.steps
-        foot = steps.apart[0]
-        middle = steps.middle(1, foot)
+        # The left group of feet (1) stands, as in a Step by default, and the right one (0) is the swing foot beside it.
+        right_foot = steps.apart[0]
+        middle = steps.middle(1, right_foot)  # of both feet, over which the zero-moment point is
         stride = Stride(
             step=Step(zmp_from=middle),
-            swing=Swing(place=foot),
-            landing=Landing(time=0.0, place=foot),
+            swing=Swing(place=right_foot),
+            landing=Landing(time=0.0, place=right_foot),
             trunk=Trunk(com=middle, zmp=middle),
             ground=Ground(slope=slope),
         )

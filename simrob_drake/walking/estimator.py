@@ -188,15 +188,18 @@ class Estimator:
         # Two heights determine the slope along the line between the feet. Across it, the known slope stays.
         standing = stride.step.sides[0]
         known_slope = stride.ground.slope + stride.ground.tilt
-        heights = []
+        # Heights beyond those of the known slope. What all of them have in common has no effect, as the weights of a
+        # group of feet sum to zero.
+        deviations = []
         for offset, (_, _, z_row) in zip(self._stance.offsets[standing], poses, strict=True):
-            heights.append(z_row[3] - height_on_slope(known_slope, offset))
-        return known_slope + slope_through(self._stance.slope_weights[standing], heights)
+            deviations.append(z_row[3] - height_on_slope(known_slope, offset))
+        return known_slope + slope_through(self._stance.slope_weights[standing], deviations)
 
     def slope(self, state: BodyState) -> complex:
-        """Estimate the slope of the ground under all feet of a robot that stands, ahead and to the left [1].
+        """Estimate the slope of the ground under the feet of a robot that stands, ahead and to the left [1].
 
-        The groups of feet are taken in turn, as two balls only show the slope along the line between them.
+        The groups of feet are taken in turn, each beginning with the slope that was found before: two balls only show
+        the slope along the line between them. Soles show all of it, so that the result is that of the last group.
 
         Args:
             state: measured motion of the robot in the world.

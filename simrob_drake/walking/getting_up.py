@@ -84,19 +84,22 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
     angles = np.zeros(len(model.axes))
     for number, posture in enumerate(way):
         for axis, angle in posture.target_deg.items():
-            angles[_axis_indices(model, axis)] = np.deg2rad(angle)
+            indices = _axis_indices(model, axis)
+            angles[indices] = np.deg2rad(angle)
             violation = model.limits.find_violation(angles[np.newaxis])
             if violation is not None:
+                # An axis that the sequence has not named is at 0, which may be beyond its limits, too.
+                wrong_axis = axis if violation.axis in indices else list(model.axes)[violation.axis]
                 expected = message("walking.within", "within {limits}", limits=violation.limits)
                 raise InvalidParameter(
                     message(
                         "walking.axis_of_posture",
                         "{section}: {axis} of posture {number}",
                         section=GETTING_UP,
-                        axis=axis,
+                        axis=wrong_axis,
                         number=number,
                     ),
-                    angle,
+                    float(np.rad2deg(angles[violation.axis])),
                     expected,
                 )
         sequence.append(angles.copy())

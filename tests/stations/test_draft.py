@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.programs.whole_program import run_whole
@@ -55,6 +56,19 @@ def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, 
     estimated = drafted(tmp_path, urdf, ImportOptions(estimate_inertia=True))
     assert estimated.mode == "dynamic"
     assert simulate(estimated, duration=0.5, progress=False).ending == "completed"
+
+
+def test_a_description_with_a_floating_base_needs_shapes(one_joint_urdf, write_urdf):
+    """A floating robot that a YAML file describes is refused in words if nothing of it can stand on the floor."""
+    collision_end = one_joint_urdf.index("</collision>") + len("</collision>")
+    without_shapes = one_joint_urdf[: one_joint_urdf.index("<collision>")] + one_joint_urdf[collision_end:]
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    urdf = write_urdf(without_shapes.replace('<link name="base">', f'<link name="base">{inertial}'))
+    description = urdf.with_name("floating.yaml")
+    description.write_text(f"urdf: {urdf.name}\nroot: base\nbase: floating\naxes: [shoulder]\ntools: {{}}\n")
+
+    with pytest.raises(Unsuitable, match=r"floating\.yaml: base: it is floating, but no link has a collision shape"):
+        draft_station(description)
 
 
 def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(tmp_path, one_joint_urdf, write_urdf):

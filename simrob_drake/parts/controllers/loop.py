@@ -561,7 +561,8 @@ def _drive(
 ) -> None:
     """Connect the outputs of loops to the inputs of their robot: reference, its velocity, and feedforward.
 
-    The reference is limited to the joint limits after all layers. Blocks are only added for outputs that a loop has.
+    The reference is limited to the joint limits after all layers. Apart from the limits, blocks are only added for
+    outputs that a loop has.
 
     Args:
         builder: builder of the diagram.
@@ -571,6 +572,7 @@ def _drive(
     """
     key = f"{robot.prefix}reference"
     identity = np.eye(len(robot.axes))
+    # The port of the servos, read first: a block that reads the reference from outside takes its place in the inputs.
     robot_input = site.inputs[key]
     reference = _LayeredReference(builder, site, robot)
     torques = list[OutputPort]()
@@ -614,7 +616,13 @@ def _block_label(name: str, section: LoopSection) -> str:
 
 
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
-    """Draw a system as a part of the picture's one block that contains all layers over a robot's reference."""
+    """Draw systems as parts of the picture's one block that contains all layers over a robot's reference.
+
+    Args:
+        site: the station under construction.
+        system: name of a system. Systems whose names begin with this name and a dot are drawn with it.
+        robot: the robot.
+    """
     label = message("parts.block_layers", "Reference\nand loops,\njoint limits")
     site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")
 

@@ -236,9 +236,10 @@ class UnknownGround(SampledBlock):
     def _hold_torques(
         self, new: dict[str, Vector], leg: slice | list[int], to_position: Vector, velocity: Vector, *, follows: bool
     ) -> None:
-        """Change offset and feedforward of a leg that touched early so that only the torques of that moment act.
+        """Let only the torques of the moment of an early touch act on a leg, until it follows the reference again.
 
-        It writes to the new memory. With the reference at the measured position, the servos themselves apply nothing.
+        A leg that did not touch early is not changed. The result is written to the new memory. With the reference at
+        the measured position, the servos themselves apply nothing but their damping.
 
         Args:
             new: the new memory.
@@ -247,6 +248,7 @@ class UnknownGround(SampledBlock):
             velocity: velocity of the plan, shape (n,) [rad/s].
             follows: whether the leg follows the reference.
         """
+        # Torques of zero mean that the leg did not touch early. It then stands with its offset from the plan.
         if follows:
             new["torques"][leg] = 0.0
         elif new["torques"][leg].any():

@@ -284,7 +284,9 @@ class CameraSensor(Sensor):
         return Lens(self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add the block that other blocks can read, if the camera is in a loop. A camera has no signals.
+        """Note the camera for the result. If it is in a loop, add the block that other blocks can read.
+
+        A run records no images: those of a result are rendered after it. So a camera has no signals.
 
         Raises:
             InvalidParameter: the camera is inside of a shape at the start.

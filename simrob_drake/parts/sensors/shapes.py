@@ -164,7 +164,8 @@ class Force(ShapeSensor):
         add_and_connect(builder, f"sensor.{name}.split", split, reported)
 
         # If the contact results lack friction, it is added after the run, or the result says that it is missing.
-        tangential = self._tangential_source(site, body[0])
+        any_shape = body[0]  # all shapes of the sensor's body belong to one model
+        tangential = self._tangential_source(site, any_shape)
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
