@@ -46,8 +46,11 @@
   const LOWEST = 0.02; // height of the camera above the floor [m]
   const has_floor = () => "floor" in (viewer.scene_tree.children.drake?.children.station?.children ?? {});
   const stay_above_floor = () => { // a floor hides everything from a camera below it
-    if (!has_floor()) return;
     const { camera, controls } = viewer;
+    if (!has_floor()) {
+      controls.maxPolarAngle = Math.PI;
+      return;
+    }
     const distance = camera.position.distanceTo(controls.target);
     const cosine = (LOWEST - controls.target.y) / distance;
     controls.maxPolarAngle = Math.acos(Math.min(Math.max(cosine, -1), 1));

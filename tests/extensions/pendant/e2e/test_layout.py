@@ -107,6 +107,7 @@ def test_a_camera_stays_above_a_floor(page, humanoid, has_floor, lowest):
             """(_, has_floor) => {
                 const { camera, controls, scene_tree } = viewer;
                 if (!has_floor) delete scene_tree.children.drake.children.station.children.floor;
+                controls.dispatchEvent({ type: "change" });
                 camera.position.y = -1.0;
                 controls.update();
                 return camera.position.y;
