@@ -16,7 +16,7 @@ from simrob_drake.results.animation.pictures import captions
 from simrob_drake.results.record.disturbances import last_disturbance
 from simrob_drake.stations.load import load_station, with_settings
 
-LEANS = "stopped by fall: robot fell: it leans by more than 60 deg"
+LEANS = "stopped because robot fell: it leans by more than 60 deg"
 FALL = LEANS + ", at {at} s, {after} s after the push of {size} N on robot"
 
 
@@ -32,7 +32,8 @@ def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
     after = fall.stop_time - 1.0
     assert 0.1 < after < 0.3
     assert fall.end_in_words == FALL.format(at=f"{fall.stop_time:.4g}", after=f"{after:.2f}", size=60)
-    assert fall.verdict.remarks[0].text.startswith("Stopped by fall") or fall.end_in_words in fall.verdict.sentence
+    verdict = fall.verdict
+    assert verdict.remarks[0].text.startswith("Stopped because robot fell") or fall.end_in_words in verdict.sentence
     spanish = in_language(fall.end_in_words, "es")
     assert f"{after:.2f} s después de un empujón de 60 N a robot".replace(".", ",") in spanish
 

@@ -43,6 +43,26 @@
     followed = place;
     viewer.set_dirty();
   };
+  const LOWEST = 0.02; // height of the camera above the floor [m]
+  const has_floor = () => "floor" in (viewer.scene_tree.children.drake?.children.station?.children ?? {});
+  const stay_above_floor = () => { // a floor hides everything from a camera below it
+    const { camera, controls } = viewer;
+    if (!has_floor()) {
+      controls.maxPolarAngle = Math.PI;
+      return;
+    }
+    const distance = camera.position.distanceTo(controls.target);
+    const cosine = (LOWEST - controls.target.y) / distance;
+    controls.maxPolarAngle = Math.acos(Math.min(Math.max(cosine, -1), 1));
+    // Zooming out lowers a camera that looks up. The limit above acts only at the next update.
+    if (camera.position.y < LOWEST - 1e-3) controls.update();
+  };
+  let limited = null; // the controls that keep the camera above the floor
+  const limit_camera = () => { // Meshcat makes new controls with each camera
+    if (limited === viewer.controls) return;
+    limited = viewer.controls;
+    limited.addEventListener("change", stay_above_floor);
+  };
   const note = document.body.appendChild(document.createElement("div"));
   note.style = "position: absolute; top: 8px; left: 12px; font: 18px sans-serif; white-space: pre-line; pointer-events: none";
   const obey = (command) => {
@@ -55,6 +75,7 @@
     else if (command.type in board.heard) board.heard[command.type](command);
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
+    limit_camera();
   };
   window.shade = (dark) => { // as the page around is
     window.dark = dark;

@@ -409,13 +409,19 @@ class RecordedRun:
 
     @property
     def end_in_words(self) -> str:
-        """End of the run in words, with the monitor that ended it, and the push before a fall."""
+        """End of the run in words: the monitor that ended it, or a fall with the push before it."""
         if self.ending != "monitor":
             return self.message
-        end = message(
-            "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
-        )
-        cause = last_disturbance(self) if robot_that_fell(self) is not None else None
+        if robot_that_fell(self) is None:
+            return message(
+                "results.stopped_by",
+                "stopped by {monitor}: {reason}",
+                monitor=self.stopped_by,
+                reason=self.message,
+            )
+        # The reason says already that the robot fell. The name of the monitor, mostly "fall", would repeat it.
+        end = message("results.stopped_by_fall", "stopped because {reason}", reason=self.message)
+        cause = last_disturbance(self)
         # A push long before the fall is most likely not its cause.
         if cause is None or self.stop_time - cause.begin > LONGEST_FALL:
             return end

@@ -79,8 +79,9 @@ class ArmSession(StubSession):
     def teach_target(self, name=None, frame="world"):
         told = arm_questions.where(self.real, frame)
         target = {"axes": told["axes"], "pose": told["pose"], "tool": told["tool"], "frame": frame}
-        self.told("program", targets={**self.targets, name or f"p{len(self.targets) + 1}": target})
-        return given(name)
+        called = name or f"p{len(self.targets) + 1}"
+        self.told("program", targets={**self.targets, called: target})
+        return given(called)
 
     def remove_target(self, name):
         self.told("program", targets={key: value for key, value in self.targets.items() if key != name})
@@ -286,6 +287,7 @@ async def test_a_target_is_taught_gone_to_and_forgotten():
         the(user, ui.select, t("arm.goes_with")).value = "board"
         await press(user, t("arm.teach"))
         await user.should_see(t("arm.no_line_to", target="p1"))  # the next step
+        await user.should_see(t("arm.taught", name="p1"))  # a notice, since the list may be out of sight
         assert session.book.targets["p1"]["frame"] == "board"
         await user.should_see("in board")
         session.arm.jog_axes({"joint_1": 30})

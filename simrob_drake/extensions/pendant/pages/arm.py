@@ -1,5 +1,6 @@
 """The page of an arm, in the order of use: tool and pieces, jogging, targets, postures for a pose, and its lines."""
 
+from asyncio import wrap_future
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -185,9 +186,14 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
 def build_teaching(session: Session, t: Words, place: ArmState) -> None:
     """Build what teaches a target where the arm is."""
 
-    def teach() -> None:
-        session.arm.teach_target((name.value or "").strip() or None, frame.value or WORLD)
+    async def teach() -> None:
+        """Teach the target, and say its name: on a phone the list of targets is out of sight."""
+        asked = (name.value or "").strip() or None
         name.value = ""
+        taught = await wrap_future(session.arm.teach_target(asked, frame.value or WORLD))
+        if taught is not None and not name.is_deleted:
+            with name:
+                ui.notify(t("arm.taught", name=taught), type="positive", position="bottom")
 
     def frames() -> None:
         known = work_objects(place.values["frames"])

@@ -223,7 +223,7 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
     It acts when it is released, or by the arrow keys.
     """
     value, give = tuning.value, tuning.give
-    with ui.row().classes("w-full items-center no-wrap gap-3"):
+    with ui.element("div").classes("pendant-tuner w-full"):
         ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
         slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
         slider.classes("grow").props(f'aria-label="{tuning.name}"')

@@ -54,14 +54,34 @@
   const measure = () => {
     const high = (name) => document.querySelector(name)?.offsetHeight ?? 0;
     const style = document.documentElement.style;
+    style.setProperty("--stuck", `${high(".pendant-stays")}px`);
     style.setProperty("--strip", `${high(".pendant-tour")}px`);
     style.setProperty("--above", `${high(".pendant-bar") + high(".pendant-conflict") + high(".pendant-tour")}px`);
   };
   window.addEventListener("load", () => {
     const sizes = new ResizeObserver(measure);
-    document.querySelectorAll(".pendant-bar, .pendant-conflict, .pendant-tour").forEach((place) => sizes.observe(place));
+    document.querySelectorAll(".pendant-bar, .pendant-conflict, .pendant-tour, .pendant-stays").forEach((place) => sizes.observe(place));
     measure();
   });
+  // A finger cannot rest on a disabled button to read its title. A tap shows the title as a notice. The browser sends no
+  // click from a disabled button, so the element is looked up by position; a swipe ends with pointercancel instead.
+  const NOTICE_TIME = 5000; // [ms]
+  let notice = null;
+  const show_notice = (text) => {
+    notice?.remove();
+    const shown = document.body.appendChild(document.createElement("div"));
+    notice = shown;
+    shown.className = "pendant-notice";
+    shown.setAttribute("role", "status");
+    shown.textContent = text;
+    setTimeout(() => shown.remove(), NOTICE_TIME);
+  };
+  document.addEventListener("pointerup", ({ pointerType, clientX, clientY }) => {
+    if (pointerType !== "touch") return;
+    const button = document.elementFromPoint(clientX, clientY)?.closest("button:disabled[title]");
+    if (button) show_notice(button.title);
+    else notice?.remove();
+  }, true);
   window.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
   const dropped = (event) => { // files of the user's own
     if (!event.dataTransfer?.types.includes("Files")) return;

@@ -19,6 +19,7 @@ from simrob_drake.extensions.pendant.pages.elements import (
     set_label,
     shortcuts,
 )
+from simrob_drake.extensions.pendant.pages.messages import Messages
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
@@ -76,8 +77,10 @@ def build(pendant: Pendant) -> None:
     lessons.build_strip()
     with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
-            view.build(session, t)
-            view.build_bar(session, t)
+            with ui.element("div").classes("pendant-stays"):
+                view.build(session, t)
+                view.build_bar(session, t)
+            Messages(session, t)
             ProgramTimeline(session, t)
             view.build_pad(session, t, pendant.push)
         with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:

@@ -10,7 +10,6 @@ from nicegui import background_tasks, ui
 
 from simrob_drake.extensions.pendant.pages import drive, hand
 from simrob_drake.extensions.pendant.pages.elements import NumberField, allow, follow, icon_button, set_label
-from simrob_drake.extensions.pendant.pages.messages import Messages
 from simrob_drake.extensions.pendant.pages.words import Words
 from simrob_drake.extensions.pendant.pendant import PushFields
 from simrob_drake.extensions.pendant.push_sides import SIDES
@@ -151,7 +150,7 @@ _FASTEST = "max"
 
 
 def build_bar(session: Session, t: Words) -> None:
-    """Build the bar, and the messages below it."""
+    """Build the bar that plays a run, stops it and goes back in it."""
     with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
         set_label(bar, t("run.bar"))
         start = icon_button(
@@ -169,7 +168,6 @@ def build_bar(session: Session, t: Words) -> None:
             clock = ui.label().classes("pendant-time")
             ratio = ui.label().classes("pendant-ratio")
         _pace(session, t)
-    Messages(session, t)
 
     def phase() -> None:
         running = session.phase == "running"

@@ -73,6 +73,52 @@ def test_all_that_teaches_is_in_sight_and_files_are_dropped_on_the_page(page, hu
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
+def test_a_phone_has_room_to_teach_and_shows_reasons_by_a_tap(chromium, humanoid, width, height):
+    """Half of the height is left below what stays on top, and a tap on a disabled button shows its title."""
+    context = chromium.new_context(viewport={"width": width, "height": height}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    page.set_default_timeout(60_000)
+    page.goto(humanoid.url)
+    expect(page.get_by_role("button", name="Play", exact=True)).to_be_enabled()
+    stays = page.locator(".pendant-stays")
+    assert page.locator(".pendant-view").bounding_box()["height"] <= 0.4 * height
+    page.evaluate("scrollTo(0, 800)")
+    assert stays.bounding_box()["y"] == 0  # it stays on top
+    assert stays.bounding_box()["height"] < 0.5 * height
+    assert page.locator(".pendant-message").bounding_box()["y"] < 0  # messages scroll away
+    page.evaluate("scrollTo(0, 0)")
+    box = page.get_by_role("button", name="Stop", exact=True).bounding_box()
+    page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(page.locator(".pendant-notice")).to_have_text("Nothing runs")
+    context.close()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("has_floor", "lowest"), [(True, 0.02), (False, -1.0)])
+def test_a_camera_stays_above_a_floor(page, humanoid, has_floor, lowest):
+    """A camera that is put 1 m below the ground comes back above a floor. Without a floor it stays there."""
+    opened(page, humanoid)
+    expect(page.locator("iframe.shown")).to_be_visible()
+    height = (
+        page.frame_locator("iframe")
+        .locator("body")
+        .evaluate(
+            """(_, has_floor) => {
+                const { camera, controls, scene_tree } = viewer;
+                if (!has_floor) delete scene_tree.children.drake.children.station.children.floor;
+                controls.dispatchEvent({ type: "change" });
+                camera.position.y = -1.0;
+                controls.update();
+                return camera.position.y;
+            }""",
+            has_floor,
+        )
+    )
+    assert height == pytest.approx(lowest, abs=2e-3)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_axe_finds_nothing_serious(page, humanoid, theme):
     pytest.importorskip("axe_playwright_python")
