@@ -43,11 +43,19 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
     "box_on_floor": {"pieces.box.pose": [0, 0, 0.115, 0, 0.48, 0]},
     "irb120_kinematic": {"reference.target_deg": -30},
     "roid1_walking": {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.1, "turn_deg": 15}]},
-    "yobotics_walking": {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.3, "turn_deg": 20}]},
+    "yobotics_walking": {
+        "controllers.walk.commands": [{"time": 0.5, "ahead": 0.3, "turn_deg": 20}]
+    },
     "zjudancer_walking": {"controllers.walk.commands": [{"time": 0.5, "sideways": 0.1}]},
 }
 """What is set so that no two stations look alike."""
-TURNED = {"acrobot": -60, "cart_pole": -60, "humanoid_fall_guard": -40, "humanoid_height": 30, "irb120_cobot": 40}
+TURNED = {
+    "acrobot": -60,
+    "cart_pole": -60,
+    "humanoid_fall_guard": -40,
+    "humanoid_height": 30,
+    "irb120_cobot": 40,
+}
 """From where else these are seen [deg], for the same reason."""
 NOTES = {
     "bouncing_ball": "The floor is soft: at each bounce the ball sinks 51 mm of its radius into it.",
@@ -96,7 +104,10 @@ def command(station: str) -> str:
         return f"simrob walk {station} --steps {WALKS[station]}"
     if station in PROGRAMS:
         return f"python examples/{PROGRAMS[station][0]}.py"
-    flow = {key: yaml.safe_dump(value, default_flow_style=True, width=1000) for key, value in settings(station).items()}
+    flow = {
+        key: yaml.safe_dump(value, default_flow_style=True, width=1000)
+        for key, value in settings(station).items()
+    }
     changes = [f"--set '{key}={text.splitlines()[0]}'" for key, text in flow.items()]
     return " ".join([f"simrob run {station}", *changes])
 
@@ -120,7 +131,11 @@ def save_pictures(station: str) -> list[Path]:
     """Write a small picture of a station's run, and a clip of some."""
     run = joined(shown(station))
     walks = station in WALKS or station.endswith(("_walking", "_terrain"))
-    picture = walk_picture(run, height=WALK_HEIGHT) if walks else strip(run, azimuth=azimuth(station, run))
+    picture = (
+        walk_picture(run, height=WALK_HEIGHT)
+        if walks
+        else strip(run, azimuth=azimuth(station, run))
+    )
     files = [DOCS / "gallery" / f"{station}.png"]
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(files[0], optimize=True)
     if station in LARGE:
@@ -139,7 +154,10 @@ def azimuth(station: str, run: SimulationResult) -> float:
 
 def strip(run: SimulationResult, *, azimuth: float) -> Image.Image:
     """Return frames of a run side by side."""
-    studio, times = Studio(run, height=HEIGHT, oversampling=2, azimuth=azimuth), np.linspace(0, run.stop_time, FRAMES)
+    studio, times = (
+        Studio(run, height=HEIGHT, oversampling=2, azimuth=azimuth),
+        np.linspace(0, run.stop_time, FRAMES),
+    )
     return side_by_side(list(studio.images(times)), captions(times, studio.walked))
 
 
@@ -154,8 +172,12 @@ def walk_picture(run: SimulationResult, *, height: int) -> Image.Image:
     gone = way(times)
     lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(gone, axis=0), axis=1)))
     azimuth = float(np.arctan2(gone[-1, 1], gone[-1, 0]) - np.deg2rad(75))
-    studio = Studio(run, height=height, oversampling=2, follow=False, azimuth=azimuth, widest=WIDEST)
-    even = np.interp(np.linspace(0.0, lengths[-1], PLACES), lengths, times)  # in length: while it stands it hides floor
+    studio = Studio(
+        run, height=height, oversampling=2, follow=False, azimuth=azimuth, widest=WIDEST
+    )
+    even = np.interp(
+        np.linspace(0.0, lengths[-1], PLACES), lengths, times
+    )  # in length: while it stands it hides floor
     images = list(studio.images(even))
     floor = np.median(images, axis=0)
     robots = [robot_in(image, floor) for image in images]
@@ -188,9 +210,13 @@ def save_clip(run: SimulationResult, file: Path) -> Path:
     times = np.linspace(0.0, run.stop_time, min(int(run.stop_time / FRAME_TIME) + 1, MOST_FRAMES))
     studio = Studio(run, height=CLIP[1], width=CLIP[0], oversampling=2)
     images = list(map(Image.fromarray, studio.images(times)))
-    for every, quality in product((1, 2), (60, 45, 30)):  # of the images; then there are fewer of them
+    for every, quality in product(
+        (1, 2), (60, 45, 30)
+    ):  # of the images; then there are fewer of them
         first, *others = images[::every]
-        pauses = [round(1000 * every * FRAME_TIME)] * len(others) + [1000]  # ms; the end is seen for longer
+        pauses = [round(1000 * every * FRAME_TIME)] * len(others) + [
+            1000
+        ]  # ms; the end is seen for longer
         motion = {"save_all": True, "append_images": others, "duration": pauses, "loop": 0}
         first.save(content := BytesIO(), "webp", quality=quality, **motion)
         if content.tell() < LARGEST:
@@ -206,7 +232,9 @@ def save_portrait(robot: str) -> Path:
         alone.write_text(ALONE.format(robot=robot), encoding="utf-8")
         run = simulate(load_station(alone), progress=False)
     studio = Studio(run, height=2 * SIDE, width=2 * SIDE, oversampling=2)
-    image = Image.fromarray(next(studio.images(np.zeros(1)))).resize((SIDE, SIDE), Image.Resampling.LANCZOS)
+    image = Image.fromarray(next(studio.images(np.zeros(1)))).resize(
+        (SIDE, SIDE), Image.Resampling.LANCZOS
+    )
     file = models_root() / robot / "picture.png"
     image.quantize(COLOURS // 2, dither=Image.Dither.NONE).save(file, optimize=True)
     return file
@@ -215,9 +243,14 @@ def save_portrait(robot: str) -> Path:
 def page() -> str:
     """Return the gallery: a heading, what the station is, its command, its clip and its picture, station by station."""
     lines = "Lines on floors are 0.1 m apart, bold ones 0.5 m."
-    parts = ["# Gallery", f"What the stations of the package do; `make pictures` writes this page. {lines}"]
+    parts = [
+        "# Gallery",
+        f"What the stations of the package do; `make pictures` writes this page. {lines}",
+    ]
     for station in station_names():
-        description = " ".join(filter(None, [f"{load_station(station).description}.", NOTES.get(station)]))
+        description = " ".join(
+            filter(None, [f"{load_station(station).description}.", NOTES.get(station)])
+        )
         parts += [f"## {station}", description, f"`{command(station)}`"]
         if station in CLIPS:
             parts.append(f"![{station} in motion](gallery/{station}.webp)")

@@ -76,7 +76,10 @@ def main() -> None:
 def picture(chromium: Any, language: str, name: str, subject: str, act: Act) -> Path:
     """Write the picture of a page, and return its file."""
     t = words(language)
-    with tempfile.TemporaryDirectory() as folder, running(subject, Path(folder), "--language", language) as pendant:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(subject, Path(folder), "--language", language) as pendant,
+    ):
         page = chromium.new_page(viewport=_SIZE)
         page.set_default_timeout(_PATIENCE)
         page.goto(pendant.url)

@@ -39,7 +39,14 @@ def workcell(seed: int, parts: int = PARTS, mode: str = "kinematic") -> Workcell
     settings: dict[str, object] = {"mode": mode}
     for number, back in enumerate(np.cumsum(gaps)):
         across, turn = random.uniform(-EDGE, EDGE), random.uniform(0, np.pi / 2)
-        pose = [across, TOP - 0.155, -back, 0.0, -turn, np.pi / 2]  # in the carriage's frame: z ahead, y down
+        pose = [
+            across,
+            TOP - 0.155,
+            -back,
+            0.0,
+            -turn,
+            np.pi / 2,
+        ]  # in the carriage's frame: z ahead, y down
         place = [float(value) for value in pose]
         settings[f"pieces.part_{number}"] = {"model": "half_die", "parent": "belt", "pose": place}
     return Workcell(STATION, settings)
@@ -49,10 +56,18 @@ def find_parts(image: Image) -> Array:
     """Return where an image shows whole parts on the belt: x, y [m] and their turn [rad], shape (k, 3)."""
     cloud = np.full((*image.depth.shape, 3), np.nan)
     cloud[image.has_depth] = image.points()
-    on_belt = (np.abs(cloud[..., 0] - MIDDLE) < 0.08) & (cloud[..., 2] > TOP + 0.01) & (cloud[..., 2] < TOP + 0.06)
+    on_belt = (
+        (np.abs(cloud[..., 0] - MIDDLE) < 0.08)
+        & (cloud[..., 2] > TOP + 0.01)
+        & (cloud[..., 2] < TOP + 0.06)
+    )
     marks, count = label(on_belt)
     border = {*marks[0], *marks[-1], *marks[:, 0], *marks[:, -1]}  # of what is seen in part
-    whole = [mark for mark in range(1, count + 1) if mark not in border and (marks == mark).sum() >= FEWEST]
+    whole = [
+        mark
+        for mark in range(1, count + 1)
+        if mark not in border and (marks == mark).sum() >= FEWEST
+    ]
     return np.array([_square(cloud[marks == mark]) for mark in whole]).reshape(-1, 3)
 
 
@@ -60,11 +75,15 @@ def _square(points: Array) -> Array:
     """Return the middle and the turn of the smallest rectangle around the top face of a part, of points (m, 3)."""
     top = points[points[:, 2] > np.quantile(points[:, 2], 0.9) - 0.006][:, :2]
     angles = np.deg2rad(np.arange(90))
-    turned = top @ np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]).transpose(2, 0, 1)
+    turned = top @ np.array(
+        [[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]
+    ).transpose(2, 0, 1)
     lower, upper = turned.min(axis=1), turned.max(axis=1)  # (90, 2) each
     best = int((upper - lower).prod(axis=1).argmin())
     c, s = np.cos(angles[best]), np.sin(angles[best])
-    return np.array([*(np.array([[c, -s], [s, c]]) @ (lower[best] + upper[best]) / 2), angles[best]])
+    return np.array(
+        [*(np.array([[c, -s], [s, c]]) @ (lower[best] + upper[best]) / 2), angles[best]]
+    )
 
 
 def belt_motion(begin: float, duration: float) -> Trajectory:
@@ -75,7 +94,9 @@ def belt_motion(begin: float, duration: float) -> Trajectory:
 
 def eased(part: Array) -> Array:
     """Return parts of a way by parts of the time, at rest at both ends."""
-    return np.asarray(np.clip(part, 0, 1) ** 3 * (10 - 15 * np.clip(part, 0, 1) + 6 * np.clip(part, 0, 1) ** 2))
+    return np.asarray(
+        np.clip(part, 0, 1) ** 3 * (10 - 15 * np.clip(part, 0, 1) + 6 * np.clip(part, 0, 1) ** 2)
+    )
 
 
 def take_along(arm: Arm, part: Array, wait: float) -> tuple[Trajectory, float]:
@@ -85,7 +106,9 @@ def take_along(arm: Arm, part: Array, wait: float) -> tuple[Trajectory, float]:
     now = arm.pose(arm.reference)
     x, y = np.full_like(times, part[0]), part[1] + SPEED * times
     joins, down = eased((times - wait) / COMES), eased((times - wait - COMES) / GOES)
-    turn = (part[2] - now[3] + np.pi / 4) % (np.pi / 2) - np.pi / 4  # a die is the same after a quarter of a turn
+    turn = (part[2] - now[3] + np.pi / 4) % (
+        np.pi / 2
+    ) - np.pi / 4  # a die is the same after a quarter of a turn
     poses = np.tile(now, (len(times), 1))
     heights = TOP + ABOVE + (GRASP - ABOVE) * down
     poses[:, :3] += joins[:, np.newaxis] * (np.column_stack([x, y, heights]) - now[:3])
@@ -101,7 +124,9 @@ def take(cell: Workcell, arm: Arm, part: Array) -> tuple[str, float]:
     cell.follow({"arm": motion, "belt": belt_motion(cell.reference("belt")[0], time)}, time)
     tool = arm.pose()
     parts = [name for name in cell.config.pieces if name.startswith("part_")]
-    away = {name: float(np.linalg.norm(cell.frame(name).translation()[:2] - tool[:2])) for name in parts}
+    away = {
+        name: float(np.linalg.norm(cell.frame(name).translation()[:2] - tool[:2])) for name in parts
+    }
     nearest = min(away, key=lambda name: away[name])
     arm.attach(nearest)
     return nearest, away[nearest]
@@ -112,13 +137,18 @@ def put_away(cell: Workcell, arm: Arm, part: str, number: int) -> None:
     place = [0.05 + 0.06 * number, 0.4, 0.0576]
     _move(cell, arm.plan.move_l([*arm.pose()[:2], 0.3], duration=0.6))
     _move(cell, arm.plan.move_j([*place[:2], 0.2, 0, 0, 0], duration=1.2))
-    _move(cell, arm.plan.move_l(place, duration=0.6, check="limits"))  # down to the pallet, which it touches
+    _move(
+        cell, arm.plan.move_l(place, duration=0.6, check="limits")
+    )  # down to the pallet, which it touches
     arm.release(part, "pallet")
     _move(cell, arm.plan.move_l([0, 0, -0.12], wobj=arm, duration=0.5, check="limits"))
 
 
 def _move(cell: Workcell, plan: Plan) -> None:
-    cell.follow({"arm": plan.trajectory, "belt": belt_motion(cell.reference("belt")[0], plan.duration)}, plan.duration)
+    cell.follow(
+        {"arm": plan.trajectory, "belt": belt_motion(cell.reference("belt")[0], plan.duration)},
+        plan.duration,
+    )
 
 
 def look(cell: Workcell, known: list[Array]) -> None:

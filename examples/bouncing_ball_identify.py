@@ -36,7 +36,13 @@ _FEWEST_BOUNCES = 2
 _TOLERANCE = 1e-9
 _LONGEST = 50.0  # half periods of the spring that a contact may last
 _CONFIDENCE = 0.95
-_ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
+_ROUND_ABOUT = (
+    0.4,
+    0.7,
+    1.0,
+    1.4,
+    2.5,
+)  # parts of the first guess of k that are tried: the error has many valleys
 _STEPS = np.array([1e-4, 1e-4, 1e-5, 1e-5])  # parts of the unknowns, for the Jacobian
 _RAISED = 1.0  # m and m/s that are added to height and speed: a part of an unknown that is zero would be no step
 _FEW = 200  # samples that tell good starts from bad ones
@@ -83,7 +89,9 @@ def read_bounces(file: Path | str) -> BounceTrace:
     values, lines = read_columns(file, COLUMNS)
     times, heights = values.T
     if len(times) < _FEWEST_SAMPLES:
-        raise InvalidConfig(file, "", f"has {len(times)} samples; it takes at least {_FEWEST_SAMPLES}")
+        raise InvalidConfig(
+            file, "", f"has {len(times)} samples; it takes at least {_FEWEST_SAMPLES}"
+        )
     intervals = np.diff(times)
     if (intervals <= 0).any():
         row = int(np.flatnonzero(intervals <= 0)[0])
@@ -93,7 +101,9 @@ def read_bounces(file: Path | str) -> BounceTrace:
     if intervals.max() > _LONGEST_GAP * usual:
         row = int(np.argmax(intervals))
         problem = f"a gap of {intervals[row]:.3g} s from {times[row]:.4g} s on, where {usual:.3g} s is usual"
-        raise InvalidConfig(file, f"line {lines[row + 1]}", f"{problem}; cut the trace there or measure again")
+        raise InvalidConfig(
+            file, f"line {lines[row + 1]}", f"{problem}; cut the trace there or measure again"
+        )
     trace = BounceTrace(times, heights)
     if trace.bounces < _FEWEST_BOUNCES:
         problem = f"holds {trace.bounces} bounces; it takes at least {_FEWEST_BOUNCES}, each with the rise behind it"
@@ -122,7 +132,9 @@ class BounceLaw:
         now, end, row = float(times[0]), float(times[-1]), 0
         while row < len(times):
             if height > 0 or (height == 0 and speed > 0):
-                landing = now + (speed + np.sqrt(speed**2 + 2 * self.gravity * height)) / self.gravity
+                landing = (
+                    now + (speed + np.sqrt(speed**2 + 2 * self.gravity * height)) / self.gravity
+                )
                 last = int(np.searchsorted(times, landing, side="left"))
                 flight = times[row:last] - now
                 found[row:last] = height + speed * flight - self.gravity * flight**2 / 2
@@ -184,7 +196,9 @@ class Identified:
     heights: Vector = field(repr=False)
 
 
-def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = STANDARD_GRAVITY) -> Identified:
+def identify_bounces(
+    trace: BounceTrace, *, mass: float, gravity: float = STANDARD_GRAVITY
+) -> Identified:
     """Find stiffness and dissipation that explain measured bounces best, in the least-squares sense.
 
     The height and speed at the start are found along with them. Intervals come from the Jacobian at the solution, with
@@ -234,7 +248,9 @@ def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = STANDA
     )
 
 
-def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float, float, float, float]:
+def _first_guess(
+    trace: BounceTrace, mass: float, gravity: float
+) -> tuple[float, float, float, float]:
     """Return k, d, and height and speed at the start, from the fall, the first flight, and the contact between them.
 
     A contact lasts about half a period of the spring, and throws back the part 1 - 2/3 d v of the speed v.
@@ -244,27 +260,41 @@ def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float
     lands = int(np.argmax(~high & (times > times[np.argmax(high)])))
     leaves = lands + int(np.argmax(high[lands:]))
     down = leaves + int(np.argmax(~high[leaves:])) if not high[leaves:].all() else len(times)
-    fall, flight = (_parabola(times[part], heights[part], gravity) for part in (slice(0, lands), slice(leaves, down)))
+    fall, flight = (
+        _parabola(times[part], heights[part], gravity)
+        for part in (slice(0, lands), slice(leaves, down))
+    )
     speeds = [float(np.sqrt(2 * gravity * max(top, 1e-6))) for _, top in (fall, flight)]
     lasted = (flight[0] - speeds[1] / gravity) - (fall[0] + speeds[0] / gravity)
     lasted = max(lasted, float(np.median(np.diff(times))) / 4)
     dissipation = float(np.clip(1.5 * (1 - speeds[1] / speeds[0]) / speeds[0], 1e-3, 2.0))
     start = float(times[0]) - fall[0]
-    return mass * (np.pi / lasted) ** 2, dissipation, fall[1] - gravity * start**2 / 2, -gravity * start
+    return (
+        mass * (np.pi / lasted) ** 2,
+        dissipation,
+        fall[1] - gravity * start**2 / 2,
+        -gravity * start,
+    )
 
 
 def _parabola(times: Vector, heights: Vector, gravity: float) -> tuple[float, float]:
     """Return time and height of the top of a flight."""
     middle = float(np.mean(times))
-    level, slope = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)
+    level, slope = np.polynomial.polynomial.polyfit(
+        times - middle, heights + gravity * (times - middle) ** 2 / 2, 1
+    )
     after = float(slope) / gravity
     return middle + after, float(level) + gravity * after**2 / 2
 
 
-def measurement(*, stiffness: float = 4e3, dissipation: float = 0.08, duration: float = 1.2) -> BounceTrace:
+def measurement(
+    *, stiffness: float = 4e3, dissipation: float = 0.08, duration: float = 1.2
+) -> BounceTrace:
     """Return what a camera of 250 pictures a second would have seen of the station's ball."""
     contact = {"contact.stiffness": stiffness, "contact.dissipation": dissipation}
-    station = load_station("bouncing_ball", {**contact, "sample_rate": 250, "solver.accuracy": 1e-5})
+    station = load_station(
+        "bouncing_ball", {**contact, "sample_rate": 250, "solver.accuracy": 1e-5}
+    )
     result = simulate(station, duration=duration, progress=False)
     noise = np.random.default_rng(seed=5).normal(0.0, NOISE, len(result.times))
     return BounceTrace(result.times, result["distance.gap"] + noise)
@@ -292,7 +322,9 @@ def main(file: Path | None = None) -> None:
     trace, found = run(file)
     for name, unit in (("stiffness", "N/m"), ("dissipation", "s/m")):
         low, high = getattr(found, f"{name}_interval")
-        print(f"{name} {getattr(found, name):.4g} {unit}, with 95 % confidence from {low:.4g} to {high:.4g}")
+        print(
+            f"{name} {getattr(found, name):.4g} {unit}, with 95 % confidence from {low:.4g} to {high:.4g}"
+        )
     print(f"what is left: {1e3 * found.residual:.2f} mm rms over {len(trace.times)} samples")
     print(picture(trace, found, Path("runs/bouncing_ball_identify.png")))
 

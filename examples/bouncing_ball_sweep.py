@@ -13,10 +13,15 @@ DISSIPATIONS = (0.0, 0.05, 0.2, 1.0)  # s/m
 UNITS = {"stiffness": "N/m", "dissipation": "s/m"}
 
 
-def run(key: str, values: Sequence[float], *, duration: float = 1.5) -> dict[float, SimulationResult]:
+def run(
+    key: str, values: Sequence[float], *, duration: float = 1.5
+) -> dict[float, SimulationResult]:
     """Let the ball fall with each value of ``contact.stiffness`` or ``contact.dissipation``."""
     stations = {value: load_station("bouncing_ball", {f"contact.{key}": value}) for value in values}
-    return {value: simulate(station, duration=duration, progress=False) for value, station in stations.items()}
+    return {
+        value: simulate(station, duration=duration, progress=False)
+        for value, station in stations.items()
+    }
 
 
 def picture(sweeps: dict[str, dict[float, SimulationResult]], file: Path) -> Path:
@@ -35,12 +40,19 @@ def picture(sweeps: dict[str, dict[float, SimulationResult]], file: Path) -> Pat
 
 def main() -> None:
     """Print how deep the ball goes in and how high it comes back, and draw it."""
-    sweeps = {"stiffness": run("stiffness", STIFFNESSES), "dissipation": run("dissipation", DISSIPATIONS)}
+    sweeps = {
+        "stiffness": run("stiffness", STIFFNESSES),
+        "dissipation": run("dissipation", DISSIPATIONS),
+    }
     for key, results in sweeps.items():
         for value, result in results.items():
             gap, speed = result["distance.gap"], result["piece.ball.vz"]
-            back = gap[(result.times > result.times[gap.argmin()]) & (speed > -0.2)].max(initial=0.0)
-            print(f"{key} {value:8g}: {-1e3 * gap.min():5.1f} mm deep, comes back to {1e3 * back:5.1f} mm")
+            back = gap[(result.times > result.times[gap.argmin()]) & (speed > -0.2)].max(
+                initial=0.0
+            )
+            print(
+                f"{key} {value:8g}: {-1e3 * gap.min():5.1f} mm deep, comes back to {1e3 * back:5.1f} mm"
+            )
     print(picture(sweeps, Path("runs/bouncing_ball_sweep.png")))
 
 

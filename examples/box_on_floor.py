@@ -16,7 +16,9 @@ from simrob_drake import SimulationResult, load_station, simulate
 
 WEIGHT = 2.0 * 9.80665  # N
 HALF_WIDTH, HALF_HEIGHT = 0.05, 0.1  # m
-CORNERS = {f"corner_{number}": {"kind": "force", "body": f"box.corner_{number}"} for number in range(1, 5)}
+CORNERS = {
+    f"corner_{number}": {"kind": "force", "body": f"box.corner_{number}"} for number in range(1, 5)
+}
 CONTACTS: dict[str, dict[str, Any]] = {
     "bare shape, one point": {"pieces.box.model": "box", "contact.corners": False},
     "bare shape, corners": {"pieces.box.model": "box"},
@@ -46,11 +48,16 @@ def run(*, lean_deg: float = 20.0, duration: float = 1.5) -> Iterator[tuple[Row,
     """Put the box down upright, then leaning, with each kind of contact."""
     lean = np.deg2rad(lean_deg)
     height = HALF_WIDTH * np.sin(lean) + HALF_HEIGHT * np.cos(lean)
-    poses = {"at rest": [0, 0, HALF_HEIGHT, 0, 0, 0], "tipping": [0, 0, float(height), 0, float(lean), 0]}
+    poses = {
+        "at rest": [0, 0, HALF_HEIGHT, 0, 0, 0],
+        "tipping": [0, 0, float(height), 0, float(lean), 0],
+    }
     for contact, overrides in CONTACTS.items():
         for case, pose in poses.items():
             result = simulate(
-                load_station("box_on_floor", {**overrides, "pieces.box.pose": pose}), duration=duration, progress=False
+                load_station("box_on_floor", {**overrides, "pieces.box.pose": pose}),
+                duration=duration,
+                progress=False,
             )
             yield _row(contact, case, result), result
 
@@ -72,7 +79,9 @@ def _row(contact: str, case: str, result: SimulationResult) -> Row:
 
 def main() -> None:
     """Print the table."""
-    print(f"{'contact':25} {'case':8} {'load':>6} {'depth':>9} {'still after':>12} {'speed':>7}  load of the corners")
+    print(
+        f"{'contact':25} {'case':8} {'load':>6} {'depth':>9} {'still after':>12} {'speed':>7}  load of the corners"
+    )
     for row, _ in run():
         shares = " ".join(f"{share:.3f}" for share in row.shares) or "–"
         still = f"{row.still_after:.2f} s" if np.isfinite(row.still_after) else "not yet"

@@ -10,7 +10,11 @@ from simrob_drake import LeggedRobot, SimulationResult
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
-LOOKS = {"right": ("-", COLOURS[0], 2.5), "left": ("--", COLOURS[1], 1.5), "neck": ("-", COLOURS[2], 2.0)}
+LOOKS = {
+    "right": ("-", COLOURS[0], 2.5),
+    "left": ("--", COLOURS[1], 1.5),
+    "neck": ("-", COLOURS[2], 2.0),
+}
 
 
 def run() -> SimulationResult:
@@ -32,7 +36,9 @@ def picture(result: SimulationResult, file: Path) -> Path:
         side, _, joint = axis.partition("_")
         style, colour, width = LOOKS[side]
         panel = by_joint[joint if side in ("right", "left") else axis]
-        panel.plot(result.times, result[f"tau.{axis}"], style, color=colour, linewidth=width, label=side)
+        panel.plot(
+            result.times, result[f"tau.{axis}"], style, color=colour, linewidth=width, label=side
+        )
     figure.supxlabel("time [s]", fontsize=10)
     figure.supylabel("torque [N·m]", fontsize=10)
     return save_figure(figure, file)

@@ -36,7 +36,10 @@ def hands(robot: LeggedRobot, middle: float, gap: float = 0.0) -> dict[str, floa
         pose[1:3] += BENT * np.array([np.sin(np.deg2rad(PITCH)), np.cos(np.deg2rad(PITCH))])
         start = stretched + np.deg2rad(20)
         q = robot.joint(f"{side}_hand", pose, "world", start=start)
-        targets |= {robot.axes[axis]: float(np.rad2deg(q[axis])) for axis in robot.chain(f"{side}_hand").order}
+        targets |= {
+            robot.axes[axis]: float(np.rad2deg(q[axis]))
+            for axis in robot.chain(f"{side}_hand").order
+        }
     return targets
 
 
@@ -62,7 +65,9 @@ def main() -> None:
     robot = run()
     x, y, z = 1e3 * (robot.cell.frame("parcel").translation() - before)
     print(f"the parcel went {x:.1f} mm to the left, {y:.1f} mm back, {z:.1f} mm up")
-    print(f"{len(robot.program.moves)} moves, {robot.program.duration:g} s, {robot.save('runs/humanoid_box.yaml')}")
+    print(
+        f"{len(robot.program.moves)} moves, {robot.program.duration:g} s, {robot.save('runs/humanoid_box.yaml')}"
+    )
 
 
 if __name__ == "__main__":

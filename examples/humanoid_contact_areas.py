@@ -30,7 +30,9 @@ def run(areas: Sequence[str] = AREAS, duration: float | None = None) -> dict[str
         height = standing_height(skeleton_of("humanoid"), motion.positions[0], f"spheres_{area}")
         feet = {"robot.feet": f"spheres_{area}", "robot.base": [0, 0, height, 0, 0, 0]}
         config = motion.station({**station, **feet})
-        results[area] = simulate(config, duration=duration, reference=motion.trajectory(), progress=False)
+        results[area] = simulate(
+            config, duration=duration, reference=motion.trajectory(), progress=False
+        )
     return results
 
 
@@ -54,10 +56,16 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     for axes, label in zip(frames.flat, labels, strict=True):
         axes.set(ylabel=label, xlabel="time [s]")
     for area, result in sorted(results.items(), key=lambda item: item[1].ending == "monitor"):
-        (width, length), (colour, style, thick), pose = sole(result), LINES[area], result.pose("base")
+        (width, length), (colour, style, thick), pose = (
+            sole(result),
+            LINES[area],
+            result.pose("base"),
+        )
         (x, y, z), (qx, qy) = 1e3 * (pose[:, :3] - pose[0, :3]).T, pose[:, 4:6].T
         end = f"falls, {result.stop_time:.2f} s" if result.ending == "monitor" else "stays upright"
-        for axes, values in zip(frames.flat, (np.rad2deg(np.arccos(1 - 2 * (qx**2 + qy**2))), z, -y, x), strict=True):
+        for axes, values in zip(
+            frames.flat, (np.rad2deg(np.arccos(1 - 2 * (qx**2 + qy**2))), z, -y, x), strict=True
+        ):
             label = f"{area}: {width:.0f} × {length:.0f} mm a foot, {end}"
             if result.ending == "monitor":
                 axes.set_ylim(axes.get_ylim())  # who falls leaves the panel

@@ -19,7 +19,9 @@ def main() -> None:
     """Print how far the march went, and where its files are."""
     result = run()
     found = locomotion(result)
-    print(f"{found.ahead:.2f} m in {result.stop_time:.1f} s, tilted by {np.rad2deg(found.tilt):.1f} deg at most")
+    print(
+        f"{found.ahead:.2f} m in {result.stop_time:.1f} s, tilted by {np.rad2deg(found.tilt):.1f} deg at most"
+    )
     print("files in", result.save())
 
 

@@ -24,12 +24,17 @@ def run() -> tuple[SimulationResult, list[LeggedRobot]]:
     robots = [LeggedRobot(cell, name) for name in cell.config.robots]
     planned = {robot.name: robot.planned(PROGRAM) for robot in robots}
     duration = max(time for _, time in planned.values())
-    return cell.follow({name: reference for name, (reference, _) in planned.items()}, duration), robots
+    return cell.follow(
+        {name: reference for name, (reference, _) in planned.items()}, duration
+    ), robots
 
 
 def ways(result: SimulationResult, robot: LeggedRobot, tool: str) -> np.ndarray:
     """Return how far a tool went ahead and up over time, shape (m, 2) [m]; all three face the world's -y."""
-    places = robot.pose(tool, result.axes("q", robot.name))[:, :3] - robot.pose(tool, np.zeros(len(robot.axes)))[:3]
+    places = (
+        robot.pose(tool, result.axes("q", robot.name))[:, :3]
+        - robot.pose(tool, np.zeros(len(robot.axes)))[:3]
+    )
     return np.column_stack([-places[:, 1], places[:, 2]])
 
 
@@ -45,8 +50,15 @@ def main() -> None:
             way_panel.plot(result.times, ahead, color=colour, label=f"{tool}, ahead")
             way_panel.plot(result.times, up, "--", color=colour, label=f"{tool}, up")
             print(f"{robot.name:10} {tool:10} {ahead[-1]:4.0f} mm ahead, {up[-1]:3.0f} mm up")
-        for axis, colour in zip(("left_shoulder_pitch", "right_hip_pitch"), COLOURS[2:], strict=False):
-            torque_panel.plot(result.times, result[f"{robot.name}.tau.{axis}"], color=colour, label=f"{axis}, torque")
+        for axis, colour in zip(
+            ("left_shoulder_pitch", "right_hip_pitch"), COLOURS[2:], strict=False
+        ):
+            torque_panel.plot(
+                result.times,
+                result[f"{robot.name}.tau.{axis}"],
+                color=colour,
+                label=f"{axis}, torque",
+            )
         torque_panel.set_xlabel("time [s]")
     frames[0, 0].set_ylabel("way [mm]")
     frames[1, 0].set_ylabel("torque [N·m]")

@@ -30,7 +30,9 @@ def main(robot: str | None = None, gait: str | None = None) -> None:
         found = locomotion(result)
         way = f"{found.ahead:.2f} m ahead, {found.drift:.2f} m to the left in {result.stop_time:.1f} s"
         end = "upright" if found.upright else f"fell at {found.fall_time:.1f} s"
-        print(f"{name}: {way}, turned by {np.rad2deg(found.yaw):.1f} deg, {end}; files in {result.save()}")
+        print(
+            f"{name}: {way}, turned by {np.rad2deg(found.yaw):.1f} deg, {end}; files in {result.save()}"
+        )
 
 
 if __name__ == "__main__":

@@ -38,7 +38,9 @@ def run(*, duration: float = 3.0) -> np.ndarray:
 
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    solver = SimulatorConfig(integration_scheme="radau3", accuracy=1e-2, max_step_size=0.1, use_error_control=True)
+    solver = SimulatorConfig(
+        integration_scheme="radau3", accuracy=1e-2, max_step_size=0.1, use_error_control=True
+    )
     ApplySimulatorConfig(solver, simulator)
     simulator.AdvanceTo(duration)
     return plant.GetPositions(plant.GetMyContextFromRoot(simulator.get_context()))

@@ -27,7 +27,9 @@ def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
 
     moves += go_down(arm, "chess_board.square_1_1")
     arm.attach("rook")
-    moves.append(arm.move_l([0, 0, ABOVE], wobj=arm, speed=0.3))  # the rook is the tool now, and its z is up
+    moves.append(
+        arm.move_l([0, 0, ABOVE], wobj=arm, speed=0.3)
+    )  # the rook is the tool now, and its z is up
     moves.append(arm.move_j([0, 0, ABOVE, *upright(arm)], wobj="chess_board.square_5_5"))
     moves.append(arm.move_l([0, 0, 0], wobj="chess_board.square_5_5", speed=0.3))
     arm.release("rook", "chess_board", frame="square_5_5")
@@ -55,7 +57,10 @@ def upright(arm: Arm) -> np.ndarray:
 def main() -> None:
     """Print where the rook stands now, and save the whole game as one result."""
     arm, moves = run()
-    off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
+    off = (
+        arm.cell.frame("rook").translation()
+        - arm.cell.frame("chess_board.square_5_5").translation()
+    )
     print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s")
     print(f"the rook stands {1e3 * np.linalg.norm(off):.3f} mm from the middle of square (5, 5)")
     print("files in", arm.save())

@@ -19,14 +19,22 @@ SIDE = 0.1  # m
 def square(arm: Arm, x: float, y: float) -> list[SimulationResult]:
     """Draw a square whose first corner is (x, y)."""
     corners = np.array([[x, y], [x + SIDE, y], [x + SIDE, y + SIDE], [x, y + SIDE], [x, y]])
-    return [*pen_down(arm, x, y), arm.move_l(on_table(corners[1:]), wobj=TABLE, duration=3.0), pen_up(arm)]
+    return [
+        *pen_down(arm, x, y),
+        arm.move_l(on_table(corners[1:]), wobj=TABLE, duration=3.0),
+        pen_up(arm),
+    ]
 
 
 def circle(arm: Arm, x: float, y: float, radius: float) -> list[SimulationResult]:
     """Draw a circle about (x, y), of two half ones."""
     via = on_table([[x, y + radius], [x, y - radius]])
     ends = on_table([[x + radius, y], [x - radius, y]])
-    return [*pen_down(arm, x - radius, y), arm.move_c(via, ends, wobj=TABLE, duration=3.0), pen_up(arm)]
+    return [
+        *pen_down(arm, x - radius, y),
+        arm.move_c(via, ends, wobj=TABLE, duration=3.0),
+        pen_up(arm),
+    ]
 
 
 def letter_b(arm: Arm, x: float, y: float) -> list[SimulationResult]:

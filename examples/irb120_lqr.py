@@ -7,7 +7,14 @@ from pydrake.systems.controllers import LinearQuadraticRegulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, Multiplexer
 
-from simrob_drake import SimulationResult, add_station, linearize, load_station, simulate, simulate_diagram
+from simrob_drake import (
+    SimulationResult,
+    add_station,
+    linearize,
+    load_station,
+    simulate,
+    simulate_diagram,
+)
 from simrob_drake.stations.config import StationConfig
 
 POSTURE = np.deg2rad([0.0, 30.0, 10.0, 0.0, 50.0, 0.0])
@@ -46,7 +53,9 @@ def run() -> SimulationResult:
     ports = add_station(builder, config)
     state = builder.AddNamedSystem("regulator.state", Multiplexer([6, 6]))
     regulator = builder.AddNamedSystem("regulator", MatrixGain(-gain))
-    holding = builder.AddNamedSystem("regulator.holding", ConstantVectorSource(motors.u0 + gain @ model.x0))
+    holding = builder.AddNamedSystem(
+        "regulator.holding", ConstantVectorSource(motors.u0 + gain @ model.x0)
+    )
     torque = builder.AddNamedSystem("regulator.torque", Adder(2, 6))
     reference = builder.AddNamedSystem("regulator.reference", ConstantVectorSource(POSTURE))
     builder.Connect(ports.outputs["position"], state.get_input_port(0))
@@ -69,7 +78,9 @@ def main() -> None:
     """Print how both take the push."""
     for name, result in (("servos", run_servos()), ("regulator", run())):
         most, late = strays(result)
-        print(f"{name}: joint 2 strays by {most:.2f} deg, and still by {late:.3f} deg after a second")
+        print(
+            f"{name}: joint 2 strays by {most:.2f} deg, and still by {late:.3f} deg after a second"
+        )
 
 
 if __name__ == "__main__":

@@ -17,7 +17,11 @@ def main() -> None:
     """Print where the arm ended and where its files are."""
     result = run()
     print(result.message)
-    print("joint 2 sags by", np.rad2deg(result["q.joint_2"][-1] - result["q_ref.joint_2"][-1]).round(2), "deg")
+    print(
+        "joint 2 sags by",
+        np.rad2deg(result["q.joint_2"][-1] - result["q_ref.joint_2"][-1]).round(2),
+        "deg",
+    )
     print("files in", result.save())
 
 

@@ -7,7 +7,12 @@ import numpy as np
 from simrob_drake import Arm, SimrobError, SimulationResult
 
 HOME = [0, 0, 0, 0, np.pi / 2, 0]  # rad
-HOLES = ("half_sphere.hole_top", "half_sphere.hole_30_0", "half_sphere.hole_60_0", "cylinder.hole_1_7")
+HOLES = (
+    "half_sphere.hole_top",
+    "half_sphere.hole_30_0",
+    "half_sphere.hole_60_0",
+    "cylinder.hole_1_7",
+)
 TOO_NEAR = "half_sphere.hole_30_2"  # on the side of the sphere that the arm's own foot is on
 APPROACH, DEPTH = 0.06, 0.04  # m before the mouth of a hole, and into it
 INWARDS = [0.0, 0.0, np.pi]  # holes have z outwards, the tip of the pencil points along its z
@@ -19,7 +24,9 @@ def run() -> dict[str, SimulationResult]:
     ways = {}
     for hole in HOLES:
         arm.move_j([0, 0, APPROACH, *INWARDS], wobj=hole)
-        ways[hole] = arm.move_l([0, 0, -DEPTH], wobj=hole, speed=0.2, check=None)  # meshes are filled
+        ways[hole] = arm.move_l(
+            [0, 0, -DEPTH], wobj=hole, speed=0.2, check=None
+        )  # meshes are filled
         arm.move_l([0, 0, APPROACH], wobj=hole, speed=0.3)
         arm.move_abs_j(HOME)
     return ways
@@ -34,9 +41,13 @@ def off_axis(hole: str, way: SimulationResult) -> float:
 def main() -> None:
     """Print how well the pencil kept to the axes of the holes, and why one cannot be reached."""
     for hole, way in run().items():
-        print(f"{hole}: {way.stop_time:.2f} s, at most {1e6 * off_axis(hole, way):.2f} µm off its axis")
+        print(
+            f"{hole}: {way.stop_time:.2f} s, at most {1e6 * off_axis(hole, way):.2f} µm off its axis"
+        )
     try:
-        Arm("irb120_workcell", tool="pencil").move_j([0, 0, -DEPTH, *INWARDS], wobj=TOO_NEAR, check=None)
+        Arm("irb120_workcell", tool="pencil").move_j(
+            [0, 0, -DEPTH, *INWARDS], wobj=TOO_NEAR, check=None
+        )
     except SimrobError as problem:
         print(f"{TOO_NEAR}: {problem}")
 

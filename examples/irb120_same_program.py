@@ -41,7 +41,9 @@ def run() -> dict[str, np.ndarray]:
 def main() -> None:
     """Save the picture, and print how far each dynamic arm strays."""
     ways = run()
-    figure, ((top,), (side,)) = panels("one drawing, by three stations", 2, size=(7, 7), height_ratios=[3, 1])
+    figure, ((top,), (side,)) = panels(
+        "one drawing, by three stations", 2, size=(7, 7), height_ratios=[3, 1]
+    )
     for name, way in ways.items():
         top.plot(*(1e3 * way[:, :2].T), label=name)
         side.plot(1e3 * way[:, 2], label=name)

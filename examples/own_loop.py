@@ -23,10 +23,15 @@ class KeepHeight(LeafSystem):
     def __init__(self, *, height: float, gain: float = 1.0) -> None:
         """Keep the tool at a height [m]; ``gain`` [1/s] says how fast."""
         super().__init__()
-        self.parameters = {"height": height, "gain": gain}  # of which a saved station makes the block again
+        self.parameters = {
+            "height": height,
+            "gain": gain,
+        }  # of which a saved station makes the block again
         self.units = {"error": "m"}
         self._pose = self.DeclareVectorInputPort("tcp_pose", 7)
-        self.DeclareStateOutputPort("reference", self.DeclareDiscreteState(6))  # what it remembers is declared
+        self.DeclareStateOutputPort(
+            "reference", self.DeclareDiscreteState(6)
+        )  # what it remembers is declared
         self.DeclareVectorOutputPort("error", 1, self._calc_error)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
 
@@ -37,12 +42,16 @@ class KeepHeight(LeafSystem):
         output.SetAtIndex(0, self._error(context))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        state.get_mutable_value()[1] -= PERIOD * self.parameters["gain"] * self._error(context) / REACH
+        state.get_mutable_value()[1] -= (
+            PERIOD * self.parameters["gain"] * self._error(context) / REACH
+        )
 
 
 def run(duration: float = 5.0) -> tuple[SimulationResult, SimulationResult]:
     """Let the arm hold its posture without the loop and with it."""
-    station = load_station("irb120_dynamic", {"reference": {"kind": "hold", "target_deg": 0}, "duration": duration})
+    station = load_station(
+        "irb120_dynamic", {"reference": {"kind": "hold", "target_deg": 0}, "duration": duration}
+    )
     alone = simulate(station)
     return alone, simulate(station, blocks=[KeepHeight(height=alone["tcp.z"][0])])
 

@@ -23,14 +23,18 @@ def run(duration: float = 0.5) -> tuple[SteppedStation, np.ndarray]:
 def main() -> None:
     """Print how far the joint swings, and that the same steps from the same state are the same."""
     station, angles = run()
-    print(f"joint 1 swings by {np.rad2deg(np.ptp(angles)):.2f} deg in {len(angles)} steps of {1e3 * STEP:g} ms")
+    print(
+        f"joint 1 swings by {np.rad2deg(np.ptp(angles)):.2f} deg in {len(angles)} steps of {1e3 * STEP:g} ms"
+    )
     kept, end = station.state(), station.time
     ends = []
     for _ in range(2):
         station.put(kept)
         station.advance(end + 0.1)
         ends.append(station.get("position.joint_1"))
-    print(f"0.1 s later it is at {np.rad2deg(ends[0]):.3f} deg, and again at {np.rad2deg(ends[1]):.3f} deg")
+    print(
+        f"0.1 s later it is at {np.rad2deg(ends[0]):.3f} deg, and again at {np.rad2deg(ends[1]):.3f} deg"
+    )
 
 
 if __name__ == "__main__":

@@ -29,7 +29,11 @@ def put(arm: Arm, part: str, number: int) -> None:
     """Take a part from where it lies, square on its sides, and put it in its place."""
     pose = arm.cell.frame(part)
     (x, y, z), turn = pose.translation(), pose.rotation().ToRollPitchYaw().yaw_angle()
-    down = [(turn + np.pi / 4) % (np.pi / 2) - np.pi / 4, 0.0, np.pi]  # a cube is the same after a quarter of a turn
+    down = [
+        (turn + np.pi / 4) % (np.pi / 2) - np.pi / 4,
+        0.0,
+        np.pi,
+    ]  # a cube is the same after a quarter of a turn
     arm.move_j([x, y, ABOVE, *down], duration=0.8)
     arm.move_l([x, y, z, *down], speed=0.2)
     arm.grip(force=FORCE)
@@ -61,7 +65,10 @@ def off_place(cell: Workcell, number: int) -> float:
 def main(folder: Path | None = None) -> None:
     """Empty the tray, and say how far the parts are from their places."""
     cell = run(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
-    print("mm beside their places:", ", ".join(f"{1e3 * off_place(cell, number):.1f}" for number in range(PARTS)))
+    print(
+        "mm beside their places:",
+        ", ".join(f"{1e3 * off_place(cell, number):.1f}" for number in range(PARTS)),
+    )
     print("files in", cell.save(folder))
 
 

@@ -21,7 +21,10 @@ def run(*, mode: str = "kinematic") -> tuple[Workcell, list[SimulationResult]]:
     cell = Workcell(load_station("two_arms", {"mode": mode}))
     left, right = cell.arm("left"), cell.arm("right")
     cell.record()
-    moves = [left.move_j([0, 0, LIFT, *DOWN], wobj="bar"), left.move_l([0, 0, -GRIP], wobj="bar", speed=0.3)]
+    moves = [
+        left.move_j([0, 0, LIFT, *DOWN], wobj="bar"),
+        left.move_l([0, 0, -GRIP], wobj="bar", speed=0.3),
+    ]
     left.attach("bar")
     left.tool("left_gripper")  # its moves are those of the gripper, not of the bar's end
     moves.append(left.move_l([0, 0, -LIFT], wobj=left, speed=0.3))
@@ -36,7 +39,11 @@ def run(*, mode: str = "kinematic") -> tuple[Workcell, list[SimulationResult]]:
     moves.append(cell.run(over, left.plan.move_abs_j(HOME)))  # both at the same time
     moves.append(right.move_l(GOAL, speed=0.3))
     right.release("bar", fixed=True)  # it stands on its head
-    return cell, [*moves, right.move_l([0, 0, -LIFT], wobj=right, speed=0.3), right.move_abs_j(HOME)]
+    return cell, [
+        *moves,
+        right.move_l([0, 0, -LIFT], wobj=right, speed=0.3),
+        right.move_abs_j(HOME),
+    ]
 
 
 def main() -> None:

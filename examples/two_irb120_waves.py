@@ -13,7 +13,9 @@ def run(*, duration: float = 3.0) -> SimulationResult:
     wave = np.outer(np.sin(2.0 * times) ** 2, [0.8, 0.0, -0.4, 0.0, 0.6, 0.0])
     bow = np.outer(np.minimum(times / duration, 1.0), [0.0, 0.5, 0.2, 0.0, 0.6, 0.0])
     return simulate(
-        load_station("two_irb120"), reference={"left": (times, wave), "right": (times, bow)}, duration=duration
+        load_station("two_irb120"),
+        reference={"left": (times, wave), "right": (times, bow)},
+        duration=duration,
     )
 
 

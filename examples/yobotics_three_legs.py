@@ -23,7 +23,9 @@ def run(seconds: float = 5.0) -> dict[str, SimulationResult]:
     results, state = {}, None
     for foot in CRAWL_ORDER:
         motion = three_legs("yobotics", foot=foot, seconds=seconds)
-        results[foot] = simulate(motion.station(), reference=motion.trajectory(), start=state, progress=False)
+        results[foot] = simulate(
+            motion.station(), reference=motion.trajectory(), start=state, progress=False
+        )
         state = results[foot].final_state
     return results
 
@@ -54,7 +56,9 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
             heights[foot].append(1e3 * height)
     for (foot, height), colour in zip(heights.items(), COLOURS, strict=False):
         upper.plot(np.hstack(times), np.hstack(height), color=colour, label=foot.replace("_", " "))
-    upper.axhline(1e3 * ASKED, color="0.4", linestyle="--", linewidth=0.9, label="asked for: 20 mm for 5 s")
+    upper.axhline(
+        1e3 * ASKED, color="0.4", linestyle="--", linewidth=0.9, label="asked for: 20 mm for 5 s"
+    )
     upper.set_ylabel("foot over where it stands [mm]")
     for way, style, label in zip(base.T, ("-", "--"), ("x: ahead", "y: to the left"), strict=True):
         lower.plot(np.hstack(times), way, style, color="0.3", label=label)
@@ -66,7 +70,10 @@ def main() -> None:
     """Print how high and how long each foot was up, and draw it."""
     results = run()
     for foot, result in results.items():
-        height, found = foot_heights(result, np.arange(0.0, result.stop_time, 0.01))[foot], locomotion(result)
+        height, found = (
+            foot_heights(result, np.arange(0.0, result.stop_time, 0.01))[foot],
+            locomotion(result),
+        )
         held = f"up to {1e3 * height.max():.0f} mm, over 20 mm for {0.01 * (height > ASKED).sum():.1f} s"
         effort = f"torque {found.peak_torque['ratio']:.0%} of its limit"
         print(f"{foot}: {held}, tilt {np.rad2deg(found.tilt):.1f} deg, {effort}")

@@ -25,7 +25,9 @@ def main() -> None:
     results = {name: run(motion) for name, motion in motions.items()}
     for name, result in results.items():
         found = locomotion(result)
-        print(f"{name}: {found.ahead:.2f} m in {result.stop_time:.1f} s, turned by {np.rad2deg(found.yaw):.1f} deg")
+        print(
+            f"{name}: {found.ahead:.2f} m in {result.stop_time:.1f} s, turned by {np.rad2deg(found.yaw):.1f} deg"
+        )
     print("files in", results["trot"].save())
 
 

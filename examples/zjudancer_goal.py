@@ -18,9 +18,13 @@ from simrob_drake import LeggedRobot, load_station
 Vector = npt.NDArray[np.float64]
 WIDTH, FAR = 0.6, 0.7  # of the goal, and from the ball to it [m]
 SPEED = 0.7  # of the foot at the ball [m/s]
-STANCE = np.array([0.175, 0.06])  # the ball before the robot when it kicks, ahead and to the side of a foot [m]
+STANCE = np.array(
+    [0.175, 0.06]
+)  # the ball before the robot when it kicks, ahead and to the side of a foot [m]
 NEAR = np.array([0.015, 0.015, 3.0])  # how exactly: ahead, to the side [m], turned [deg]
-STEP = np.array([0.06, 0.02, 5.0])  # the most that a step goes ahead and to the side [m], and turns [deg]
+STEP = np.array(
+    [0.06, 0.02, 5.0]
+)  # the most that a step goes ahead and to the side [m], and turns [deg]
 LOOKS, STEPS = 8, 6  # most looks in all, and most steps between two
 RADIUS = 0.0335  # of the ball [m]
 
@@ -40,12 +44,23 @@ def robot_before(ball: Vector, goal: Vector, way: Vector) -> LeggedRobot:
     posts = {"right_post": goal - across, "left_post": goal + across}
     surface = {"model": "point", "stiffness": 1.0e4, "dissipation": 0.5}
     pieces: dict[str, Any] = {
-        name: {"model": "bar_20", "parent": "world", "pose": [*at, 0, 0, 0, 0]} for name, at in posts.items()
+        name: {"model": "bar_20", "parent": "world", "pose": [*at, 0, 0, 0, 0]}
+        for name, at in posts.items()
     }
-    pieces["ball"] = {"model": "tennis_ball", "free": True, "pose": [*ball, RADIUS, 0, 0, 0], "contact": surface}
-    feet = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}  # their flat front aims best
+    pieces["ball"] = {
+        "model": "tennis_ball",
+        "free": True,
+        "pose": [*ball, RADIUS, 0, 0, 0],
+        "contact": surface,
+    }
+    feet = {
+        "robot.feet": "soles",
+        "contact.model": "hydroelastic_with_fallback",
+    }  # their flat front aims best
     motors = load_station("zjudancer_walking").servo.motor
-    return LeggedRobot(load_station("zjudancer_dynamic", {**feet, "servo.motor": motors, "pieces": pieces}))
+    return LeggedRobot(
+        load_station("zjudancer_dynamic", {**feet, "servo.motor": motors, "pieces": pieces})
+    )
 
 
 def seen(robot: LeggedRobot, place: Vector) -> Vector:
@@ -58,7 +73,9 @@ def seen(robot: LeggedRobot, place: Vector) -> Vector:
 def approach(robot: LeggedRobot, way: Vector) -> bool:
     """Walk until the ball is before a foot and the goal behind it; tell whether the robot stands there."""
     for _ in range(LOOKS):
-        ball = seen(robot, robot.cell.frame("ball").translation()[:2] - robot.base_pose.translation()[:2])
+        ball = seen(
+            robot, robot.cell.frame("ball").translation()[:2] - robot.base_pose.translation()[:2]
+        )
         along = seen(robot, way)
         side = np.copysign(STANCE[1], ball[1])
         stance = ball - STANCE[0] * along - side * np.array([-along[1], along[0]])
@@ -67,7 +84,9 @@ def approach(robot: LeggedRobot, way: Vector) -> bool:
             return True
         steps = int(np.clip(np.ceil((np.abs(left) / STEP).max()), 1, STEPS))
         ahead, aside, turn = (float(part) for part in np.clip(left / steps, -STEP, STEP))
-        walk = robot.walk(steps, step_length=ahead, sideways=aside, turn_deg=turn, ramp_steps=min(steps - 1, 2))
+        walk = robot.walk(
+            steps, step_length=ahead, sideways=aside, turn_deg=turn, ramp_steps=min(steps - 1, 2)
+        )
         if walk.stopped_by:
             return False
     return False
@@ -95,7 +114,10 @@ def main(seeds: str = "10", first: str = "0") -> None:
     for seed in range(int(first), int(first) + int(seeds)):
         scored, aside = run(seed)
         goals += scored
-        print(f"seed {seed}: {'goal' if scored else 'no goal'}, {1000 * aside:+.0f} mm beside the middle", flush=True)
+        print(
+            f"seed {seed}: {'goal' if scored else 'no goal'}, {1000 * aside:+.0f} mm beside the middle",
+            flush=True,
+        )
     print(f"{goals} of {seeds}")
 
 

@@ -104,7 +104,12 @@ class Dynamics:
         plant, _ = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         name = next(iter(model.tools), None) if tool is None else tool
-        return cls(model, plant, joints, tool=None if name is None else plant.GetFrameByName(model.tools[name]))
+        return cls(
+            model,
+            plant,
+            joints,
+            tool=None if name is None else plant.GetFrameByName(model.tools[name]),
+        )
 
     def __repr__(self) -> str:
         tool = "no tool" if self._tool is None else f"tool {self._tool.name()}"
@@ -122,7 +127,10 @@ class Dynamics:
         """
 
         def matrix(velocity: Vector) -> Vector:
-            pairs = [(self._bias(velocity + e) - self._bias(velocity - e)) / 4 for e in np.eye(len(self.axes))]
+            pairs = [
+                (self._bias(velocity + e) - self._bias(velocity - e)) / 4
+                for e in np.eye(len(self.axes))
+            ]
             return np.column_stack(pairs)
 
         return self._each(matrix, q, v=v)
@@ -131,11 +139,15 @@ class Dynamics:
         """Return the torques g that hold the robot against its weight, shape (n,)."""
         return self._each(self._gravity, q)
 
-    def inverse_dynamics(self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0) -> Vector:
+    def inverse_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
+    ) -> Vector:
         """Return the torques of a motion, shape (n,), friction included."""
         return self._each(self._torques, q, v=v, a=a)
 
-    def forward_dynamics(self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, torque: npt.ArrayLike = 0.0) -> Vector:
+    def forward_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, torque: npt.ArrayLike = 0.0
+    ) -> Vector:
         """Return the accelerations that torques of the motors give, shape (n,)."""
 
         def accelerations(velocity: Vector, torque: Vector) -> Vector:
@@ -166,7 +178,9 @@ class Dynamics:
         values = np.linalg.svd(self.jacobian(q)[..., rows, :], compute_uv=False).prod(axis=-1)
         return values if np.ndim(values) else float(values)
 
-    def torque_margin(self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0) -> Vector:
+    def torque_margin(
+        self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
+    ) -> Vector:
         """Return what a motion leaves of each motor's limit, shape (n,) [N·m or N]; negative where it asks for more."""
         return np.asarray(self.torque_limit - np.abs(self.inverse_dynamics(q, v, a)))
 
@@ -193,7 +207,9 @@ class Dynamics:
                 rows = np.repeat(worst[:, np.newaxis], _ANGLES + 1, axis=1)
                 rows[:, 1:, axis] = np.linspace(lower[axis], upper[axis], _ANGLES)
                 rows = self._with_gears(rows)
-                found = self._least_payload(rows.reshape(-1, len(self.axes))).reshape(len(worst), -1)
+                found = self._least_payload(rows.reshape(-1, len(self.axes))).reshape(
+                    len(worst), -1
+                )
                 worst = rows[np.arange(len(worst)), found.argmin(axis=1)]
         return np.asarray(worst[self._least_payload(worst).argmin()]) + 0.0  # no -0
 
@@ -222,7 +238,9 @@ class Dynamics:
         is_within = ((postures >= lower - _ROUNDING) & (postures <= upper + _ROUNDING)).all(axis=1)
         return np.where(is_within, least, np.inf)
 
-    def _each(self, compute: Callable[..., Vector], q: npt.ArrayLike, **others: npt.ArrayLike) -> Vector:
+    def _each(
+        self, compute: Callable[..., Vector], q: npt.ArrayLike, **others: npt.ArrayLike
+    ) -> Vector:
         """Compute for each posture, with the plant in it, from the other rows."""
         rows = finite(q)
         count = len(self.axes)
@@ -244,7 +262,9 @@ class Dynamics:
                     name,
                     quoted(values),
                     message(
-                        "dynamics.number_or_as_many", "a finite number, or as many as q has: {shape}", shape=rows.shape
+                        "dynamics.number_or_as_many",
+                        "a finite number, or as many as q has: {shape}",
+                        shape=rows.shape,
                     ),
                 )
             spread.append(np.broadcast_to(found, np.atleast_2d(rows).shape))
@@ -273,24 +293,41 @@ class Dynamics:
         self._set_velocities(velocity)
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, forces)  # weight and viscous friction
-        torque = plant.CalcInverseDynamics(context, self._map.spread_velocities(acceleration), forces)
-        return self._map.efforts(torque) + self.friction * np.clip(velocity / self.friction_speed, -1.0, 1.0)
+        torque = plant.CalcInverseDynamics(
+            context, self._map.spread_velocities(acceleration), forces
+        )
+        return self._map.efforts(torque) + self.friction * np.clip(
+            velocity / self.friction_speed, -1.0, 1.0
+        )
 
     def _jacobian(self) -> Vector:
         plant, world = self._plant, self._plant.world_frame()
-        jacobian = plant.CalcJacobianSpatialVelocity(self._context, _SPEEDS, self._tcp, np.zeros(3), world, world)
-        return self._map.velocities(np.roll(jacobian, 3, axis=0))  # Drake has the angular part first
+        jacobian = plant.CalcJacobianSpatialVelocity(
+            self._context, _SPEEDS, self._tcp, np.zeros(3), world, world
+        )
+        return self._map.velocities(
+            np.roll(jacobian, 3, axis=0)
+        )  # Drake has the angular part first
 
     def _payload(self, velocity: Vector, acceleration: Vector) -> Vector:
-        plant, context, world, nothing = self._plant, self._context, self._plant.world_frame(), np.zeros(3)
+        plant, context, world, nothing = (
+            self._plant,
+            self._context,
+            self._plant.world_frame(),
+            np.zeros(3),
+        )
         torque, to_tool = self._torques(velocity, acceleration), self._jacobian()[:3]
-        curved = plant.CalcBiasTranslationalAcceleration(context, _SPEEDS, self._tcp, nothing, world, world)
+        curved = plant.CalcBiasTranslationalAcceleration(
+            context, _SPEEDS, self._tcp, nothing, world, world
+        )
         felt = to_tool @ acceleration + np.ravel(curved) - plant.gravity_field().gravity_vector()
         of_a_kilogram = to_tool.T @ felt
         room = self.torque_limit - np.sign(of_a_kilogram) * torque
         has_motor = self.torque_limit > 0
         loaded = (np.abs(of_a_kilogram) > _NOTHING) & has_motor
-        masses = np.divide(room, np.abs(of_a_kilogram), out=np.full_like(room, np.inf), where=loaded)
+        masses = np.divide(
+            room, np.abs(of_a_kilogram), out=np.full_like(room, np.inf), where=loaded
+        )
         is_too_weak = (np.abs(torque) > self.torque_limit) & has_motor
         return np.where(is_too_weak, 0.0, np.maximum(masses, 0.0))
 
@@ -300,6 +337,9 @@ class Dynamics:
             raise InvalidParameter(
                 "robot",
                 self.name,
-                message("dynamics.robot_with_tool", "one with a tool frame, under tools: in its robot.yaml"),
+                message(
+                    "dynamics.robot_with_tool",
+                    "one with a tool frame, under tools: in its robot.yaml",
+                ),
             )
         return self._tool

@@ -74,7 +74,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         _module = item.path
         gc.collect()
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
-        gc.set_threshold(50_000)  # objects; by the interpreter's 2000 it looks again after each figure and station
+        gc.set_threshold(
+            50_000
+        )  # objects; by the interpreter's 2000 it looks again after each figure and station
 
 
 def pytest_unconfigure() -> None:
@@ -85,7 +87,15 @@ def pytest_unconfigure() -> None:
     gc.unfreeze()
 
 
-BY_THE_CLOCK = ("e2e", "test_server", "test_kills", "test_live", "test_cli_interrupts", "test_study", "test_sweep")
+BY_THE_CLOCK = (
+    "e2e",
+    "test_server",
+    "test_kills",
+    "test_live",
+    "test_cli_interrupts",
+    "test_study",
+    "test_sweep",
+)
 """Folders and files whose tests press, kill and await other processes: on a busy machine one may come too late."""
 
 
@@ -99,7 +109,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let commands that tests start hear Ctrl-C: what a script starts in the background would ignore it."""
-    config.addinivalue_line("markers", "probe: imported robots are parsed by the importer's own process")
+    config.addinivalue_line(
+        "markers", "probe: imported robots are parsed by the importer's own process"
+    )
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -155,9 +167,13 @@ def add_pendulum() -> Callable[..., MultibodyPlant]:
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step)
         plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -gravity]))
         place = np.array([0.0, 0.0, -PENDULUM_LENGTH])
-        bob = SpatialInertia.MakeFromCentralInertia(PENDULUM_MASS, place, RotationalInertia(0.0, 0.0, 0.0))
+        bob = SpatialInertia.MakeFromCentralInertia(
+            PENDULUM_MASS, place, RotationalInertia(0.0, 0.0, 0.0)
+        )
         body = plant.AddRigidBody("bob", bob)
-        hinge = RevoluteJoint("hinge", plant.world_frame(), body.body_frame(), np.array([0.0, 1.0, 0.0]), *limits)
+        hinge = RevoluteJoint(
+            "hinge", plant.world_frame(), body.body_frame(), np.array([0.0, 1.0, 0.0]), *limits
+        )
         plant.AddJointActuator("hinge", plant.AddJoint(hinge))
         return plant
 

@@ -14,7 +14,15 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from simrob_drake import LeggedRobot, Program, SimulationResult, Workcell, load_station, simulate, station_names
+from simrob_drake import (
+    LeggedRobot,
+    Program,
+    SimulationResult,
+    Workcell,
+    load_station,
+    simulate,
+    station_names,
+)
 from simrob_drake.programs.whole_program import perform
 
 ROOT = Path(__file__).parents[1]
@@ -33,7 +41,9 @@ def cases() -> dict[str, Callable[[], SimulationResult]]:
     for name in WALKS:
         found[f"walk {name}"] = lambda name=name: LeggedRobot(name).walk(2)
     for name in GOING:
-        found[f"go {name}"] = lambda name=name: LeggedRobot(name).go(ahead=0.1, turn=0.1, duration=3.0)
+        found[f"go {name}"] = lambda name=name: LeggedRobot(name).go(
+            ahead=0.1, turn=0.1, duration=3.0
+        )
     for file in sorted((ROOT / "examples").glob("*.yaml")):
         found[f"program {file.name}"] = lambda file=file: _performed(file)
     return found
@@ -51,17 +61,24 @@ def _performed(file: Path) -> SimulationResult:
 
 def digest(result: SimulationResult) -> dict[str, str]:
     """Return how a run ended, and a digest of each of its columns."""
-    columns = {name: hashlib.sha256(result[name].tobytes()).hexdigest()[:16] for name in result.names}
+    columns = {
+        name: hashlib.sha256(result[name].tobytes()).hexdigest()[:16] for name in result.names
+    }
     return {"ending": f"{result.ending} at {result.stop_time!r} s", **columns}
 
 
 def differences(old: Digests, new: Digests, renamed: dict[str, str]) -> list[str]:
     """Return, in words, which cases and columns differ."""
-    lines = [f"{case}: only {'before' if case in old else 'after'}" for case in sorted(old.keys() ^ new.keys())]
+    lines = [
+        f"{case}: only {'before' if case in old else 'after'}"
+        for case in sorted(old.keys() ^ new.keys())
+    ]
     for case in sorted(old.keys() & new.keys()):
         before = {renamed.get(name, name): value for name, value in old[case].items()}
         after = new[case]
-        changed = sorted(name for name in before.keys() & after.keys() if before[name] != after[name])
+        changed = sorted(
+            name for name in before.keys() & after.keys() if before[name] != after[name]
+        )
         lost, more = sorted(before.keys() - after.keys()), sorted(after.keys() - before.keys())
         for names, what in ((changed, "other numbers"), (lost, "no longer there"), (more, "new")):
             if names:
@@ -71,11 +88,17 @@ def differences(old: Digests, new: Digests, renamed: dict[str, str]) -> list[str
 
 def main() -> int:
     """Make a list, and compare it with another one."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("file", type=Path, help="where the list is written, as JSON")
     parser.add_argument("--against", type=Path, help="a list made before")
-    parser.add_argument("--renamed", action="append", default=[], metavar="OLD=NEW", help="a column's two names")
-    parser.add_argument("--only", default="", metavar="TEXT", help="only cases whose names hold this text")
+    parser.add_argument(
+        "--renamed", action="append", default=[], metavar="OLD=NEW", help="a column's two names"
+    )
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="only cases whose names hold this text"
+    )
     options = parser.parse_args()
     made: Digests = {}
     for name, run in cases().items():
@@ -85,7 +108,11 @@ def main() -> int:
             options.file.write_text(json.dumps(made, indent=1))
     if options.against is None:
         return 0
-    old = {case: found for case, found in json.loads(options.against.read_text()).items() if options.only in case}
+    old = {
+        case: found
+        for case, found in json.loads(options.against.read_text()).items()
+        if options.only in case
+    }
     lines = differences(old, made, dict(pair.split("=", 1) for pair in options.renamed))
     print("\n".join(lines) or f"{len(made)} cases are equal to the last bit")
     return 1 if lines else 0

@@ -11,5 +11,8 @@ from simrob_drake.base.errors import InvalidParameter
 def check_refusal(call: Callable[[Any], Any]) -> None:
     """Check that values which are no paths are refused in one line."""
     for value in (5, ["a.urdf"]):
-        with pytest.raises(InvalidParameter, match=r"^(file|path|urdf|folder|source|target) is .*; it must be a path"):
+        with pytest.raises(
+            InvalidParameter,
+            match=r"^(file|path|urdf|folder|source|target) is .*; it must be a path",
+        ):
             call(value)

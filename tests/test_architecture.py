@@ -74,7 +74,9 @@ def test_imports_point_to_the_left():
     own = [(name, other) for name, other in pairs if other.startswith("simrob_drake.")]
     assert [f"{name} imports {other}" for name, other in own if place(other) > place(name)] == []
     assert len(own) > 1000
-    assert [name for name, other in pairs if other == "pydrake.all"] == [], "it shadows builtins and loads everything"
+    assert [name for name, other in pairs if other == "pydrake.all"] == [], (
+        "it shadows builtins and loads everything"
+    )
 
 
 def test_the_page_of_the_architecture_shows_the_imports_of_today():
@@ -93,7 +95,11 @@ def test_the_core_imports_no_extension():
             continue
         texts = {node.value for node in ast.walk(parsed(file)) if isinstance(node, ast.Constant)}
         named = {text for text in texts if isinstance(text, str)} | imported(file)
-        found += [f"{module} names {name}" for name in named if name.startswith("simrob_drake.extensions.")]
+        found += [
+            f"{module} names {name}"
+            for name in named
+            if name.startswith("simrob_drake.extensions.")
+        ]
     assert found == []
 
 
@@ -112,7 +118,10 @@ def test_an_extension_imports_only_the_extensions_that_it_declares():
         announced = import_module(f"simrob_drake.extensions.{own}.extension").EXTENSION
         others = {extension_of(name) for name in imported(file)} - {"", own}
         missing = others - {*announced.needs, *announced.uses}
-        found += [f"{module_of(file)} imports {other}, which {own} does not declare" for other in sorted(missing)]
+        found += [
+            f"{module_of(file)} imports {other}, which {own} does not declare"
+            for other in sorted(missing)
+        ]
     assert found == []
 
 
@@ -127,7 +136,11 @@ def is_private(name: str) -> bool:
 def names_defined(tree: ast.Module) -> set[str]:
     """Return all names that a module defines or assigns: of functions, classes, variables and attributes."""
     nodes = list(ast.walk(tree))
-    defined = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+    defined = {
+        node.name
+        for node in nodes
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+    }
     stored = [node for node in nodes if isinstance(getattr(node, "ctx", None), ast.Store)]
     variables = {node.id for node in stored if isinstance(node, ast.Name)}
     return defined | variables | {node.attr for node in stored if isinstance(node, ast.Attribute)}
@@ -192,8 +205,13 @@ def test_classes_of_the_package_are_three_deep_at_most():
     for file in (file for file in MODULES if "pendant" not in file.parts):
         for node in ast.walk(parsed(file)):
             if isinstance(node, ast.ClassDef):
-                names = [base.value if isinstance(base, ast.Subscript) else base for base in node.bases]
-                own[node.name] = {base.id for base in names if isinstance(base, ast.Name)} - {node.name, "Strict"}
+                names = [
+                    base.value if isinstance(base, ast.Subscript) else base for base in node.bases
+                ]
+                own[node.name] = {base.id for base in names if isinstance(base, ast.Name)} - {
+                    node.name,
+                    "Strict",
+                }
 
     def depth(name: str) -> int:
         return 1 + max((depth(base) for base in own[name] if base in own), default=0)
@@ -207,7 +225,9 @@ def test_the_package_loads_nothing_heavy():
         "import sys; from simrob_drake import add_station, load_station, simulate; "
         "print([name for name in ('scipy', 'matplotlib', 'trimesh') if name in sys.modules])"
     )
-    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    shown = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    ).stdout
     assert shown.strip() == "[]"
     assert {"Arm", "Workcell"} <= set(dir(simrob_drake))
     assert simrob_drake.Arm.__module__ == "simrob_drake.programs.arm"
@@ -217,7 +237,11 @@ def test_the_package_loads_nothing_heavy():
 
 def test_python_blocks_share_a_base():
     """A solver asks each block for derivatives; Drake's own base makes that dear, see Block."""
-    bare = [str(file) for file in MODULES if "(LeafSystem)" in file.read_text() and file.name != "block.py"]
+    bare = [
+        str(file)
+        for file in MODULES
+        if "(LeafSystem)" in file.read_text() and file.name != "block.py"
+    ]
     assert bare == []
 
 
@@ -227,7 +251,9 @@ def test_what_runs_nothing_loads_no_drake(command):
         "import sys; from simrob_drake.cli.app import run_command; "
         f"code = run_command([{command!r}]); print(code, 'pydrake' in sys.modules)"
     )
-    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    shown = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    ).stdout
     assert shown.splitlines()[-1] == "0 False"
 
 
@@ -252,7 +278,11 @@ def test_files_of_users_are_read_at_the_border():
         module = str(file.relative_to(PACKAGE))
         calls = [node for node in ast.walk(parsed(file)) if isinstance(node, ast.Call)]
         named = {call.func.attr for call in calls if isinstance(call.func, ast.Attribute)}
-        opens = [call for call in calls if getattr(call.func, "attr", getattr(call.func, "id", "")) == "open"]
+        opens = [
+            call
+            for call in calls
+            if getattr(call.func, "attr", getattr(call.func, "id", "")) == "open"
+        ]
         modes = {arg.value for call in opens for arg in call.args if isinstance(arg, ast.Constant)}
         if named & READERS or modes & {"r", "rb", "rt"}:
             found.add(module)

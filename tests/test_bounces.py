@@ -58,7 +58,10 @@ def test_a_mass_is_positive(trace):
 
 
 def csv_text(times, heights, header="time,height"):
-    rows = (f"{time!r},{height!r}" for time, height in zip(times.tolist(), heights.tolist(), strict=True))
+    rows = (
+        f"{time!r},{height!r}"
+        for time, height in zip(times.tolist(), heights.tolist(), strict=True)
+    )
     return "\n".join([header, *rows])
 
 
@@ -78,14 +81,26 @@ FALL = 0.1 - 9.80665 * TIMES**2 / 2
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (csv_text(TIMES, FALL, "t,h"), "line 1: lacks the columns time, height; needed: time, height"),
+        (
+            csv_text(TIMES, FALL, "t,h"),
+            "line 1: lacks the columns time, height; needed: time, height",
+        ),
         ("", "is empty; it must hold a line of names"),
         (csv_text(TIMES[:10], FALL[:10]), "has 10 samples; it takes at least 20"),
-        (csv_text(TIMES, np.where(TIMES[7] == TIMES, np.nan, FALL)), "line 9: holds something that is no number"),
+        (
+            csv_text(TIMES, np.where(TIMES[7] == TIMES, np.nan, FALL)),
+            "line 9: holds something that is no number",
+        ),
         (csv_text(TIMES, FALL).replace("0.02,", "0.02s,", 1), "no number"),
         (csv_text(np.sort(TIMES)[::-1], FALL), "line 3: times must rise"),
-        (csv_text(np.sort(TIMES)[::-1], FALL).replace("\n", "\n\n\n", 1), "line 5: times must rise"),
-        (csv_text(np.delete(TIMES, range(50, 90)), np.delete(FALL, range(50, 90))), "line 52: a gap of 0.164 s from"),
+        (
+            csv_text(np.sort(TIMES)[::-1], FALL).replace("\n", "\n\n\n", 1),
+            "line 5: times must rise",
+        ),
+        (
+            csv_text(np.delete(TIMES, range(50, 90)), np.delete(FALL, range(50, 90))),
+            "line 52: a gap of 0.164 s from",
+        ),
         (csv_text(TIMES, np.maximum(FALL, 0)), "holds 0 bounces; it takes at least 2"),
     ],
 )

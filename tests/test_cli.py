@@ -32,8 +32,18 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
 @pytest.mark.plots
 def test_a_run_leaves_a_whole_result(tmp_path, capsys):
     assert run_command(["run", "irb120_dynamic", "--duration", "0.3", "--out", "result"]) == 0
-    files = {str(file.relative_to(tmp_path / "result")) for file in (tmp_path / "result").rglob("*") if file.is_file()}
-    assert {"summary.json", "signals.csv", "station.yaml", "recording.html", "film_strip.png"} <= files
+    files = {
+        str(file.relative_to(tmp_path / "result"))
+        for file in (tmp_path / "result").rglob("*")
+        if file.is_file()
+    }
+    assert {
+        "summary.json",
+        "signals.csv",
+        "station.yaml",
+        "recording.html",
+        "film_strip.png",
+    } <= files
     assert {"plots/position.png", "plots/torque.png"} <= files
     out = capsys.readouterr().out
     assert "ran to its end at 0.3 s" in out
@@ -46,7 +56,9 @@ def test_options_of_output_do_not_change_the_signals(tmp_path):
     run_command([*command, "--out", "plain", "--no-recording"])
     run_command([*command, "--out", "live", "--no-recording", "--live"])
     run_command([*command, "--out", "recorded"])
-    plain, live, recorded = ((tmp_path / name / "signals.csv").read_bytes() for name in ("plain", "live", "recorded"))
+    plain, live, recorded = (
+        (tmp_path / name / "signals.csv").read_bytes() for name in ("plain", "live", "recorded")
+    )
     assert plain == live == recorded
 
 
@@ -59,7 +71,10 @@ def test_a_monitors_stop_is_a_success(tmp_path):
 def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
     settings = ["servo.torque_limit=1e12", "solver.scheme=explicit_euler", "solver.max_step=0.01"]
     arguments = [part for setting in settings for part in ("--set", setting)]
-    assert run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments]) == ExitCode.DIVERGED
+    assert (
+        run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments])
+        == ExitCode.DIVERGED
+    )
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     assert summary["stopped_by"] == "diverged"
     assert len((tmp_path / "r" / "signals.csv").read_text().splitlines()) > 2
@@ -67,10 +82,15 @@ def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
 
 
 def test_converge_prints_the_difference(capsys):
-    assert run_command(["run", "irb120_dynamic", "--duration", "0.2", "--no-recording", "--converge"]) == 0
+    assert (
+        run_command(["run", "irb120_dynamic", "--duration", "0.2", "--no-recording", "--converge"])
+        == 0
+    )
     lines = capsys.readouterr().out.splitlines()
     row = next(
-        line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
+        line
+        for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :]
+        if "joint_2" in line
     )
     assert 0 < float(row.split()[1]) < 3e-3
     _, difference, of, _, degrees, *rest = row.split()
@@ -80,9 +100,20 @@ def test_converge_prints_the_difference(capsys):
 
 @pytest.mark.long
 def test_converge_compares_the_base_of_a_legged_robot(capsys):
-    command = ["run", "humanoid_dynamic", "--duration", "0.3", "--no-recording", "--set", "robot.base=[0,0,0.46,0,0,0]"]
+    command = [
+        "run",
+        "humanoid_dynamic",
+        "--duration",
+        "0.3",
+        "--no-recording",
+        "--set",
+        "robot.base=[0,0,0.46,0,0,0]",
+    ]
     assert run_command([*command, "--converge"]) == 0
-    rows = {" ".join(line.split()[:3]): line.split()[3:5] for line in capsys.readouterr().out.splitlines()}
+    rows = {
+        " ".join(line.split()[:3]): line.split()[3:5]
+        for line in capsys.readouterr().out.splitlines()
+    }
     place, attitude = rows["position of base"], rows["orientation of base"]
     assert (place[1], attitude[1]) == ("mm", "deg")
     assert 1e-3 < float(place[0]) < 10  # it drops by 14 mm
@@ -90,7 +121,9 @@ def test_converge_compares_the_base_of_a_legged_robot(capsys):
 
 
 def test_attitudes_differ_by_the_angle_between_them():
-    turned = np.array([[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, -1, 0, 0, 0], [1, 2, 2, np.cos(0.1), 0, np.sin(0.1), 0.0]])
+    turned = np.array(
+        [[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, -1, 0, 0, 0], [1, 2, 2, np.cos(0.1), 0, np.sin(0.1), 0.0]]
+    )
     (_, ways, _), (_, angles, _) = _pose_differences(turned, np.array([[0, 0, 0, 1.0, 0, 0, 0]]))
     np.testing.assert_allclose(ways, [0, 0, 3000])
     np.testing.assert_allclose(angles, [0, 0, np.rad2deg(0.2)], atol=1e-9)
@@ -108,8 +141,22 @@ def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
     station = name.replace("/", "")  # which no station's name has, but folders have
     text = f"name: '{station}'\nrobot: {{model: double_pendulum, initial_deg: 40}}\nreference: {{kind: hold}}\n"
     (tmp_path / "mine.yaml").write_text(text)
-    settings = ["--set", "servo.torque_limit=0.001", "--set", "servo.kp=1"]  # warnings, before the run
-    command = ["run", "mine.yaml", "--duration", "0.1", "--out", f"runs/{name}/x", "--no-recording", *settings]
+    settings = [
+        "--set",
+        "servo.torque_limit=0.001",
+        "--set",
+        "servo.kp=1",
+    ]  # warnings, before the run
+    command = [
+        "run",
+        "mine.yaml",
+        "--duration",
+        "0.1",
+        "--out",
+        f"runs/{name}/x",
+        "--no-recording",
+        *settings,
+    ]
     assert run_command(command) == 0
     captured = capsys.readouterr()
     assert f"result    runs/{name}/x" in captured.out
@@ -120,7 +167,15 @@ def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
 def test_list_names_everything(capsys):
     assert run_command(["list"]) == 0
     out = capsys.readouterr().out
-    for name in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "irb120", "gripper", "pencil"):
+    for name in (
+        "irb120_dynamic",
+        "irb120_kinematic",
+        "double_pendulum",
+        "two_irb120",
+        "irb120",
+        "gripper",
+        "pencil",
+    ):
         assert name in out
 
 
@@ -152,7 +207,12 @@ def test_an_axis_near_its_limit_or_with_a_warning_is_not_folded():
     warned, loaded = axis(9, 0.1, "warning"), axis(10, 0.61)
     other = Finding("ok", "contact", "")
     *shown, summary, last = fold_axes([other, loaded, *easy[::-1], warned])
-    assert {finding.subject for finding in (*shown, last)} == {"contact", "axis 10", "axis 8", "axis 9"}
+    assert {finding.subject for finding in (*shown, last)} == {
+        "contact",
+        "axis 10",
+        "axis 8",
+        "axis 9",
+    }
     assert summary.subject == "7 more axes"
     assert "at most 7%" in summary.text
     few = [*easy[:7], loaded, other]
@@ -166,7 +226,9 @@ def test_check_tells_what_an_arm_can_carry(capsys):
     assert run_command(["check", "puma560"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert f"{arm.payload(load_robot('puma560').home).min():.3g} kg" in out
-    assert f"{arm.payload(arm.weakest_posture()).min():.3g} kg, limited by the motor of joint_2" in out
+    assert (
+        f"{arm.payload(arm.weakest_posture()).min():.3g} kg, limited by the motor of joint_2" in out
+    )
     assert run_command(["check", "irb120_dynamic"]) == 0
     course = np.linspace(0, 1, 51)[:, np.newaxis] * np.full(6, np.deg2rad(30))
     held = Workcell("irb120_dynamic").arm().dynamics.payload(course).min()
@@ -218,12 +280,16 @@ def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, ask
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("typed", "completed"), [("dia", "diagram"), ("run irb120_kin", "irb120_kinematic")])
+@pytest.mark.parametrize(
+    ("typed", "completed"), [("dia", "diagram"), ("run irb120_kin", "irb120_kinematic")]
+)
 def test_a_shell_completes_commands_and_stations(typed, completed):
     words = {"COMP_WORDS": f"simrob {typed}", "COMP_CWORD": str(len(typed.split()))}
     environment = {**os.environ, "_SIMROB_COMPLETE": "complete_bash", **words}
     start = "import sys; sys.argv = ['simrob']; from simrob_drake.cli.__main__ import main; main()"
-    done = subprocess.run([sys.executable, "-c", start], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", start], env=environment, capture_output=True, text=True, check=False
+    )
     assert done.stdout.split() == [completed]
 
 
@@ -243,8 +309,16 @@ def test_settings_may_stand_in_files(tmp_path):
     (tmp_path / "stiff.yaml").write_text("servo: {kp: 1234}\nduration: 2\n")
     (tmp_path / "damped.yaml").write_text("servo: {kd: 56}\n")
     config = station_from("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
-    assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (1234, 56, 78, 2)
-    with pytest.raises(SimrobError, match=r"--set servo\.kp=1: --set servo\.kp gives this key already; leave out one"):
+    assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (
+        1234,
+        56,
+        78,
+        2,
+    )
+    with pytest.raises(
+        SimrobError,
+        match=r"--set servo\.kp=1: --set servo\.kp gives this key already; leave out one",
+    ):
         station_from("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
     with pytest.raises(SimrobError, match=r"--set stiff\.yaml: --duration gives this key already"):
         station_from("irb120_dynamic", ["stiff.yaml"], duration=1)
@@ -255,10 +329,19 @@ def test_settings_may_stand_in_files(tmp_path):
 MISTAKES = {
     "an unknown station": (["run", "irb120_dinamic"], "did you mean 'irb120_dynamic'?"),
     "an unknown key": (["run", "irb120_dynamic", "--set", "servo.kpp=1"], "servo.kpp: unknown key"),
-    "no value": (["run", "irb120_dynamic", "--set", "servo.kp"], "must be of the form key.path=value"),
+    "no value": (
+        ["run", "irb120_dynamic", "--set", "servo.kp"],
+        "must be of the form key.path=value",
+    ),
     "no YAML": (["run", "irb120_dynamic", "--set", "servo.kp=[1"], "is not YAML"),
-    "a negative mass": (["run", "irb120_dynamic", "--set", "pieces.load.mass=-1"], "pieces.load.mass"),
-    "a far reference": (["run", "irb120_dynamic", "--set", "reference.target_deg=120"], "within the joint's limits"),
+    "a negative mass": (
+        ["run", "irb120_dynamic", "--set", "pieces.load.mass=-1"],
+        "pieces.load.mass",
+    ),
+    "a far reference": (
+        ["run", "irb120_dynamic", "--set", "reference.target_deg=120"],
+        "within the joint's limits",
+    ),
     "a missing table": (
         ["run", "irb120_dynamic", "--set", "reference={kind: table, file: no.csv}"],
         "no.csv: cannot be read",
@@ -273,10 +356,19 @@ MISTAKES = {
         ["run", "irb120_dynamic", "--duration", "long"],
         "--duration: must be a number (it is 'long')",
     ),
-    "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "there is no option --ot; did you mean '--out'?"),
+    "an unknown option": (
+        ["run", "irb120_dynamic", "--ot", "x"],
+        "there is no option --ot; did you mean '--out'?",
+    ),
     "an unknown command": (["rum"], "there is no command 'rum'; did you mean 'run'?"),
-    "no station": (["run"], "simrob run needs STATION|PROGRAM; for example: simrob run irb120_dynamic"),
-    "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
+    "no station": (
+        ["run"],
+        "simrob run needs STATION|PROGRAM; for example: simrob run irb120_dynamic",
+    ),
+    "a folder that cannot be": (
+        ["run", "irb120_dynamic", "--out", "/proc/nowhere/x"],
+        "cannot be written",
+    ),
     "two durations": (
         ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],
         "--set duration=1e9: --duration gives this key already; leave out one of the two",
@@ -298,7 +390,10 @@ MISTAKES = {
         "simrob: --set servo.kp=[1: is not YAML: while parsing",
     ),
     "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "at most 10000"),
-    "an endless run": (["run", "double_pendulum", "--duration", "1e9"], "at most 10000 s at a sample_rate of 100 Hz"),
+    "an endless run": (
+        ["run", "double_pendulum", "--duration", "1e9"],
+        "at most 10000 s at a sample_rate of 100 Hz",
+    ),
     "a folder as station": (["run", "/"], "simrob: /: is a folder"),
     "a setting of a URDF": (
         ["check", "a.urdf", "--set", "duration=1"],
@@ -328,7 +423,10 @@ TABLES = {
     "a column is missing": ("time,joint_1\n0,0\n1,0\n", "lacks the columns joint_2"),
     "a word": ("time,joint_1,joint_2\n0,0,0\n1,x,0\n", "line 3: holds something that is no number"),
     "a short row": ("time,joint_1,joint_2\n0,0,0\n1,0\n", "line 3"),
-    "unsorted times": ("time,joint_1,joint_2\n1,0,0\n0,0,0\n", "line 3: time 0 s after 1 s; times must rise"),
+    "unsorted times": (
+        "time,joint_1,joint_2\n1,0,0\n0,0,0\n",
+        "line 3: time 0 s after 1 s; times must rise",
+    ),
     "nan": ("time,joint_1,joint_2\n0,0,0\n1,nan,0\n", "line 3: holds something that is no number"),
     "one row": ("time,joint_1,joint_2\n0,0,0\n", "fewer than two rows"),
     "nothing": ("", "is empty; it must hold a line of names"),
@@ -345,9 +443,16 @@ def test_a_bad_table_is_named_with_its_line(tmp_path, capsys, text, message):
 
 
 def test_a_table_is_followed(tmp_path):
-    (tmp_path / "move.csv").write_text("time,joint_2,joint_1\n0,0.5236,0.6981\n1,0.6,0.7\n2,0.7,0.8\n3,0.8,0.9\n")
+    (tmp_path / "move.csv").write_text(
+        "time,joint_2,joint_1\n0,0.5236,0.6981\n1,0.6,0.7\n2,0.7,0.8\n3,0.8,0.9\n"
+    )
     settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
-    assert run_command(["run", "double_pendulum", *settings, "--out", "r", "--no-recording", "--duration", "1"]) == 0
+    assert (
+        run_command(
+            ["run", "double_pendulum", *settings, "--out", "r", "--no-recording", "--duration", "1"]
+        )
+        == 0
+    )
     header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
     names, last = header.split(","), np.array(rows[-1].split(","), dtype=float)
     assert last[names.index("q_ref.joint_1")] == pytest.approx(0.7)
@@ -370,7 +475,9 @@ main()
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux tells them")
+@pytest.mark.skipif(
+    not Path("/proc/self/task").is_dir(), reason="counts threads as Linux tells them"
+)
 @pytest.mark.parametrize(
     ("told", "threads"),
     [
@@ -382,16 +489,31 @@ main()
 def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     command = [sys.executable, "-c", THREADS]
     plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
-    done = subprocess.run(command, env={**plain, **told}, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, env={**plain, **told}, capture_output=True, text=True, check=True
+    )
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
 
 
 @pytest.mark.long
 @pytest.mark.plots
 def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
-    command = ["run", "irb120_dynamic", "--duration", "0.1", "--no-recording", "--out", "r", "--plots"]
+    command = [
+        "run",
+        "irb120_dynamic",
+        "--duration",
+        "0.1",
+        "--no-recording",
+        "--out",
+        "r",
+        "--plots",
+    ]
     assert run_command([*command, "svg"]) == 0
-    assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {"position.svg", "torque.svg", "tcp.svg"}
+    assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {
+        "position.svg",
+        "torque.svg",
+        "tcp.svg",
+    }
     assert run_command([*command, "jpg"]) == ExitCode.BAD_INPUT
     assert "--plots: must be one of" in capsys.readouterr().err
 
@@ -401,11 +523,17 @@ def broken(_):
 
 
 def asserted(_):
-    raise SystemExit("Failure at leaf_system.h:478 in DeclarePeriodicEvent(): condition 'x' failed.\nmore")
+    raise SystemExit(
+        "Failure at leaf_system.h:478 in DeclarePeriodicEvent(): condition 'x' failed.\nmore"
+    )
 
 
-@pytest.mark.parametrize(("command", "said"), [(broken, "KeyError: 'xxx"), (asserted, "a check of Drake: Failure at")])
-def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(command, said, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("command", "said"), [(broken, "KeyError: 'xxx"), (asserted, "a check of Drake: Failure at")]
+)
+def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(
+    command, said, monkeypatch, capsys
+):
     for debug in ("", "1"):
         monkeypatch.setenv(DEBUG, debug)
         assert run_guarded(command, []) == ExitCode.BAD_INPUT
@@ -427,7 +555,10 @@ def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(command, sa
             "nothing_like_it.part",
             "simrob run needs the package nothing_like_it, which is not installed: pip install noth",
         ),
-        ("simrob_drake.gone", "simrob run needs the module simrob_drake.gone, which this installation lacks"),
+        (
+            "simrob_drake.gone",
+            "simrob run needs the module simrob_drake.gone, which this installation lacks",
+        ),
     ],
 )
 def test_a_missing_package_is_named(capsys, module, told):
@@ -452,10 +583,16 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        (EXAMPLES / "learning" / "yobotics_walker.onnx", "is no station but a network: controllers: {policy: "),
+        (
+            EXAMPLES / "learning" / "yobotics_walker.onnx",
+            "is no station but a network: controllers: {policy: ",
+        ),
         (EXAMPLES / "own_loop.py", "is no station but a script: python "),
         (models_root() / "roid1" / "gaits.yaml", "is no station but the gaits of a robot"),
-        (models_root() / "pieces" / "ball" / "piece.yaml", "is no station but a piece: pieces: {part: {model: "),
+        (
+            models_root() / "pieces" / "ball" / "piece.yaml",
+            "is no station but a piece: pieces: {part: {model: ",
+        ),
         (
             Path(__file__).parents[1] / "README.md",
             "is neither a station nor a robot; stations and programs are read from",
@@ -474,7 +611,11 @@ def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
     ("station", "setting", "said"),
     [
         ("irb120_dynamic", "start=/etc/passwd", "/etc/passwd: is not JSON"),
-        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: must be at most"),
+        (
+            "roid1_walking",
+            "controllers.walk.gait.max_speed.ahead=1e9",
+            "max_speed.ahead: must be at most",
+        ),
     ],
 )
 def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):
@@ -487,4 +628,6 @@ def test_the_main_job_is_one_command(tmp_path, monkeypatch, capsys):
     (tmp_path / "runs/demo").mkdir(parents=True)
     (tmp_path / "runs/demo/summary.json").write_text("{}")  # of a result before, which is replaced
     assert run_command(["demo"]) == 0
-    assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(capsys.readouterr().out.split("\n"))
+    assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(
+        capsys.readouterr().out.split("\n")
+    )

@@ -67,7 +67,9 @@ def test_each_help_is_translated():
     assert {name: text for name, text in english.items() if spanish[name] == text} == {}
 
 
-@pytest.mark.parametrize("command", commands_with_helps(), ids=lambda command: " ".join(command) or "simrob")
+@pytest.mark.parametrize(
+    "command", commands_with_helps(), ids=lambda command: " ".join(command) or "simrob"
+)
 def test_a_help_in_spanish_has_no_english_words(command, capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     assert run_command([*command, "--help"]) == ExitCode.DONE
@@ -78,7 +80,9 @@ def test_a_help_in_spanish_has_no_english_words(command, capsys, monkeypatch):
     assert ENGLISH.findall(SAME_IN_EACH_LANGUAGE.sub(" ", out)) == []
 
 
-@pytest.mark.parametrize("command", commands_with_helps(), ids=lambda command: " ".join(command) or "simrob")
+@pytest.mark.parametrize(
+    "command", commands_with_helps(), ids=lambda command: " ".join(command) or "simrob"
+)
 def test_a_help_in_english_has_english_words(command, capsys):
     """The pattern that finds English words is one that can find them."""
     assert run_command([*command, "--help"]) == ExitCode.DONE
@@ -132,6 +136,11 @@ def test_extension_points_are_named_in_spanish(capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     assert run_command(["extensions"]) == ExitCode.DONE
     out = capsys.readouterr().out
-    for words in ("órdenes: compare", "otros ficheros: tuning", "motores de simulación: mujoco", "exportadores: mjcf"):
+    for words in (
+        "órdenes: compare",
+        "otros ficheros: tuning",
+        "motores de simulación: mujoco",
+        "exportadores: mjcf",
+    ):
         assert words in out
     assert not re.search(r"commands:|other files:|engines:|messages:", out)

@@ -36,13 +36,19 @@ main()
 
 def start(folder: Path, arguments: list[str], **options: bool) -> subprocess.Popen[str]:
     command = [sys.executable, "-u", "-m", "simrob_drake.cli", *arguments]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+    return subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+    )
 
 
-def interrupted_while_loading(module: str, *arguments: str, first: str = "") -> subprocess.CompletedProcess[str]:
+def interrupted_while_loading(
+    module: str, *arguments: str, first: str = ""
+) -> subprocess.CompletedProcess[str]:
     """Run a command that is interrupted when it loads a module."""
     code = f"MODULE, ARGUMENTS = {module!r}, {arguments!r}; {first}{WHILE_LOADING}"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
 
 
 def wait_for_writing(folder: Path, command: subprocess.Popen[str]) -> None:
@@ -54,13 +60,19 @@ def wait_for_writing(folder: Path, command: subprocess.Popen[str]) -> None:
 
 def test_while_the_program_loads_it_leaves_at_once():
     done = interrupted_while_loading("pydrake.systems.framework", "diagram", "irb120_kinematic")
-    assert (done.returncode, done.stdout, done.stderr) == (ExitCode.INTERRUPTED, "", "simrob: interrupted\n")
+    assert (done.returncode, done.stdout, done.stderr) == (
+        ExitCode.INTERRUPTED,
+        "",
+        "simrob: interrupted\n",
+    )
 
 
 @pytest.mark.long
 def test_a_caller_that_ignores_interrupts_is_heard():
     ignored = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-    done = interrupted_while_loading("pydrake.systems.framework", "diagram", "irb120_kinematic", first=ignored)
+    done = interrupted_while_loading(
+        "pydrake.systems.framework", "diagram", "irb120_kinematic", first=ignored
+    )
     assert done.returncode == 0
     assert "digraph" in done.stdout
 
@@ -68,9 +80,13 @@ def test_a_caller_that_ignores_interrupts_is_heard():
 @pytest.mark.long
 def test_a_library_that_loads_on_after_any_exception_does_not_keep_it(tmp_path, one_joint_urdf):
     """The library of meshes takes an interrupt for a missing Pillow: `simrob check` went on as if nothing were."""
-    link = '<link name="tip"><visual><geometry><mesh filename="tip.stl"/></geometry></visual></link>'
+    link = (
+        '<link name="tip"><visual><geometry><mesh filename="tip.stl"/></geometry></visual></link>'
+    )
     (tmp_path / "arm.urdf").write_text(one_joint_urdf.replace('<link name="tip"/>', link))
-    (tmp_path / "tip.stl").write_bytes(trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type="stl"))
+    (tmp_path / "tip.stl").write_bytes(
+        trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type="stl")
+    )
     done = interrupted_while_loading("PIL", "check", str(tmp_path / "arm.urdf"))
     assert (done.returncode, done.stdout) == (ExitCode.INTERRUPTED, "")
     assert done.stderr.endswith("simrob: interrupted\n")
@@ -92,7 +108,16 @@ def test_a_library_that_swallows_any_exception_does_not_keep_it():
 
 @pytest.mark.long
 def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):
-    at_the_clocks_pace = ["run", "double_pendulum", "--duration", "900", "--live", "--out", "x", "--no-recording"]
+    at_the_clocks_pace = [
+        "run",
+        "double_pendulum",
+        "--duration",
+        "900",
+        "--live",
+        "--out",
+        "x",
+        "--no-recording",
+    ]
     with start(tmp_path, at_the_clocks_pace) as command:
         assert "watch it at" in command.stdout.readline()
         time.sleep(1)
@@ -113,7 +138,10 @@ def test_while_files_are_written_they_are_finished(tmp_path):
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
     assert command.returncode == ExitCode.INTERRUPTED
-    assert err == "simrob: interrupted; the files of x are being finished, interrupt again to abandon them\n"
+    assert (
+        err
+        == "simrob: interrupted; the files of x are being finished, interrupt again to abandon them\n"
+    )
     assert "ran to its end" in out
     assert {file.name for file in (tmp_path / "x").iterdir()} == FILES
     assert [file.name for file in tmp_path.iterdir()] == ["x"]
@@ -129,7 +157,10 @@ def test_who_insists_gets_away_and_leaves_nothing(tmp_path):
         out, err = command.communicate(timeout=60)
     assert command.returncode == ExitCode.INTERRUPTED
     assert "interrupt again" in first
-    assert (out, err) == ("", "simrob: interrupted; the files of x are abandoned, nothing was saved\n")
+    assert (out, err) == (
+        "",
+        "simrob: interrupted; the files of x are abandoned, nothing was saved\n",
+    )
     assert list(tmp_path.iterdir()) == []
 
 

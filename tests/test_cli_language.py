@@ -13,7 +13,15 @@ from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from tests.widths import too_wide
 
 pytestmark = pytest.mark.usefixtures("no_plots")
-WEAK = ["run", "irb120_dynamic", "--duration", "0.5", "--set", "servo.torque_limit=10", "--no-recording"]
+WEAK = [
+    "run",
+    "irb120_dynamic",
+    "--duration",
+    "0.5",
+    "--set",
+    "servo.torque_limit=10",
+    "--no-recording",
+]
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +63,10 @@ def test_the_environment_may_name_the_language(capsys, monkeypatch):
     ],
 )
 def test_errors_are_in_the_language(capsys, setting, text):
-    assert run_command(["run", "irb120_dynamic", "--language", "es", "--set", setting]) == ExitCode.BAD_INPUT
+    assert (
+        run_command(["run", "irb120_dynamic", "--language", "es", "--set", setting])
+        == ExitCode.BAD_INPUT
+    )
     shown = capsys.readouterr().err
     assert text in shown
     assert "did you mean" not in shown
@@ -77,7 +88,10 @@ def test_an_unknown_language_is_refused(capsys):
 
 
 def test_all_that_comes_with_the_package_is_described_in_spanish():
-    known = read_yaml(station_files()["irb120_dynamic"].parents[1] / "simrob_drake/base/languages/es/descriptions.yaml")
+    known = read_yaml(
+        station_files()["irb120_dynamic"].parents[1]
+        / "simrob_drake/base/languages/es/descriptions.yaml"
+    )
     kinds = {"station": station_files(), "robot": robot_files(), "piece": piece_files()}
     needed = {f"descriptions.{kind}_{name}" for kind, files in kinds.items() for name in files}
     assert known.keys() == needed
@@ -87,7 +101,12 @@ URDF = str(models_root() / "irb120" / "irb120.urdf")
 FEET = str(models_root() / "yobotics" / "yobotics.urdf")
 COMMANDS = {
     "check of a station": ["check", "irb120_dynamic"],
-    "check of a station with warnings": ["check", "irb120_dynamic", "--set", "servo.torque_limit=10"],
+    "check of a station with warnings": [
+        "check",
+        "irb120_dynamic",
+        "--set",
+        "servo.torque_limit=10",
+    ],
     "check of a station with many axes": ["check", "humanoid_balance"],
     "check of a robot": ["check", "puma560"],
     "check of a file": ["check", URDF],
@@ -106,7 +125,9 @@ COMMANDS = {
     "linearize": ["linearize", "double_pendulum", "--out", "linear"],
     "a station that is wrong": ["check", "double_pendulum.yaml", "--set", "duration=-1"],
 }
-ENGLISH = re.compile(r"\b(the|of|and|with|is|are|at|not|must|should|to|limit|holding|reference|joint|axis|unit)\b")
+ENGLISH = re.compile(
+    r"\b(the|of|and|with|is|are|at|not|must|should|to|limit|holding|reference|joint|axis|unit)\b"
+)
 
 
 def test_positions_of_pieces_have_a_decimal_comma(capsys, monkeypatch):

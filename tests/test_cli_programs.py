@@ -15,12 +15,22 @@ from simrob_drake.stations.load import load_station
 pytestmark = pytest.mark.usefixtures("no_plots")
 
 PICK = [
-    {"move_j": {"targets_deg": [0, 0, 0.05, 0, 0, 180], "wobj": "bar", "robot": "left", "duration": 0.9}},
+    {
+        "move_j": {
+            "targets_deg": [0, 0, 0.05, 0, 0, 180],
+            "wobj": "bar",
+            "robot": "left",
+            "duration": 0.9,
+        }
+    },
     {"move_l": {"targets": [0, 0, -0.02], "wobj": "bar", "robot": "left", "speed": 0.5}},
     {"attach": {"piece": "bar", "robot": "left"}},
     {"move_l": {"targets": [0, 0, 0.05], "wobj": "bar", "robot": "left", "speed": 0.5}},
 ]
-WAVES = {"station": "humanoid_fixed", "moves": [{"act": "wave"}, {"target_deg": {"HomDF": 20}, "duration": 0.2}]}
+WAVES = {
+    "station": "humanoid_fixed",
+    "moves": [{"act": "wave"}, {"target_deg": {"HomDF": 20}, "duration": 0.2}],
+}
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +56,15 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert "two_arms: ran to its end at" in out
     assert "in 3 runs" in out
-    held = {"summary.json", "signals.csv", "events.csv", "program.yaml", "station.yaml", "recording.html", "plots"}
+    held = {
+        "summary.json",
+        "signals.csv",
+        "events.csv",
+        "program.yaml",
+        "station.yaml",
+        "recording.html",
+        "plots",
+    }
     assert held | {"film_strip.png"} == {file.name for file in (tmp_path / "r").iterdir()}
     cell = Workcell("two_arms")
     left = cell.arm("left")
@@ -56,13 +74,29 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     expected.append(left.move_l([0, 0, 0.05], wobj="bar", speed=0.5))
     names, values = signals(tmp_path / "r")
     rows = [run.axes("q", "left")[: None if run is expected[-1] else -1] for run in expected]
-    np.testing.assert_array_equal(values[:, [names.index(f"left.q.joint_{n}") for n in range(1, 7)]], np.vstack(rows))
+    np.testing.assert_array_equal(
+        values[:, [names.index(f"left.q.joint_{n}") for n in range(1, 7)]], np.vstack(rows)
+    )
     z = values[:, names.index("piece.bar.z")]
     assert z[-1] - z[0] == pytest.approx(0.05, abs=1e-9)
-    assert json.loads((tmp_path / "r" / "summary.json").read_text())["final"]["piece_pose"]["bar"][2] == z[-1]
-    assert run_command(["run", "r/program.yaml", "--out", "again", "--frames", "2"]) == ExitCode.DONE
-    for file in ("signals.csv", "events.csv", "program.yaml", "station.yaml", "recording.html", "plots/piece_bar.png"):
-        assert (tmp_path / "again" / file).read_bytes() == (tmp_path / "r" / file).read_bytes(), file
+    assert (
+        json.loads((tmp_path / "r" / "summary.json").read_text())["final"]["piece_pose"]["bar"][2]
+        == z[-1]
+    )
+    assert (
+        run_command(["run", "r/program.yaml", "--out", "again", "--frames", "2"]) == ExitCode.DONE
+    )
+    for file in (
+        "signals.csv",
+        "events.csv",
+        "program.yaml",
+        "station.yaml",
+        "recording.html",
+        "plots/piece_bar.png",
+    ):
+        assert (tmp_path / "again" / file).read_bytes() == (tmp_path / "r" / file).read_bytes(), (
+            file
+        )
     one, other = (Image.open(tmp_path / folder / "film_strip.png") for folder in ("r", "again"))
     assert one.size != other.size  # four events against two frames
 
@@ -79,7 +113,9 @@ def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
     assert (np.diff(values[:, 0]) > 0).all()
     assert values[-1, 0] > 2.0
     assert "act wave ends" in (tmp_path / "r" / "events.csv").read_text()
-    assert run_command(["run", "r/program.yaml", "--out", "again", "--no-recording"]) == ExitCode.DONE
+    assert (
+        run_command(["run", "r/program.yaml", "--out", "again", "--no-recording"]) == ExitCode.DONE
+    )
     np.testing.assert_array_equal(signals(tmp_path / "again")[1], values)
 
 
@@ -94,10 +130,26 @@ def test_check_says_what_a_program_takes(capsys):
 
 
 MISTAKES = {
-    "no station": (["run"], {"station": None}, "station: missing: the name or the file of the station"),
-    "no robot": (["check"], {"moves": [{"move_l": [0, 0, 1]}]}, "p.yaml: move 1: robot is not named"),
-    "legs": (["run"], {"station": "humanoid_dynamic", "moves": [{"move_l": [0, 0, 1]}]}, "one on a fixed base"),
-    "out of reach": (["check"], {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]}, "move 2:"),
+    "no station": (
+        ["run"],
+        {"station": None},
+        "station: missing: the name or the file of the station",
+    ),
+    "no robot": (
+        ["check"],
+        {"moves": [{"move_l": [0, 0, 1]}]},
+        "p.yaml: move 1: robot is not named",
+    ),
+    "legs": (
+        ["run"],
+        {"station": "humanoid_dynamic", "moves": [{"move_l": [0, 0, 1]}]},
+        "one on a fixed base",
+    ),
+    "out of reach": (
+        ["check"],
+        {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]},
+        "move 2:",
+    ),
     "frames": (["run", "--frames", "one"], {}, 'must be a number of at least 2, or "events"'),
     "a duration": (["run", "--duration", "2"], {}, "--duration: a program has its own duration"),
     "an import": (["check", "--estimate-inertia"], {}, "--estimate-inertia: this is a program"),
@@ -106,7 +158,9 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("command", "program", "message"), MISTAKES.values(), ids=MISTAKES)
-def test_what_cannot_be_done_is_one_line_and_leaves_nothing(tmp_path, capfd, command, program, message):
+def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
+    tmp_path, capfd, command, program, message
+):
     write(**program)
     assert run_command([*command, "p.yaml"]) == ExitCode.BAD_INPUT
     captured = capfd.readouterr()

@@ -78,13 +78,20 @@ def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
 def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
     said = capsys.readouterr().out.splitlines()
-    remarks = [line for line in (tmp_path / "work" / "arm.yaml").read_text().splitlines() if "motors hold it" in line]
+    remarks = [
+        line
+        for line in (tmp_path / "work" / "arm.yaml").read_text().splitlines()
+        if "motors hold it" in line
+    ]
     assert [line.removeprefix("# ") in " ".join(said) for line in remarks] == [True]
     proposed = said[-1].strip().removeprefix("simrob ")
     # The robot is in another folder than the station, which the command remembers.
     assert proposed == "run arm.yaml"
     assert f"--mesh-path {raw.parent}" in said
-    assert run_command([*shlex.split(proposed), "--duration", "0.2", "--out", "r", "--no-recording"]) == 0
+    assert (
+        run_command([*shlex.split(proposed), "--duration", "0.2", "--out", "r", "--no-recording"])
+        == 0
+    )
     assert "q.shoulder" in (tmp_path / "work" / "r" / "signals.csv").read_text().splitlines()[0]
     assert run_command(["check", "arm.yaml"]) == 0
     assert "import of arm.urdf" in capsys.readouterr().out
@@ -136,7 +143,17 @@ def test_the_oldest_grants_are_forgotten(tmp_path, monkeypatch):
 @pytest.mark.long
 def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     setting = f"robot.urdf={published_irb120}"
-    arguments = ["run", "irb120_dynamic", "--set", setting, "--duration", "0.2", "--no-recording", "--out", "r"]
+    arguments = [
+        "run",
+        "irb120_dynamic",
+        "--set",
+        setting,
+        "--duration",
+        "0.2",
+        "--no-recording",
+        "--out",
+        "r",
+    ]
     assert run_command(arguments) == 0
     text = (tmp_path / "work" / "r" / "station.yaml").read_text()
     assert "urdf: " in text  # of the copy that the result carries
@@ -147,11 +164,20 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
     file = tmp_path / "arm and hand.urdf"
     file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
     (tmp_path / "meshes").mkdir()
-    own = ["--mesh-path", str(tmp_path / "meshes"), "--mesh-path", str(tmp_path), "--density", "900"]
+    own = [
+        "--mesh-path",
+        str(tmp_path / "meshes"),
+        "--mesh-path",
+        str(tmp_path),
+        "--density",
+        "900",
+    ]
     assert run_command(["station", str(file), "--out", "a.yaml", *own]) == 0
     text = (tmp_path / "work" / "a.yaml").read_text()
     assert "mode: kinematic" in text
-    proposed = next(line for line in text.splitlines() if "begin anew: " in line).partition("begin anew: simrob ")[2]
+    proposed = next(line for line in text.splitlines() if "begin anew: " in line).partition(
+        "begin anew: simrob "
+    )[2]
     assert run_command([*shlex.split(proposed), "--out", "b.yaml"]) == 0
     again = yaml.safe_load((tmp_path / "work" / "b.yaml").read_text())
     assert again["mode"] == "dynamic"
@@ -193,7 +219,9 @@ def test_bad_input_is_one_line(raw, tmp_path, capsys, arguments, says):
 @pytest.mark.long
 def test_view_shows_the_robot_until_it_is_interrupted(raw):
     command = [sys.executable, "-u", "-m", "simrob_drake.cli", "view", str(raw)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as window:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as window:
         line = window.stdout.readline()
         url = line.split()[-1]
         assert url.startswith("http://127.0.0.1:")
@@ -258,7 +286,10 @@ def test_station_takes_a_table_by_its_path_and_runs(capsys):
 
 def test_options_of_an_import_do_not_go_with_a_table(capsys):
     pathlib.Path("two_links.yaml").write_text(TABLE)
-    assert run_command(["station", "two_links.yaml", "--out", "first.yaml", "--estimate-inertia"]) == ExitCode.BAD_INPUT
+    assert (
+        run_command(["station", "two_links.yaml", "--out", "first.yaml", "--estimate-inertia"])
+        == ExitCode.BAD_INPUT
+    )
     assert "two_links.yaml describes a robot" in capsys.readouterr().err
 
 
@@ -271,4 +302,11 @@ def test_torques_of_a_robot_without_inertias_are_one_line_with_the_reason(tmp_pa
     out = " ".join(capsys.readouterr().out.split())
     assert "0.00 N·m" not in out
     assert "holding takes" not in out
-    assert len(re.findall("torques and payload of robot not predicted: 1 moving link has no inertia", out)) == 1
+    assert (
+        len(
+            re.findall(
+                "torques and payload of robot not predicted: 1 moving link has no inertia", out
+            )
+        )
+        == 1
+    )

@@ -21,11 +21,24 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
-    arguments = ["walk", "roid1_dynamic", "--steps", "2", "--amplitude", "0.5", "--gait", "walk", "--out", "r"]
+    arguments = [
+        "walk",
+        "roid1_dynamic",
+        "--steps",
+        "2",
+        "--amplitude",
+        "0.5",
+        "--gait",
+        "walk",
+        "--out",
+        "r",
+    ]
     assert run_command([*arguments, "--no-recording", "--set", "sample_rate=50"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     way = json.loads((tmp_path / "r" / "summary.json").read_text())["locomotion"]
-    told = re.search(r"robot moved ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out)
+    told = re.search(
+        r"robot moved ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out
+    )
     assert told is not None
     assert float(told[1]) == pytest.approx(way["distance"], abs=6e-4)
     assert float(told[2]) == pytest.approx(way["speed"], abs=6e-4)
@@ -41,7 +54,10 @@ def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
 
 
 MISTAKES = {
-    "an unknown gait": (["roid1_dynamic", "--gait", "wlak"], "there is no gait of roid1 'wlak'; did you mean 'walk'?"),
+    "an unknown gait": (
+        ["roid1_dynamic", "--gait", "wlak"],
+        "there is no gait of roid1 'wlak'; did you mean 'walk'?",
+    ),
     "a gait that names all": (["roid1_dynamic", "--gait", "x"], "known: .*turn.*walk"),
     "no legs": (["irb120_dynamic"], "robot irb120 is one without gaits"),
     "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
@@ -51,7 +67,10 @@ MISTAKES = {
         ["roid1_dynamic", "--set", "duration=3"],
         "--set duration=3: the gait or act",
     ),
-    "a reference": (["roid1_dynamic", "--set", "reference.kind=hold"], "the gait or act says how the robot moves"),
+    "a reference": (
+        ["roid1_dynamic", "--set", "reference.kind=hold"],
+        "the gait or act says how the robot moves",
+    ),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
     "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),
     "an unknown station": (["roid1_dynamc"], "did you mean 'roid1_dynamic'?"),
@@ -77,7 +96,9 @@ def test_the_time_of_a_step_is_that_of_the_gait(monkeypatch):
 
     monkeypatch.setattr(LeggedRobot, "walk", walk)
     for options in ([], ["--step-time", "0.8"]):
-        assert run_command(["walk", "roid1_dynamic", *options, "--steps", "3"]) == ExitCode.BAD_INPUT
+        assert (
+            run_command(["walk", "roid1_dynamic", *options, "--steps", "3"]) == ExitCode.BAD_INPUT
+        )
     assert asked == [(3, {}), (3, {"step_time": 0.8})]
 
 
@@ -87,7 +108,9 @@ def test_an_act_is_that_of_the_program(tmp_path, capsys):
     expected = LeggedRobot("humanoid_fixed").act("wave")
     header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
     saved = np.array([row.split(",") for row in rows], dtype=float)
-    np.testing.assert_array_equal(saved[:, header.split(",").index("q.left_elbow")], expected["q.left_elbow"])
+    np.testing.assert_array_equal(
+        saved[:, header.split(",").index("q.left_elbow")], expected["q.left_elbow"]
+    )
     assert "came" not in capsys.readouterr().out  # its trunk is held
 
 

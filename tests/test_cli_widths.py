@@ -24,7 +24,12 @@ COMMANDS = {
     "a run of two arms": ["run", "two_irb120", "--duration", "0.1", "--no-recording"],
     "--converge": ["run", "double_pendulum", "--duration", "0.1", "--no-recording", "--converge"],
     "check of a station": ["check", "irb120_dynamic"],
-    "check of a station with warnings": ["check", "irb120_dynamic", "--set", "servo.torque_limit=10"],
+    "check of a station with warnings": [
+        "check",
+        "irb120_dynamic",
+        "--set",
+        "servo.torque_limit=10",
+    ],
     "check of a robot": ["check", "puma560"],
     "check of a file": ["check", str(models_root() / "irb120" / "irb120.urdf")],
     "import": ["import", str(models_root() / "irb120" / "irb120.urdf"), "--out", "made"],
@@ -51,7 +56,10 @@ def test_an_output_fits_80_columns(command, capsys):
 @pytest.mark.long
 @pytest.mark.parametrize(
     "command",
-    [["walk", "roid1_dynamic", "--steps", "1", "--no-recording"], ["act", "humanoid_fixed", "wave", "--no-recording"]],
+    [
+        ["walk", "roid1_dynamic", "--steps", "1", "--no-recording"],
+        ["act", "humanoid_fixed", "wave", "--no-recording"],
+    ],
 )
 def test_an_output_of_a_legged_robot_fits_80_columns(command, capsys):
     assert run_command(command) == 0
@@ -61,14 +69,21 @@ def test_an_output_of_a_legged_robot_fits_80_columns(command, capsys):
 
 @pytest.mark.long
 def test_an_output_of_a_sweep_fits_80_columns(capsys):
-    assert run_command(["sweep", "double_pendulum", "--vary", "servo.kp=5,10", "--out", "swept"]) == 0
+    assert (
+        run_command(["sweep", "double_pendulum", "--vary", "servo.kp=5,10", "--out", "swept"]) == 0
+    )
     captured = capsys.readouterr()
     assert too_wide(captured.out + captured.err) == []
 
 
 def test_a_path_is_never_broken(tmp_path, capsys):
     folder = tmp_path / ("a_long_name_of_a_folder_" * 4)
-    assert run_command(["run", "double_pendulum", "--duration", "0.1", "--no-recording", "--out", str(folder)]) == 0
+    assert (
+        run_command(
+            ["run", "double_pendulum", "--duration", "0.1", "--no-recording", "--out", str(folder)]
+        )
+        == 0
+    )
     assert str(folder) in capsys.readouterr().out.splitlines()
 
 

@@ -32,7 +32,9 @@ def test_overrides_are_accepted_wherever_a_station_is():
     built = build_station("irb120_dynamic", overrides=LIGHT)
     configs = [
         simulate("irb120_dynamic", overrides=LIGHT, duration=0.01, progress=False).config,
-        simulate(load_station("irb120_dynamic"), overrides=LIGHT, duration=0.01, progress=False).config,
+        simulate(
+            load_station("irb120_dynamic"), overrides=LIGHT, duration=0.01, progress=False
+        ).config,
         Runner("irb120_dynamic", overrides=LIGHT).config,
         Runner(build_station("irb120_dynamic"), overrides=LIGHT).config,
         Workcell(load_station("irb120_dynamic"), LIGHT).config,
@@ -93,7 +95,9 @@ def test_a_branch_gives_the_whole_run_with_signals():
         np.testing.assert_array_equal(branched.values, whole.values)
         assert branch.outcome(pushes).message == whole.message
     np.testing.assert_array_equal(branch.run().values, runner.run().values)
-    with pytest.raises(SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be one at 0.3 s"):
+    with pytest.raises(
+        SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be one at 0.3 s"
+    ):
         branch.run(pushes={"shove": {"start": 0.1, "force": [1, 0, 0]}})
 
 
@@ -101,7 +105,9 @@ def test_a_branch_of_a_solver_with_memory_and_pushes():
     """Under radau3, the run up to the branch is stepped again."""
     runner = Runner("irb120_dynamic", overrides={"duration": 0.12})
     pushes = {"shove": {"start": 0.06, "duration": 0.03, "force": [5, 0, 0]}}
-    np.testing.assert_array_equal(runner.branch(0.06).run(pushes=pushes).values, runner.run(pushes=pushes).values)
+    np.testing.assert_array_equal(
+        runner.branch(0.06).run(pushes=pushes).values, runner.run(pushes=pushes).values
+    )
 
 
 def test_fork_is_a_former_name():
@@ -129,7 +135,16 @@ def test_the_end_of_a_run_has_the_same_names_in_python_and_in_files():
 @pytest.mark.long
 def test_type_checkers_know_the_keywords_of_configurations(tmp_path):
     script = tmp_path / "script.py"
-    script.write_text('from simrob_drake import StationConfig\n\nStationConfig(name="x", durration=3.0)\n')
-    command = [sys.executable, "-m", "mypy", "--config-file=", "--follow-imports=silent", str(script)]
+    script.write_text(
+        'from simrob_drake import StationConfig\n\nStationConfig(name="x", durration=3.0)\n'
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--config-file=",
+        "--follow-imports=silent",
+        str(script),
+    ]
     checked = subprocess.run(command, capture_output=True, text=True, check=False)
     assert 'Unexpected keyword argument "durration"' in checked.stdout

@@ -60,18 +60,26 @@ class TestBouncingBall:
         apexes, landings = bounces(3.0)
         tops = [
             ball["distance.gap"][int(row)]
-            for row in np.flatnonzero((ball["piece.ball.vz"][:-1] > 0) & (ball["piece.ball.vz"][1:] <= 0))
+            for row in np.flatnonzero(
+                (ball["piece.ball.vz"][:-1] > 0) & (ball["piece.ball.vz"][1:] <= 0)
+            )
             if ball["distance.gap"][int(row)] > 0
         ]
         assert len(apexes) >= 7
         np.testing.assert_allclose(tops[: len(apexes)], apexes, rtol=0.01)
-        np.testing.assert_allclose(falls(ball.times, ball["distance.gap"])[: len(landings)], landings, rtol=0.01)
+        np.testing.assert_allclose(
+            falls(ball.times, ball["distance.gap"])[: len(landings)], landings, rtol=0.01
+        )
 
     @pytest.mark.long
     def test_it_stays_where_a_converged_run_has_it(self, ball):
         """Within 0.2 mm over all bounces: with the accuracy of other stations, 1e-3, it is off by 10 mm."""
-        converged = simulate(load_station("bouncing_ball", {"sample_rate": 2000, "solver.accuracy": 1e-8}))
-        np.testing.assert_allclose(ball["piece.ball.z"], converged["piece.ball.z"], rtol=0, atol=2e-4)
+        converged = simulate(
+            load_station("bouncing_ball", {"sample_rate": 2000, "solver.accuracy": 1e-8})
+        )
+        np.testing.assert_allclose(
+            ball["piece.ball.z"], converged["piece.ball.z"], rtol=0, atol=2e-4
+        )
 
     def test_energy_never_grows(self, ball):
         height, speed = ball["piece.ball.z"], ball["piece.ball.vz"]
@@ -81,7 +89,9 @@ class TestBouncingBall:
         assert flying[-1] < 0.85 * flying[0]
 
     def test_without_dissipation_energy_does_not_grow_and_hardly_fades(self):
-        result = simulate(load_station("bouncing_ball", {"contact.dissipation": 0, "sample_rate": 500}))
+        result = simulate(
+            load_station("bouncing_ball", {"contact.dissipation": 0, "sample_rate": 500})
+        )
         flying = result["distance.gap"] > 0
         energy = GRAVITY * result["distance.gap"] + result["piece.ball.vz"] ** 2 / 2
         assert energy[flying].max() < (1 + 5e-4) * energy[0]
@@ -90,7 +100,10 @@ class TestBouncingBall:
     @pytest.mark.parametrize("stiffness", [500.0, 1e4])
     def test_at_rest_it_sinks_by_weight_over_stiffness(self, stiffness):
         depth = BALL * GRAVITY / stiffness
-        overrides = {"contact.stiffness": stiffness, "pieces.ball.pose": [0, 0, RADIUS - depth / 2, 0, 0, 0]}
+        overrides = {
+            "contact.stiffness": stiffness,
+            "pieces.ball.pose": [0, 0, RADIUS - depth / 2, 0, 0, 0],
+        }
         result = simulate(load_station("bouncing_ball", {**overrides, "contact.dissipation": 20}))
         assert -result["distance.gap"][-1] == pytest.approx(depth, rel=0.01)
         assert result["force.floor.z"][-1] == pytest.approx(BALL * GRAVITY, rel=0.005)
@@ -106,10 +119,16 @@ class TestBouncingBall:
         """Pressure E (1 - r/R) of a sphere cut by a plane sums up to pi E x² (1 - 2 x / (3 R))."""
         modulus, depth = 1e5, 5.4e-3
         force = np.pi * modulus * depth**2 * (1 - 2 * depth / (3 * RADIUS))
-        fine = {"contact.model": "hydroelastic", "contact.hydroelastic_modulus": modulus, "contact.resolution": 0.005}
+        fine = {
+            "contact.model": "hydroelastic",
+            "contact.hydroelastic_modulus": modulus,
+            "contact.resolution": 0.005,
+        }
         start = {"pieces.ball.pose": [0, 0, RADIUS - depth, 0, 0, 0]}
         result = simulate(load_station("bouncing_ball", {**fine, **start}), duration=0.001)
-        assert result["force.floor.z"][0] == pytest.approx(force, rel=0.05)  # of a mesh with edges of 5 mm
+        assert result["force.floor.z"][0] == pytest.approx(
+            force, rel=0.05
+        )  # of a mesh with edges of 5 mm
 
     def test_dissipation_takes_height_and_stiffness_depth(self):
         depths, backs = [], []
@@ -130,7 +149,10 @@ class TestBouncingBall:
     def test_its_result_can_be_saved_and_run_again(self, tmp_path):
         result = simulate(load_station("bouncing_ball"), duration=0.4)
         folder = result.save(tmp_path / "ball")
-        assert {file.name for file in (folder / "plots").iterdir()} == {"piece_ball.png", "sensors.png"}
+        assert {file.name for file in (folder / "plots").iterdir()} == {
+            "piece_ball.png",
+            "sensors.png",
+        }
         again = simulate(load_station(folder / "station.yaml"))
         np.testing.assert_array_equal(again.values, result.values)
 
@@ -144,12 +166,20 @@ def test_sensors_that_only_report_change_no_step():
 
 
 def test_a_sampled_sensor_holds_its_value_between_samples():
-    result = simulate(load_station("bouncing_ball", {"sensors.gap.rate": 10, "sample_rate": 100}), duration=0.5)
+    result = simulate(
+        load_station("bouncing_ball", {"sensors.gap.rate": 10, "sample_rate": 100}), duration=0.5
+    )
     assert len(np.unique(result["distance.gap"])) <= 6
 
 
-CORNERS = {f"corner_{number}": {"kind": "force", "body": f"box.corner_{number}"} for number in range(1, 5)}
-SURFACE = {"pieces.box.model": "box", "contact.model": "hydroelastic", "contact.hydroelastic_modulus": 1e6}
+CORNERS = {
+    f"corner_{number}": {"kind": "force", "body": f"box.corner_{number}"} for number in range(1, 5)
+}
+SURFACE = {
+    "pieces.box.model": "box",
+    "contact.model": "hydroelastic",
+    "contact.hydroelastic_modulus": 1e6,
+}
 
 
 class TestBoxOnFloor:
@@ -161,7 +191,9 @@ class TestBoxOnFloor:
         assert result.vector("moment.floor")[-1] == pytest.approx([0, 0, 0], abs=1e-3)
         assert -result["distance.gap"][-1] == pytest.approx(BOX * GRAVITY / 4 / 1e5, rel=0.01)
 
-    @pytest.mark.parametrize("overrides", [SURFACE, {"pieces.box.model": "box"}], ids=["surface", "bare"])
+    @pytest.mark.parametrize(
+        "overrides", [SURFACE, {"pieces.box.model": "box"}], ids=["surface", "bare"]
+    )
     def test_other_contacts_carry_the_weight_too(self, overrides):
         result = simulate(load_station("box_on_floor", overrides))
         assert result["force.floor.z"][-1] == pytest.approx(BOX * GRAVITY, rel=0.005)
@@ -171,7 +203,11 @@ class TestBoxOnFloor:
         """The balls' middles are 45 mm beside and 95 mm below that of the box: balance is lost beyond 25.3 degrees."""
         lean = np.deg2rad(lean_deg)
         height = 0.045 * np.sin(lean) + 0.095 * np.cos(lean) + 0.005
-        result = simulate(load_station("box_on_floor", {"pieces.box.pose": [0, 0, float(height), 0, float(lean), 0]}))
+        result = simulate(
+            load_station(
+                "box_on_floor", {"pieces.box.pose": [0, 0, float(height), 0, float(lean), 0]}
+            )
+        )
         assert bool(result["piece.box.z"][-1] < 0.06) is falls_over
         assert np.abs(result.piece_velocity("box")[-1]).max() < 0.05
 
@@ -192,11 +228,17 @@ class TestBoxOnFloor:
         lean = float(np.deg2rad(30))
         height = 0.045 * np.sin(lean) + 0.095 * np.cos(lean) + 0.005
         pose = {"pieces.box.pose": [0, 0, float(height), 0, lean, 0]}
-        stopped = simulate(load_station("box_on_floor", {**pose, "monitors": {"fall": {"height": 0.07}}}))
+        stopped = simulate(
+            load_station("box_on_floor", {**pose, "monitors": {"fall": {"height": 0.07}}})
+        )
         whole = simulate(load_station("box_on_floor", {**pose, "sample_rate": 2000}))
         assert stopped.stopped_by == "fall"
-        assert stopped.stop_time == pytest.approx(whole.times[np.argmax(whole["piece.box.z"] < 0.07)], abs=1.5e-3)
-        standing = simulate(load_station("box_on_floor", {"monitors": {"fall": {"height": 0.07, "tilt_deg": 5}}}))
+        assert stopped.stop_time == pytest.approx(
+            whole.times[np.argmax(whole["piece.box.z"] < 0.07)], abs=1.5e-3
+        )
+        standing = simulate(
+            load_station("box_on_floor", {"monitors": {"fall": {"height": 0.07, "tilt_deg": 5}}})
+        )
         assert standing.ending == "completed"
 
 
@@ -213,7 +255,9 @@ class TestForceStop:
         assert touched.message == f"tip and floor touch, at {touched.stop_time:.4g} s"
         speed = np.gradient(touched.pose("tcp")[:, 2], touched.times)[-2]
         assert abs(touched["distance.gap"][-1]) < 1e-3 * abs(speed) + 1e-6  # within 1 ms of contact
-        assert touched.pose("tcp")[-1, 2] == pytest.approx(0.01, abs=1e-3)  # the middle of a ball of 10 mm
+        assert touched.pose("tcp")[-1, 2] == pytest.approx(
+            0.01, abs=1e-3
+        )  # the middle of a ball of 10 mm
         folder = touched.save(tmp_path / "stop")
         summary = json.loads((folder / "summary.json").read_text())
         assert summary["stopped_by"] == "stop"
@@ -222,18 +266,27 @@ class TestForceStop:
     def test_by_force_it_ends_a_little_later(self, touched):
         by_force = {"monitors.stop.kind": "force_limit", "monitors.stop.limit": 20}
         result = simulate(load_station("irb120_force_stop", by_force))
-        assert result.message == f"the force on tip reached the limit of 20 N, at {result.stop_time:.4g} s"
+        assert (
+            result.message
+            == f"the force on tip reached the limit of 20 N, at {result.stop_time:.4g} s"
+        )
         size = np.linalg.norm(result.vector("force.touch")[-1])
         assert 20 <= size < 20 + 1e-3 * 1e5 * 0.3  # 1 ms of the ball's way into a floor of 1e5 N/m
         assert touched.stop_time < result.stop_time < touched.stop_time + 0.01
 
     def test_a_limit_of_a_body_region_is_known_by_its_name(self):
-        by_region = {"monitors.stop.kind": "force_limit", "monitors.stop.limit": "hands_and_fingers"}
+        by_region = {
+            "monitors.stop.kind": "force_limit",
+            "monitors.stop.limit": "hands_and_fingers",
+        }
         result = simulate(load_station("irb120_force_stop", by_region))
         assert "limit of 140 N of hands and fingers" in result.message
 
     def test_an_arm_that_stays_above_the_floor_is_not_stopped(self):
-        high = {"reference.target_deg": [0, 0, 26.1, 0, 63.9, 0], "monitors.force": {"kind": "force_limit", "limit": 1}}
+        high = {
+            "reference.target_deg": [0, 0, 26.1, 0, 63.9, 0],
+            "monitors.force": {"kind": "force_limit", "limit": 1},
+        }
         result = simulate(load_station("irb120_force_stop", high), duration=0.5)
         assert result.ending == "completed"
         assert result["distance.gap"].min() > 0.1
@@ -242,9 +295,14 @@ class TestForceStop:
         box = {"kind": "workspace", "lower": [0, -1, 0.1], "upper": [1, 1, 1]}
         result = simulate(load_station("irb120_force_stop", {"monitors.box": box}))
         assert result.stopped_by == "box"
-        assert result.message == f"the tool left its workspace: z below 0.1 m, at {result.stop_time:.4g} s"
+        assert (
+            result.message
+            == f"the tool left its workspace: z below 0.1 m, at {result.stop_time:.4g} s"
+        )
         height = touched.pose("tcp")[:, 2]
-        assert result.stop_time == pytest.approx(float(np.interp(-0.1, -height, touched.times)), abs=2e-3)
+        assert result.stop_time == pytest.approx(
+            float(np.interp(-0.1, -height, touched.times)), abs=2e-3
+        )
 
 
 FINE = {"solver.accuracy": 1e-4, "solver.max_step": 0.02}
@@ -266,17 +324,25 @@ class TestCobot:
             assert result.ending == "completed"
             late = result.times >= 1.0
             swings.append(np.ptp(result.pose("tcp")[late, 2]))
-            turns = np.diff(np.sign(result["v.joint_2"][late & (np.abs(result["v.joint_2"]) > 1e-3)]))
-            assert np.count_nonzero(turns) <= 6  # a force of 5 rad/s turns three times in two seconds
+            turns = np.diff(
+                np.sign(result["v.joint_2"][late & (np.abs(result["v.joint_2"]) > 1e-3)])
+            )
+            assert (
+                np.count_nonzero(turns) <= 6
+            )  # a force of 5 rad/s turns three times in two seconds
         assert (np.diff(swings) > 0).all()
         assert swings[0] < 0.003 < 10 * swings[0] < swings[-1]
 
     def test_with_no_gain_it_only_sags(self):
         result = simulate(
-            load_station("irb120_cobot", {"servo.admittance_gain": 0, "forces.hand.amplitude": [0, 0, 0]})
+            load_station(
+                "irb120_cobot", {"servo.admittance_gain": 0, "forces.hand.amplitude": [0, 0, 0]}
+            )
         )
         position = result.axes("q")[-1]
-        np.testing.assert_allclose((result.axes("q_ref")[-1] - position) * 1000, result.axes("tau")[-1], atol=0.05)
+        np.testing.assert_allclose(
+            (result.axes("q_ref")[-1] - position) * 1000, result.axes("tau")[-1], atol=0.05
+        )
         assert "felt.joint_1" not in result.names
 
     def test_a_known_force_is_felt_while_it_stands_and_while_it_moves(self):
@@ -289,7 +355,9 @@ class TestCobot:
             "solver.max_step": 0.01,
         }
         result = simulate(load_station("irb120_dynamic", overrides))
-        error = np.linalg.norm(result.vector("external_force.hand") - force, axis=1) / np.linalg.norm(force)
+        error = np.linalg.norm(
+            result.vector("external_force.hand") - force, axis=1
+        ) / np.linalg.norm(force)
         moving = (result.times > 0.45) & (result.times < 1.0)
         assert np.abs(result.axes("v")[moving]).max() > 0.5
         assert error[moving].max() < 0.05
@@ -298,7 +366,11 @@ class TestCobot:
     def test_in_the_loop_the_observer_tells_the_same(self):
         push = {"start": 0.1, "duration": 1.0, "force": [0, 0, 8]}
         sensor = {"kind": "external_torque", "in_loop": True}
-        overrides = {"forces": {"push": push}, "sensors": {"hand": sensor}, "robot.initial_deg": {"joint_5": 45}}
+        overrides = {
+            "forces": {"push": push},
+            "sensors": {"hand": sensor},
+            "robot.initial_deg": {"joint_5": 45},
+        }
         overrides["reference"] = {"kind": "hold", "target_deg": {"joint_5": 45}}
         result = simulate(load_station("irb120_dynamic", overrides), duration=1.0)
         np.testing.assert_allclose(result.vector("external_force.hand")[-1], [0, 0, 8], atol=0.16)
@@ -324,7 +396,10 @@ def test_joint_torque_sensors_read_what_the_servos_give_less_the_damping(caplog)
 
 
 def test_distances_are_measured_in_a_kinematic_station():
-    sensor = {"sensors": {"gap": {"kind": "distance", "body": "tip"}}, "pieces.tip": {"parent": "load"}}
+    sensor = {
+        "sensors": {"gap": {"kind": "distance", "body": "tip"}},
+        "pieces.tip": {"parent": "load"},
+    }
     result = simulate(load_station("irb120_kinematic", sensor), duration=0.5)
     np.testing.assert_allclose(result["distance.gap"], result.pose("tcp")[:, 2] - 0.01, atol=1e-9)
 
@@ -335,7 +410,11 @@ def test_two_runs_with_sensors_and_monitors_are_equal_to_the_last_bit(touched):
 
 
 def test_under_cenic_the_friction_of_an_arm_is_left_out_and_that_is_said():
-    overrides = {"solver.scheme": "cenic", "solver.max_step": 0.01, "monitors.stop.kind": "force_limit"}
+    overrides = {
+        "solver.scheme": "cenic",
+        "solver.max_step": 0.01,
+        "monitors.stop.kind": "force_limit",
+    }
     result = simulate(load_station("irb120_force_stop", {**overrides, "monitors.stop.limit": 20}))
     assert result.summary()["sensors"]["touch"]["tangential"] == "left out"
     np.testing.assert_allclose(result.vector("force.touch")[:, :2], 0, atol=1e-9)
@@ -350,7 +429,10 @@ def test_the_recording_shows_the_contact_forces(tmp_path):
     assert animation.count(b"/drake/contact_forces/") >= 4
     flying = simulate(load_station("bouncing_ball"), duration=0.1)
     page = save_recording(flying, tmp_path / "ball.html").read_text(encoding="utf-8")
-    assert not any(b"contact_forces" in base64.b64decode(text) for text in re.findall(r"base64,([\w+/=]+)", page))
+    assert not any(
+        b"contact_forces" in base64.b64decode(text)
+        for text in re.findall(r"base64,([\w+/=]+)", page)
+    )
 
 
 @pytest.mark.parametrize("own", [{"model": "point"}, {}], ids=["at a point", "over facets"])
@@ -360,7 +442,9 @@ def test_a_piece_that_meets_others_at_points_rolls_on_where_its_facets_would_bra
         "contact.model": "hydroelastic_with_fallback",
         "contact.dissipation": 5.0,
         "contact.stiffness": 1.0e4,
-        "pieces": {"ball": {"model": "ball", "free": True, "pose": [0, 0, 0.06, 0, 0, 0], "contact": own}},
+        "pieces": {
+            "ball": {"model": "ball", "free": True, "pose": [0, 0, 0.06, 0, 0, 0], "contact": own}
+        },
         "forces.push": {"at": "ball", "start": 0, "duration": 0.1, "force": [5, 0, 0]},
         "sensors": {},
         "solver": {"kind": "discrete", "time_step": 0.001},
@@ -372,7 +456,16 @@ def test_a_piece_that_meets_others_at_points_rolls_on_where_its_facets_would_bra
 
 
 def test_a_piece_that_meets_others_at_points_needs_a_model_that_allows_it():
-    own = {"ball": {"model": "ball", "free": True, "pose": [0, 0, 0.06, 0, 0, 0], "contact": {"model": "point"}}}
-    station = load_station("bouncing_ball", {"contact.model": "hydroelastic", "pieces": own, "sensors": {}})
+    own = {
+        "ball": {
+            "model": "ball",
+            "free": True,
+            "pose": [0, 0, 0.06, 0, 0, 0],
+            "contact": {"model": "point"},
+        }
+    }
+    station = load_station(
+        "bouncing_ball", {"contact.model": "hydroelastic", "pieces": own, "sensors": {}}
+    )
     with pytest.raises(InvalidParameter, match="hydroelastic_with_fallback"):
         simulate(station, duration=0.1, progress=False)

@@ -45,8 +45,14 @@ def test_a_table_may_have_no_rows(tmp_path):
     [
         ("", "table.csv: is empty; it must hold a line of names"),
         ("\n\ntime,joint_2\n0,0\n", "line 3: lacks the columns joint_1; needed"),
-        *((GOOD.replace("2.5", bad), "line 3: holds something that is no number") for bad in ("x", "", "nan", "-inf")),
-        (GOOD.replace("\n2.5,1e-1,b", "\n\n\n2.5"), "line 5: holds something that is no number: 2.5"),
+        *(
+            (GOOD.replace("2.5", bad), "line 3: holds something that is no number")
+            for bad in ("x", "", "nan", "-inf")
+        ),
+        (
+            GOOD.replace("\n2.5,1e-1,b", "\n\n\n2.5"),
+            "line 5: holds something that is no number: 2.5",
+        ),
         (b"\xff\xfe\x00", "cannot be read"),
         (GOOD.encode("utf-16"), "cannot be read"),
     ],

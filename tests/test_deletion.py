@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).parents[1]
-EXTENSIONS = sorted(folder.parent.name for folder in TOP.glob("simrob_drake/extensions/*/extension.py"))
+EXTENSIONS = sorted(
+    folder.parent.name for folder in TOP.glob("simrob_drake/extensions/*/extension.py")
+)
 FOLDERS = ("simrob_drake", "tests", "models", "diagrams", "course", "examples")
 CORE_TESTS = (
     "test_folders.py",
@@ -73,17 +75,27 @@ class Copy:
         shutil.copy(TOP / "pyproject.toml", folder)
         information = folder / "simrob_drake-0.1.0.dist-info"
         information.mkdir()
-        (information / "METADATA").write_text("Metadata-Version: 2.1\nName: simrob-drake\nVersion: 0.1.0\n")
+        (information / "METADATA").write_text(
+            "Metadata-Version: 2.1\nName: simrob-drake\nVersion: 0.1.0\n"
+        )
         groups = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]["entry-points"]
         lines = [f"{name} = {value}" for name, value in groups["simrob_drake.extensions"].items()]
-        (information / "entry_points.txt").write_text("\n".join(["[simrob_drake.extensions]", *lines]))
+        (information / "entry_points.txt").write_text(
+            "\n".join(["[simrob_drake.extensions]", *lines])
+        )
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run Python in the folder."""
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "PYTHONDONTWRITEBYTECODE": ""}
         command = [sys.executable, *arguments]
         return subprocess.run(
-            command, cwd=self.folder, env=environment, capture_output=True, text=True, check=False, timeout=500
+            command,
+            cwd=self.folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=500,
         )
 
     def simrob(self, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -153,7 +165,10 @@ NEEDS = {
 def test_each_extension_works_without_another_one(without, name):
     copy = without(f"extensions/{name}")
     others = [other for other in EXTENSIONS if other != name]
-    programs = ["simrob_drake.extensions.course.child", "simrob_drake.extensions.course.answer_process"]
+    programs = [
+        "simrob_drake.extensions.course.child",
+        "simrob_drake.extensions.course.answer_process",
+    ]
     not_imported = ",".join(programs + NEEDS.get(name, []))
     tests = [f"tests/extensions/{other}/{QUICK_TESTS[other]}" for other in others]
     tested = copy.run("-c", IMPORT_AND_TEST, ",".join(others), not_imported, *tests)

@@ -38,8 +38,25 @@ def test_values_are_listed_or_spread_over_a_range(text, values):
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "1,null", "[1", "uniform:2:1", "uniform:1", "normal:0:-1", "uniform:0:1:5", "loguniform:0:1"),
-        *("integer:0:1.5", "log:0:1:3", "log:-1:1:3", "lin:1:1:3", "lin:0:1:1", "lin:0:1:2.5", "lin:0:1"),
+        *(
+            "",
+            "1,null",
+            "[1",
+            "uniform:2:1",
+            "uniform:1",
+            "normal:0:-1",
+            "uniform:0:1:5",
+            "loguniform:0:1",
+        ),
+        *(
+            "integer:0:1.5",
+            "log:0:1:3",
+            "log:-1:1:3",
+            "lin:1:1:3",
+            "lin:0:1:1",
+            "lin:0:1:2.5",
+            "lin:0:1",
+        ),
     ],
 )
 def test_values_that_are_none_are_refused(text):
@@ -53,12 +70,18 @@ def test_values_that_are_none_are_refused(text):
         ({"low": 2, "high": 1}, "vary.kp: low must be below high"),
         ({"low": 0, "high": 1, "log": True}, "vary.kp: low must be positive"),
         ({"low": 1, "high": 2, "start": 3}, "vary.kp: start must lie between"),
-        ({"low": 1.5, "high": 4, "integer": True}, "vary.kp: low, high and start must be whole numbers"),
+        (
+            {"low": 1.5, "high": 4, "integer": True},
+            "vary.kp: low, high and start must be whole numbers",
+        ),
         ({"lo": 2, "high": 1}, "vary.kp.lo: unknown key; did you mean 'low'"),
         ({"mean": 1}, "vary.kp.deviation: this key is needed"),
         ({"mean": 1, "deviation": 1, "low": 2}, "vary.kp: mean must lie between"),
         ({"values": []}, "vary.kp.values: needs at least 1 value, not 0"),
-        ({"low": 1, "high": 2, "when": {"servo": 1}}, "kp.when.servo must be a key that stands before kp"),
+        (
+            {"low": 1, "high": 2, "when": {"servo": 1}},
+            "kp.when.servo must be a key that stands before kp",
+        ),
         (3, "vary.kp: must be a section with keys of"),
         ("uniform:2:1", "vary.kp: must be a range: LOW below HIGH"),
     ],
@@ -109,7 +132,9 @@ def test_each_whole_number_and_each_choice_has_its_part(log):
     assert not whole.holds(1.5)
 
 
-@pytest.mark.parametrize(("text", "mean", "deviation"), [("normal:3:0.5", 3, 0.5), ("uniform:2:4", 3, 1 / 3**0.5)])
+@pytest.mark.parametrize(
+    ("text", "mean", "deviation"), [("normal:3:0.5", 3, 0.5), ("uniform:2:4", 3, 1 / 3**0.5)]
+)
 def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, deviation):
     one = parse_distribution("key", text)
     values = [one.draw(np.random.default_rng(seed)) for seed in range(2000)]
@@ -121,11 +146,18 @@ def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, dev
 
 @pytest.mark.parametrize("sampling", ["sobol", "latin", "random"])
 def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
-    cases = validated(Draws, {"vary": MIXED, "sampling": sampling, "count": 32, "seed": 3}, "file").draws()
+    cases = validated(
+        Draws, {"vary": MIXED, "sampling": sampling, "count": 32, "seed": 3}, "file"
+    ).draws()
     assert len(cases) == 32
     assert all(("step" in case) == (case["kind"] == "discrete") for case in cases)
-    assert all(10 <= case["kp"] <= 1000 and case["mass"] >= 0.9 and case["steps"] in (1, 2, 3, 4) for case in cases)
-    below = np.mean([case["kp"] < 100 for case in cases])  # half of all: of the even ones to the last
+    assert all(
+        10 <= case["kp"] <= 1000 and case["mass"] >= 0.9 and case["steps"] in (1, 2, 3, 4)
+        for case in cases
+    )
+    below = np.mean(
+        [case["kp"] < 100 for case in cases]
+    )  # half of all: of the even ones to the last
     assert below == (pytest.approx(0.5, abs=0.3) if sampling == "random" else 0.5)
     again = Draws(vary=MIXED, sampling=sampling, count=32, seed=3)
     assert again.draws() == cases
@@ -150,7 +182,9 @@ def test_a_draw_of_a_source_takes_the_same_numbers_whatever_applies():
     without = {key: one for key, one in space.items() if key != "kind"}
     without["kind"] = Choice(values=["continuous"])
     fixed = {key: without[key] for key in space}
-    assert [drawn(fixed, np.random.default_rng(seed))["last"] for seed in range(20)] == [one["last"] for one in found]
+    assert [drawn(fixed, np.random.default_rng(seed))["last"] for seed in range(20)] == [
+        one["last"] for one in found
+    ]
 
 
 def test_a_distribution_is_written_as_it_was_read():

@@ -18,7 +18,12 @@ def run(script, folder):
     """Run a script in a folder, in a process of its own. Returns what it prints."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, str(script)], cwd=folder, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, str(script)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -43,17 +48,23 @@ def test_the_feedforward_holds_the_arm(tmp_path):
 
 
 def test_the_servos_of_the_own_plant_hold_it(tmp_path):
-    joints = [float(angle) for angle in re.findall(r"\d\.\d*", output_of("servo_and_motor", tmp_path))]
+    joints = [
+        float(angle) for angle in re.findall(r"\d\.\d*", output_of("servo_and_motor", tmp_path))
+    ]
     assert len(joints) == 7
     assert joints == pytest.approx([0.5] * 7, abs=0.03)  # torque of gravity over kp
 
 
 def test_the_monitor_ends_the_run(tmp_path):
-    assert output_of("monitor", tmp_path).startswith("kReachedTerminationCondition at 0.66 s: the pendulum is at 1.22")
+    assert output_of("monitor", tmp_path).startswith(
+        "kReachedTerminationCondition at 0.66 s: the pendulum is at 1.22"
+    )
 
 
 def test_meshcat_and_a_log(tmp_path):
-    (torque,) = re.findall(r"at most (\S+) N·m; watch it at http://localhost", output_of("meshcat_and_log", tmp_path))
+    (torque,) = re.findall(
+        r"at most (\S+) N·m; watch it at http://localhost", output_of("meshcat_and_log", tmp_path)
+    )
     assert 0 < float(torque) <= 150.0
 
 

@@ -23,13 +23,17 @@ from simrob_drake.blocks.block import Block
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-DIFFERENCES = {name: value for name, value in vars(drake_versions).items() if isinstance(value, DrakeChange)}
+DIFFERENCES = {
+    name: value for name, value in vars(drake_versions).items() if isinstance(value, DrakeChange)
+}
 
 
 @pytest.mark.parametrize("name", DIFFERENCES)
 def test_a_difference_is_needed_as_long_as_an_older_drake_is_supported(name: str) -> None:
     since = DIFFERENCES[name].since
-    assert since > OLDEST, f"every supported Drake has it since {since}: remove {name} and what asks for it"
+    assert since > OLDEST, (
+        f"every supported Drake has it since {since}: remove {name} and what asks for it"
+    )
 
 
 def test_python_3_11_is_still_supported() -> None:
@@ -67,7 +71,10 @@ def test_no_other_module_asks_for_the_version() -> None:
         if asked.search(path.read_text(encoding="utf-8"))
     ]
     # The summary of a result records the version; it decides nothing.
-    assert sorted(found) == ["simrob_drake/base/drake_versions.py", "simrob_drake/results/record/summary.py"]
+    assert sorted(found) == [
+        "simrob_drake/base/drake_versions.py",
+        "simrob_drake/results/record/summary.py",
+    ]
 
 
 def test_derivatives_are_declared_where_drake_searches_for_them() -> None:

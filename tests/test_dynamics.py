@@ -18,7 +18,9 @@ RNG = np.random.default_rng(3)
 POSTURES, SPEEDS, ACCELERATIONS = RNG.uniform(-3, 3, (3, 10, 6))
 
 
-def newton_euler(robot: RobotModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: float) -> np.ndarray:
+def newton_euler(
+    robot: RobotModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: float
+) -> np.ndarray:
     """Return the torques of a motion by Luh, Walker and Paul's recursion in the frames of a classical table.
 
     Rotors count G² J about their joint alone, as in Corke's toolbox; friction is left out.
@@ -30,18 +32,30 @@ def newton_euler(robot: RobotModel, q: np.ndarray, v: np.ndarray, a: np.ndarray,
     for row, angle, speed, gain in zip(rows, q, v, a, strict=True):
         c, s = np.cos(angle), np.sin(angle)
         ca, sa = np.cos(np.deg2rad(row.alpha_deg)), np.sin(np.deg2rad(row.alpha_deg))
-        turn = np.array([[c, -s * ca, s * sa], [s, c * ca, -c * sa], [0, sa, ca]])  # of this frame in the one before
-        arm = np.array([row.a, row.d * sa, row.d * ca])  # from the origin before to this one, in this frame
+        turn = np.array(
+            [[c, -s * ca, s * sa], [s, c * ca, -c * sa], [0, sa, ca]]
+        )  # of this frame in the one before
+        arm = np.array(
+            [row.a, row.d * sa, row.d * ca]
+        )  # from the origin before to this one, in this frame
         w, dw = turn.T @ (w + speed * z), turn.T @ (dw + gain * z + np.cross(w, speed * z))
         dv = turn.T @ dv + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
         com, inertia = np.array(row.com), np.diag(row.inertia)
         of_com = dv + np.cross(dw, com) + np.cross(w, np.cross(w, com))
         turns, arms = [*turns, turn], [*arms, arm]
-        forces, moments = [*forces, row.mass * of_com], [*moments, inertia @ dw + np.cross(w, inertia @ w)]
+        forces, moments = (
+            [*forces, row.mass * of_com],
+            [*moments, inertia @ dw + np.cross(w, inertia @ w)],
+        )
     force, moment, torques = np.zeros(3), np.zeros(3), []
     for index in reversed(range(len(rows))):
         com = np.array(rows[index].com)
-        moment = moment + np.cross(arms[index], force) + np.cross(arms[index] + com, forces[index]) + moments[index]
+        moment = (
+            moment
+            + np.cross(arms[index], force)
+            + np.cross(arms[index] + com, forces[index])
+            + moments[index]
+        )
         force = force + forces[index]
         force, moment = turns[index] @ force, turns[index] @ moment
         torques.append(moment[2])
@@ -63,28 +77,44 @@ def test_the_puma_is_the_textbooks(puma: Dynamics) -> None:
     robot, nothing, units = load_robot("puma560"), np.zeros(6), np.eye(6)
     for q, v in zip(POSTURES, SPEEDS, strict=True):
         inertia = np.column_stack([newton_euler(robot, q, nothing, unit, 0.0) for unit in units])
-        np.testing.assert_allclose(puma.inertia(q), inertia + np.diag(reflected()), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            puma.inertia(q), inertia + np.diag(reflected()), rtol=0, atol=1e-9
+        )
         coriolis = newton_euler(robot, q, v, nothing, 0.0)
-        np.testing.assert_allclose(puma.coriolis(q, v) @ v, coriolis, rtol=0, atol=1e-9 * np.abs(coriolis).max())
+        np.testing.assert_allclose(
+            puma.coriolis(q, v) @ v, coriolis, rtol=0, atol=1e-9 * np.abs(coriolis).max()
+        )
         gravity = newton_euler(robot, q, nothing, nothing, STANDARD_GRAVITY)
         np.testing.assert_allclose(puma.gravity(q), gravity, rtol=0, atol=1e-9)
 
 
-def test_motors_change_the_inertia_by_their_own_times_the_gear_ratio_squared(puma: Dynamics) -> None:
+def test_motors_change_the_inertia_by_their_own_times_the_gear_ratio_squared(
+    puma: Dynamics,
+) -> None:
     bare = Dynamics.of_robot(load_robot("puma560").with_drives(Drives(rotor_inertia=0.0)))
     difference = puma.inertia(POSTURES) - bare.inertia(POSTURES)
-    np.testing.assert_allclose(difference, np.broadcast_to(np.diag(reflected()), (10, 6, 6)), rtol=0, atol=1e-9)
-    assert reflected() == pytest.approx([0.784, 2.325, 0.577, 0.191, 0.171, 0.194], abs=1e-3)  # kg m², Corke's
+    np.testing.assert_allclose(
+        difference, np.broadcast_to(np.diag(reflected()), (10, 6, 6)), rtol=0, atol=1e-9
+    )
+    assert reflected() == pytest.approx(
+        [0.784, 2.325, 0.577, 0.191, 0.171, 0.194], abs=1e-3
+    )  # kg m², Corke's
 
 
 def test_the_terms_add_up_to_the_torques_with_friction(puma: Dynamics) -> None:
     drives, q, v, a = load_robot("puma560").drives, POSTURES, SPEEDS / 200, ACCELERATIONS
-    terms = np.einsum("kij,kj->ki", puma.inertia(q), a) + np.einsum("kij,kj->ki", puma.coriolis(q, v), v)
-    friction = np.array(drives.damping) * v + np.array(drives.friction) * np.clip(v / drives.friction_speed, -1, 1)
+    terms = np.einsum("kij,kj->ki", puma.inertia(q), a) + np.einsum(
+        "kij,kj->ki", puma.coriolis(q, v), v
+    )
+    friction = np.array(drives.damping) * v + np.array(drives.friction) * np.clip(
+        v / drives.friction_speed, -1, 1
+    )
     torque = puma.inverse_dynamics(q, v, a)
     np.testing.assert_allclose(torque, terms + puma.gravity(q) + friction, rtol=0, atol=1e-9)
     np.testing.assert_allclose(puma.forward_dynamics(q, v, torque), a, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(puma.torque_margin(q, v, a), puma.torque_limit - np.abs(torque), rtol=0, atol=0)
+    np.testing.assert_allclose(
+        puma.torque_margin(q, v, a), puma.torque_limit - np.abs(torque), rtol=0, atol=0
+    )
 
 
 def test_the_coriolis_matrix_is_that_of_christoffel(puma: Dynamics) -> None:
@@ -93,7 +123,9 @@ def test_the_coriolis_matrix_is_that_of_christoffel(puma: Dynamics) -> None:
     rate = (puma.inertia(q + step * v) - puma.inertia(q - step * v)) / (2 * step)
     skew = rate - 2 * puma.coriolis(q, v)
     np.testing.assert_allclose(skew, -skew.T, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(puma.coriolis(q, 1e-3 * v), 1e-3 * puma.coriolis(q, v), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        puma.coriolis(q, 1e-3 * v), 1e-3 * puma.coriolis(q, v), rtol=0, atol=1e-10
+    )
 
 
 def test_the_jacobian_moves_the_tool_and_tells_where_it_cannot() -> None:
@@ -101,16 +133,28 @@ def test_the_jacobian_moves_the_tool_and_tells_where_it_cannot() -> None:
     np.testing.assert_allclose(arm.jacobian(POSTURES), chain.jacobian(POSTURES), rtol=0, atol=1e-12)
     square = np.array([abs(np.linalg.det(jacobian)) for jacobian in arm.jacobian(POSTURES)])
     np.testing.assert_allclose(arm.manipulability(POSTURES), square, rtol=1e-9)
-    assert arm.manipulability([0, 0, 0, 0, 0, 0]) == pytest.approx(0, abs=1e-12)  # wrist: axes 4 and 6 are one line
+    assert arm.manipulability([0, 0, 0, 0, 0, 0]) == pytest.approx(
+        0, abs=1e-12
+    )  # wrist: axes 4 and 6 are one line
     assert arm.manipulability([0, 0, 0, 0, 0, 0], "translation") > 0.01
 
 
-ROD = {"limit_deg": [-180, 180], "effort": 20.0, "mass": 2.0, "com": [-0.25, 0, 0], "inertia": [1e-3, 0.04, 0.04]}
+ROD = {
+    "limit_deg": [-180, 180],
+    "effort": 20.0,
+    "mass": 2.0,
+    "com": [-0.25, 0, 0],
+    "inertia": [1e-3, 0.04, 0.04],
+}
 """Of half a metre, about a level axis."""
 
 
 def rod(**more: object) -> RobotModel:
-    dh = {"convention": "classical", "base": [0, 0, 1, 0, 0, np.pi / 2], "rows": [{**ROD, "a": 0.5}]}
+    dh = {
+        "convention": "classical",
+        "base": [0, 0, 1, 0, 0, np.pi / 2],
+        "rows": [{**ROD, "a": 0.5}],
+    }
     return validated(RobotModel, {"name": "rod", "folder": Path(), "dh": dh, **more}, "rod")
 
 
@@ -124,7 +168,9 @@ def test_a_rod_holds_what_its_closed_form_says() -> None:
     speeding = arm.payload(
         [0.0], v=2.0, a=3.0
     )  # a load has the inertia m l², and what turns it does not act on its axis
-    assert speeding == pytest.approx([(20.0 - 2.0 * g * 0.25 - (0.04 + 2 * 0.25**2) * 3.0) / (0.5 * g + 0.5**2 * 3.0)])
+    assert speeding == pytest.approx(
+        [(20.0 - 2.0 * g * 0.25 - (0.04 + 2 * 0.25**2) * 3.0) / (0.5 * g + 0.5**2 * 3.0)]
+    )
     assert abs(np.cos(arm.weakest_posture())) == pytest.approx([1.0])
     weak = rod(dh={**rod().model_dump()["dh"], "rows": [{**ROD, "a": 0.5, "effort": 4.0}]})
     assert Dynamics.of_robot(weak).payload([0.0]) == [0.0]
@@ -147,8 +193,12 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
     for arm in (by_urdf, by_table):
         assert arm.inertia([0.0]) == pytest.approx(np.array([[0.04 + 2 * 0.25**2 + 1.0]]))
         assert arm.inverse_dynamics([np.pi / 2], [0.5]) == pytest.approx([0.3 * 0.5 + 2.0])
-        assert arm.inverse_dynamics([np.pi / 2], [-0.005]) == pytest.approx([-0.3 * 0.005 - 1.0])  # half of v_s
-    (tmp_path / "robot.yaml").write_text("urdf: rod.urdf\nroot: base_link\naxes: [joint_1]\ndrives: {gear_ratio: 10}\n")
+        assert arm.inverse_dynamics([np.pi / 2], [-0.005]) == pytest.approx(
+            [-0.3 * 0.005 - 1.0]
+        )  # half of v_s
+    (tmp_path / "robot.yaml").write_text(
+        "urdf: rod.urdf\nroot: base_link\naxes: [joint_1]\ndrives: {gear_ratio: 10}\n"
+    )
     described = Dynamics.of_robot(tmp_path / "robot.yaml")
     assert described.inertia([0.0]) == pytest.approx(np.array([[0.04 + 2 * 0.25**2 + 0.01]]))
     changed = load_robot("puma560").with_drives(Drives(friction={"joint_2": 1.0}))
@@ -163,7 +213,10 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
         (lambda: Dynamics.of_robot("puma560", tool="grip"), "tool0"),
         (lambda: Dynamics.of_robot(3), "a name of `simrob list`"),  # type: ignore[arg-type]
         (lambda: Dynamics.of_robot("irb120").inertia([0, 0]), "6 finite numbers"),
-        (lambda: Dynamics.of_robot("irb120").coriolis(np.zeros(6), np.zeros(2)), "as many as q has"),
+        (
+            lambda: Dynamics.of_robot("irb120").coriolis(np.zeros(6), np.zeros(2)),
+            "as many as q has",
+        ),
         (lambda: Dynamics.of_robot("irb120").manipulability(np.zeros(6), "speed"), "rotation"),  # type: ignore[arg-type]
         (lambda: Dynamics.of_robot(rod(tools={})).payload([0.0]), "tool"),
         (lambda: Drives(gear_ratio=0.0), "positive"),

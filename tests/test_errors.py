@@ -69,7 +69,14 @@ def test_names_in_a_row_are_the_first_of_many():
 
 
 def test_things_are_counted_in_words():
-    counts = ((1, "move"), (2, "move"), (2, "PS Abs"), (3, "flexible body"), (0, "joint"), (2, "axis"))
+    counts = (
+        (1, "move"),
+        (2, "move"),
+        (2, "PS Abs"),
+        (3, "flexible body"),
+        (0, "joint"),
+        (2, "axis"),
+    )
     assert [counted(*one) for one in counts] == [
         "1 move", "2 moves", "2 PS Abs", "3 flexible bodies", "0 joints", "2 axes",
     ]  # fmt: skip

@@ -36,7 +36,10 @@ def loaded(file):
 
 @pytest.mark.parametrize(
     "file",
-    [pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else []) for file in EXAMPLES],
+    [
+        pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else [])
+        for file in EXAMPLES
+    ],
 )
 def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -49,7 +52,9 @@ def test_the_notebook_shows_its_run(tmp_path, monkeypatch, capsys):
     """Its cells run one after the other; the last line of one is shown as a notebook shows it. Outputs are not kept."""
     monkeypatch.chdir(tmp_path)
     (notebook,) = NOTEBOOKS
-    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    cells = [
+        cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"
+    ]
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
     names, shown = {}, []
     for cell in cells:
@@ -80,7 +85,9 @@ def test_the_station_wired_by_hand_is_the_station():
 def test_a_block_of_ones_own_moves_the_arm():
     result = example("irb120_in_a_diagram").run()
     late = result.times > 0.5
-    np.testing.assert_allclose(result["q.joint_5"][late], 0.3 * np.sin(2 * result.times[late]), atol=0.02)
+    np.testing.assert_allclose(
+        result["q.joint_5"][late], 0.3 * np.sin(2 * result.times[late]), atol=0.02
+    )
 
 
 def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
@@ -88,7 +95,11 @@ def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
     own_loop = example("own_loop")
     alone, kept = own_loop.run()
     sagged = alone["tcp.z"][0] - alone["tcp.z"][-1]
-    levers = {"joint_2": own_loop.REACH, "joint_3": own_loop.REACH, "joint_5": own_loop.REACH - 0.302}
+    levers = {
+        "joint_2": own_loop.REACH,
+        "joint_3": own_loop.REACH,
+        "joint_5": own_loop.REACH - 0.302,
+    }
     given = -sum(alone[f"tau.{joint}"][-1] / 1000 * lever for joint, lever in levers.items())
     assert sagged == pytest.approx(given, rel=0.03)
     late = kept.times > 4
@@ -116,9 +127,13 @@ def test_what_is_drawn_lies_on_the_table():
     tip = example("irb120_draw").drawing(arm, moves)
     drawn = tip[np.abs(tip[:, 2]) < 1e-6]
     np.testing.assert_allclose([drawn[:, 0].min(), drawn[:, 1].min()], [0.01, 0.099], atol=1e-3)
-    np.testing.assert_allclose([drawn[:, 0].max(), drawn[:, 1].max()], [0.2643, 0.201], atol=1e-3)  # bulge of the B
+    np.testing.assert_allclose(
+        [drawn[:, 0].max(), drawn[:, 1].max()], [0.2643, 0.201], atol=1e-3
+    )  # bulge of the B
     circle = drawn[(drawn[:, 0] > 0.115) & (drawn[:, 0] < 0.225)]
-    np.testing.assert_allclose(np.linalg.norm(circle[:, :2] - [0.17, 0.15], axis=1), 0.05, atol=1e-4)
+    np.testing.assert_allclose(
+        np.linalg.norm(circle[:, :2] - [0.17, 0.15], axis=1), 0.05, atol=1e-4
+    )
 
 
 @pytest.mark.long
@@ -131,8 +146,13 @@ def test_the_pencil_keeps_to_the_axes_of_the_holes():
 @pytest.mark.parametrize("mode", ["kinematic", pytest.param("dynamic", marks=pytest.mark.long)])
 def test_the_rook_stands_on_its_square(mode):
     arm, _ = example("irb120_chess").run(mode=mode)
-    off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
-    assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 5e-4)  # its servos know its weight and the rook's
+    off = (
+        arm.cell.frame("rook").translation()
+        - arm.cell.frame("chess_board.square_5_5").translation()
+    )
+    assert np.linalg.norm(off) < (
+        1e-6 if mode == "kinematic" else 5e-4
+    )  # its servos know its weight and the rook's
     assert arm.cell.config.pieces["pencil"].parent == "gripper"
     assert arm.cell.config.pieces["rook"].parent == "chess_board"
 
@@ -142,7 +162,9 @@ def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight
     ways = example("irb120_same_program").run()
     off = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
     assert 1e-3 < off.max() < 0.03
-    assert np.linalg.norm(ways["dynamic, with feedforward"] - ways["kinematic"], axis=1).max() < 5e-4
+    assert (
+        np.linalg.norm(ways["dynamic, with feedforward"] - ways["kinematic"], axis=1).max() < 5e-4
+    )
     assert ways["dynamic"][:, 2].mean() < ways["kinematic"][:, 2].mean()  # it hangs lower
 
 
@@ -179,7 +201,9 @@ def test_parts_on_a_belt_that_runs_on_are_taken_where_a_camera_found_them():
     assert len(away) == 2
     assert max(away) < 3e-3  # m from the tool to where a part truly was, in the plane of the belt
     assert {cell.config.pieces[f"part_{number}"].parent for number in range(2)} == {"pallet"}
-    assert cell.position("belt")[0] - 0.45 == pytest.approx(belt.SPEED * cell.result().stop_time)  # it did not stop
+    assert cell.position("belt")[0] - 0.45 == pytest.approx(
+        belt.SPEED * cell.result().stop_time
+    )  # it did not stop
 
 
 @pytest.mark.long
@@ -199,13 +223,19 @@ def test_the_belt_s_program_is_the_same_as_a_file():
 @pytest.mark.long
 def test_both_hands_leave_the_parcel_beside():
     robot = example("humanoid_box").run()
-    np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
+    np.testing.assert_allclose(
+        robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6
+    )
     assert robot.cell.frame("parcel").rotation().IsNearlyIdentity(1e-6)
     assert robot.cell.config.pieces["parcel"].parent == "world"
     robot.simulate()  # the pieces change hands in the program
     assert len(robot.runs) == 3
-    np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
-    np.testing.assert_allclose(robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5)  # hangs down again; facts
+    np.testing.assert_allclose(
+        robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5
+    )  # hangs down again; facts
 
 
 def test_the_hands_keep_their_distance_while_they_carry():
@@ -225,11 +255,15 @@ def test_one_program_has_one_effect_on_three_humanoids():
     assert [robot.name for robot in robots] == ["humanoid", "roid1", "zjudancer"]
     for robot in robots:
         ahead, up = humanoids.ways(result, robot, "right_foot")[-1]
-        assert up / ahead == pytest.approx(np.tan(np.deg2rad(15)), rel=0.1)  # the tool lies a little before the line
+        assert up / ahead == pytest.approx(
+            np.tan(np.deg2rad(15)), rel=0.1
+        )  # the tool lies a little before the line
         assert 0.09 < ahead < 0.16
 
 
-@pytest.mark.parametrize(("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")])
+@pytest.mark.parametrize(
+    ("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")]
+)
 def test_a_humanoid_walks_as_it_is_told(robot, gait):
     pose = example("humanoids_walk").run(robot, gait, steps=2).pose("base")
     way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
@@ -250,7 +284,9 @@ def test_all_joints_of_the_humanoid_reach_thirty_degrees():
 @pytest.mark.long
 def test_the_base_is_calmer_by_pd_than_by_p():
     pd_example = example("humanoid_p_against_pd")
-    moves = {name: pd_example.base_moves(result) for name, result in pd_example.run(duration=6.0).items()}
+    moves = {
+        name: pd_example.base_moves(result) for name, result in pd_example.run(duration=6.0).items()
+    }
     tilt = {name: np.abs(move[:, 4:]).max() for name, move in moves.items()}
     assert tilt["PD"] < 2
     assert tilt["P"] > 5

@@ -77,7 +77,9 @@ def announce(install):  # noqa: F811
     """Install a package whose modules may have the names of another test's."""
 
     def announce_one(name, arguments, **modules):
-        for known in [module for module in sys.modules if module.startswith(f"{name.replace('-', '_')}.")]:
+        for known in [
+            module for module in sys.modules if module.startswith(f"{name.replace('-', '_')}.")
+        ]:
             del sys.modules[known]  # of another test
         install(name, f"core='>=0', {arguments}", **modules)
 
@@ -102,7 +104,9 @@ def test_an_engine_of_another_package_moves_a_station(announce, ball):
     result = simulate(station, duration=0.2, progress=False)
     fallen = result.piece_pose("ball")[:, 2]
     count = 20
-    assert fallen[0] - fallen[-1] == pytest.approx(9.80665 * 0.01**2 * count * (count + 1) / 2, rel=1e-9)
+    assert fallen[0] - fallen[-1] == pytest.approx(
+        9.80665 * 0.01**2 * count * (count + 1) / 2, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,7 +120,9 @@ def test_an_engine_of_another_package_moves_a_station(announce, ball):
         ("1 / 0", r"fall_kit.engine:Falling cannot be imported \(ZeroDivisionError"),
     ],
 )
-def test_an_engine_that_cannot_be_used_is_one_line_about_its_package(announce, ball, module, message):
+def test_an_engine_that_cannot_be_used_is_one_line_about_its_package(
+    announce, ball, module, message
+):
     announce("fall-kit", "engines={'falling': 'fall_kit.engine:Falling'}", engine=module)
     with pytest.raises(SimrobError, match=message) as raised:
         load_station(ball)
@@ -125,16 +131,23 @@ def test_an_engine_that_cannot_be_used_is_one_line_about_its_package(announce, b
 
 
 def test_a_block_that_lacks_a_method_of_the_plant_is_named(announce, ball):
-    lacking = ENGINE.replace("def GetVelocities", "def Velocities").replace("def SetPositions", "def Positions")
+    lacking = ENGINE.replace("def GetVelocities", "def Velocities").replace(
+        "def SetPositions", "def Positions"
+    )
     announce("fall-kit", "engines={'falling': 'fall_kit.engine:Falling'}", engine=lacking)
-    with pytest.raises(BrokenExtension, match="falling: its Block lacks GetVelocities, SetPositions, see PlantBlock"):
+    with pytest.raises(
+        BrokenExtension,
+        match="falling: its Block lacks GetVelocities, SetPositions, see PlantBlock",
+    ):
         simulate(load_station(ball), duration=0.1, progress=False)
 
 
 def test_the_engine_of_a_missing_extension_is_named(announce):
     """Only the fake packages are installed here, so that ours are missing."""
     announce("fall-kit", "engines={}")
-    with pytest.raises(InvalidConfig, match=r"solver.* needs the extension mujoco, which is not installed"):
+    with pytest.raises(
+        InvalidConfig, match=r"solver.* needs the extension mujoco, which is not installed"
+    ):
         load_station("bouncing_ball", {"solver": {"kind": "mujoco"}})
     with pytest.raises(InvalidConfig, match=r"solver.kind: there is no 'mujok'"):
         load_station("bouncing_ball", {"solver": {"kind": "mujok"}})
@@ -237,10 +250,14 @@ class Lists(FileImporter):
 """
 
 
-def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path, monkeypatch, capsys):
+def test_a_file_importer_has_own_options_and_losses_give_four(
+    announce, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     body = "return ImportOutcome(lines=(f'colour {request.options.colour}, {request.out}',), losses=('a', 'b'))"
-    announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body))
+    announce(
+        "list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body)
+    )
     (tmp_path / "my.lst").write_text("")
     (tmp_path / "arm.urdf").write_text("<robot/>")
     assert run_command(["import", "my.lst", "--colour", "blue", "--out", "there"]) == 4
@@ -250,11 +267,23 @@ def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path
     assert run_command(["import", "my.lst", "--allow-losses"]) == 0
     capsys.readouterr()
     for command, message in (
-        (["import", "arm.urdf", "--colour", "blue"], "--colour: it belongs to a list; leave it out"),
-        (["import", "my.lst", "--base", "fixed"], "--base: it has no effect on a list; leave it out"),
+        (
+            ["import", "arm.urdf", "--colour", "blue"],
+            "--colour: it belongs to a list; leave it out",
+        ),
+        (
+            ["import", "my.lst", "--base", "fixed"],
+            "--base: it has no effect on a list; leave it out",
+        ),
         (["import", "my.lst", "--set", "a=1"], "--set: it has no effect on a list; leave it out"),
-        (["import", "my.lst", "--cycles", "2"], "--cycles: it belongs to RAPID modules; leave it out"),
-        (["check", "my.lst"], "my.lst: is a list, which simrob import reads, and simrob check cannot"),
+        (
+            ["import", "my.lst", "--cycles", "2"],
+            "--cycles: it belongs to RAPID modules; leave it out",
+        ),
+        (
+            ["check", "my.lst"],
+            "my.lst: is a list, which simrob import reads, and simrob check cannot",
+        ),
     ):
         assert run_command(command) == 2
         line = capsys.readouterr().err
@@ -287,11 +316,16 @@ def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, mon
             FILE_IMPORTER.format(body="raise SystemExit(3)"),
             "list_kit: the importer of .lst fails (SystemExit: 3)",
         ),
-        (FILE_IMPORTER.replace("import_file", "importing").format(body="pass"), "lacks import_file, see Importer"),
+        (
+            FILE_IMPORTER.replace("import_file", "importing").format(body="pass"),
+            "lacks import_file, see Importer",
+        ),
         ("class Lists: pass", "it must be a subclass of simrob_drake.importer.importer.Importer"),
     ],
 )
-def test_a_wrong_importer_is_one_line_about_its_package(announce, tmp_path, monkeypatch, capsys, module, message):
+def test_a_wrong_importer_is_one_line_about_its_package(
+    announce, tmp_path, monkeypatch, capsys, module, message
+):
     monkeypatch.chdir(tmp_path)
     announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=module)
     (tmp_path / "my.lst").write_text("")
@@ -342,14 +376,20 @@ class Counts(ProgramExporter):
 """
 
 
-def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_path, monkeypatch, capsys):
+def test_exporters_of_another_package_write_stations_and_programs(
+    announce, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
-    added = {name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")}
+    added = {
+        name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")
+    }
     announce("text-kit", f"exporters={added}", a=EXPORTERS)
     assert run_command(["export", "box_on_floor", "--names", "box.txt"]) == 0
     assert (tmp_path / "box.txt").read_text() == "box_on_floor"
     program = tmp_path / "two.yaml"
-    program.write_text("station: irb120_kinematic\nmoves: [{wait: {duration: 0.1}}, {wait: {duration: 0.1}}]\n")
+    program.write_text(
+        "station: irb120_kinematic\nmoves: [{wait: {duration: 0.1}}, {wait: {duration: 0.1}}]\n"
+    )
     assert run_command(["export", "two.yaml", "--counts", "two.out"]) == 0
     assert (tmp_path / "two.out").read_text() == "2 moves of two.yaml"
     assert "no speeds" in capsys.readouterr().out
@@ -358,15 +398,24 @@ def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_
             ["box_on_floor", "--names", "box.txt"],
             "box.txt exists already; choose another file or",
         ),
-        (["box_on_floor", "--names", "box.csv"], "--names is box.csv; it must be a file that ends in .txt"),
+        (
+            ["box_on_floor", "--names", "box.csv"],
+            "--names is box.csv; it must be a file that ends in .txt",
+        ),
         (
             ["box_on_floor", "--fails", "a"],
             "extension text_kit: the exporter fails fails (KeyError: 'speed')",
         ),
         (["box_on_floor", "--lacks", "a"], "text_kit.a:Lacks lacks export_station, see Exporter"),
-        (["box_on_floor", "--counts", "a"], "box_on_floor: is no program: --counts write the moves of one"),
+        (
+            ["box_on_floor", "--counts", "a"],
+            "box_on_floor: is no program: --counts write the moves of one",
+        ),
         (["box_on_floor"], "asked for nothing; it must be given --names or --fails, or --counts"),
-        (["box_on_floor", "--names", "a.txt", "--counts", "b"], "asked for a station and a program"),
+        (
+            ["box_on_floor", "--names", "a.txt", "--counts", "b"],
+            "asked for a station and a program",
+        ),
     ):
         assert run_command(["export", *command]) == 2
         line = capsys.readouterr().err
@@ -391,11 +440,20 @@ class Tagged(Names):
 )
 
 
-def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(announce, tmp_path, monkeypatch, capsys):
+def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(
+    announce, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
-    announce("text-kit", "exporters={'with_tag': 'text_kit.a:Tagged', 'names': 'text_kit.a:Names'}", a=TAGGED)
+    announce(
+        "text-kit",
+        "exporters={'with_tag': 'text_kit.a:Tagged', 'names': 'text_kit.a:Names'}",
+        a=TAGGED,
+    )
     for options, message in (
-        (["--names", "box.txt", "--first-line", "a"], "--first-line: it belongs to --with-tag; leave it out"),
+        (
+            ["--names", "box.txt", "--first-line", "a"],
+            "--first-line: it belongs to --with-tag; leave it out",
+        ),
         (["--with-tag", "box.csv"], "--with-tag is box.csv; it must be a file that ends in .txt"),
         ([], "it must be given --with-tag or --names"),
     ):
@@ -404,7 +462,11 @@ def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(announc
 
 
 def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, capsys):
-    announce("text-kit", "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}", a=EXPORTERS)
+    announce(
+        "text-kit",
+        "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}",
+        a=EXPORTERS,
+    )
     assert run_command(["export", "--help"]) == 0
     shown = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
     assert "--names FILE Names of axes, FILE.txt." in shown

@@ -61,7 +61,11 @@ def forget_extensions():
     for family in FAMILIES:
         family.KINDS.forget_extensions()
     SOLVERS.forget_extensions()
-    for module in ("robots", "checking", "exporting"):  # their commands have options of importers and exporters
+    for module in (
+        "robots",
+        "checking",
+        "exporting",
+    ):  # their commands have options of importers and exporters
         sys.modules.pop(f"simrob_drake.cli.{module}", None)
     _schema_of.cache_clear()
 
@@ -93,7 +97,9 @@ def install(tmp_path, monkeypatch):
             (folder / f"{file}.py").write_text(textwrap.dedent(content))
         information = tmp_path / f"{module}-1.0.dist-info"
         information.mkdir()
-        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package or name}\nVersion: 1.0\n")
+        (information / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {package or name}\nVersion: 1.0\n"
+        )
         entry = f"[simrob_drake.extensions]\n{module} = {module}:EXTENSION\n"
         (information / "entry_points.txt").write_text(entry)
         distributions.append(PathDistribution(information))
@@ -117,7 +123,11 @@ def test_a_sensor_of_another_package_is_a_kind_of_sensor(install):
 
 
 def test_nothing_of_a_package_is_imported_before_it_is_used(install):
-    install("late-kit", "core='>=0', moves={'wave': 'late_kit.moves:Wave'}", moves="raise RuntimeError('too early')")
+    install(
+        "late-kit",
+        "core='>=0', moves={'wave': 'late_kit.moves:Wave'}",
+        moves="raise RuntimeError('too early')",
+    )
     assert set(additions("moves")) == {"wave"}
     assert "late_kit.moves" not in sys.modules
 
@@ -137,9 +147,15 @@ def test_an_unknown_kind_lists_those_of_extensions_too(install):
             "core='>=0', sensors={'warmth': 'kit.a'}",
             "kind of sensor 'warmth' is 'kit.a'; it must be an import string 'package.module:Name'",
         ),
-        ("core='>=0', odours={}", "cannot be imported: TypeError: Extension.__init__() got an unexpected keyword"),
+        (
+            "core='>=0', odours={}",
+            "cannot be imported: TypeError: Extension.__init__() got an unexpected keyword",
+        ),
         ("1/0", "cannot be imported: ZeroDivisionError"),
-        ("core='>=0', sensors=['warmth']", "TypeError: sensors is ['warmth']; it must be a mapping of names to import"),
+        (
+            "core='>=0', sensors=['warmth']",
+            "TypeError: sensors is ['warmth']; it must be a mapping of names to import",
+        ),
         ("core=1", "TypeError: core is 1; it must be a version specifier"),
         ("core=exit()", "cannot be imported: SystemExit"),
     ],
@@ -166,7 +182,9 @@ def test_an_extension_that_cannot_be_used_is_left_out_with_the_reason(install, a
         ("inverse_kinematics", "auto", "the solver of inverse kinematics 'auto'"),
     ],
 )
-def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(install, capsys, point, name, described):
+def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(
+    install, capsys, point, name, described
+):
     install("odd-kit", f"core='>=0', {point}={{'{name}': 'odd_kit.parts:Mine'}}")
     assert run_command(["extensions"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
@@ -178,28 +196,47 @@ def test_a_name_that_two_packages_have_names_both(install):
     install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
     install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
     assert problem_of("a-kit") == ""
-    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of package a-kit, extension a_kit"
+    assert (
+        problem_of("b-kit")
+        == "the kind of sensor 'warmth' is also one of package a-kit, extension a_kit"
+    )
 
 
 def test_a_part_that_cannot_be_imported_is_blamed_on_its_package(install):
-    install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="import nothing_like_it")
-    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.parts:Warmth cannot be imported \(Module"):
+    install(
+        "odd-kit",
+        "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}",
+        parts="import nothing_like_it",
+    )
+    with pytest.raises(
+        BrokenExtension,
+        match=r"extension odd_kit: odd_kit.parts:Warmth cannot be imported \(Module",
+    ):
         load_addition(additions("sensors")["warmth"])
-    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit, extension odd_kit: odd_kit.parts:W"):
+    with pytest.raises(
+        InvalidConfig, match=r"sensors.warmth: package odd-kit, extension odd_kit: odd_kit.parts:W"
+    ):
         load_station("box_on_floor", {"sensors": {"warmth": {}}})
 
 
 def test_a_part_of_a_wrong_class_is_refused(install):
-    install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="Warmth = dict")
+    install(
+        "odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="Warmth = dict"
+    )
     with pytest.raises(InvalidConfig, match=rf"must be a subclass of {re.escape(PARTS)}"):
         load_station("box_on_floor", {"sensors": {"warmth": {}}})
 
 
 def test_a_station_names_the_packages_that_it_needs(install):
-    with pytest.raises(InvalidConfig, match="extensions: the station needs the package warm-kit, which is not instal"):
+    with pytest.raises(
+        InvalidConfig,
+        match="extensions: the station needs the package warm-kit, which is not instal",
+    ):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
     install("warm-kit", "core='>=99', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
-    with pytest.raises(InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it works"):
+    with pytest.raises(
+        InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it works"
+    ):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
 
 
@@ -219,7 +256,10 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
 
 
 def test_data_of_the_wrong_kind_are_not_called_missing(install, tmp_path, capsys):
-    install("odd-kit", "core='>=0', robots={'a': 'odd_kit:data.txt'}, other_files={'b': 'odd_kit:folder'}")
+    install(
+        "odd-kit",
+        "core='>=0', robots={'a': 'odd_kit:data.txt'}, other_files={'b': 'odd_kit:folder'}",
+    )
     (tmp_path / "odd_kit" / "data.txt").write_text("")
     (tmp_path / "odd_kit" / "folder").mkdir()
     assert run_command(["extensions", "--check"]) == 2
@@ -236,17 +276,28 @@ def test_the_table_of_commands_is_read_with_and_without_a_type(assignment):
 
 def test_a_table_of_commands_that_takes_in_another_one_is_refused():
     """The names in the other table are not in the source: they would be missing in the help."""
-    with pytest.raises(ValueError, match=r"COMMANDS contains \*\*; each command must be written in the table"):
+    with pytest.raises(
+        ValueError, match=r"COMMANDS contains \*\*; each command must be written in the table"
+    ):
         _command_table(ast.parse("COMMANDS = {'run': run_it, **OTHER}"))
 
 
-def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(install, monkeypatch):
-    install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}")
-    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"):
+def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(
+    install, monkeypatch
+):
+    install(
+        "odd-kit",
+        "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}",
+    )
+    with pytest.raises(
+        BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"
+    ):
         check_move({"hover": {"height": 1}})
     file = GaitsFile(Path("gaits.yaml"), 0.0, {"facing_deg": 0, "hovers": {"high": {}}})
     monkeypatch.setattr(gaits, "gaits_file", lambda _: file)
-    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"):
+    with pytest.raises(
+        BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"
+    ):
         gaits.load_gaits("roid1")
 
 
@@ -275,7 +326,9 @@ def test_a_folder_in_a_package_that_is_missing_is_no_folder(install, capsys):
     install("odd-kit", "core='>=0', stations={'a': 'nothing.like_it:stations'}")
     assert load_station("box_on_floor").name == "box_on_floor"
     assert run_command(["extensions", "--check"]) == 2
-    assert "there is no folder nothing.like_it:stations" in " ".join(capsys.readouterr().out.split())
+    assert "there is no folder nothing.like_it:stations" in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 WOBBLE = """
@@ -291,12 +344,16 @@ WOBBLE = Criterion("wobble", "m", "wobble", "{of} wobbled by {value}", _wobble, 
 
 
 def test_a_measure_of_an_extension_is_judged_by_its_own_bound_or_that_of_the_station(install):
-    install("wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=WOBBLE)
+    install(
+        "wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=WOBBLE
+    )
     station = load_station("box_on_floor", {"duration": 0.1})
     measure = simulate(station, progress=False).verdict["wobble"]
     assert measure.worst.subject == "box"
     assert measure.worst.bound == 1e-9
-    bounded = simulate(load_station("box_on_floor", {"duration": 0.1, "verdict.wobble": 0.05}), progress=False)
+    bounded = simulate(
+        load_station("box_on_floor", {"duration": 0.1, "verdict.wobble": 0.05}), progress=False
+    )
     assert bounded.verdict["wobble"].worst.bound == 0.05
     assert bounded.verdict["wobble"].worst.value == np.ptp(bounded["piece.box.z"])
     assert "wobble: 0.05" in station_yaml(bounded.config)
@@ -330,13 +387,26 @@ def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
 @pytest.mark.parametrize(
     ("content", "warning"),
     [
-        ("WOBBLE = 3", "extension wobble_kit: wobble_kit.verdict:WOBBLE is 3; it must be an instance of"),
-        (WOBBLE.replace('"wobble", "m"', '"wabble", "m"'), "has the name 'wabble', and is announced as 'wobble'"),
-        (WOBBLE.replace("np.ptp(heights)", "1 / 0"), "the run is not judged by wobble: ZeroDivisionError"),
+        (
+            "WOBBLE = 3",
+            "extension wobble_kit: wobble_kit.verdict:WOBBLE is 3; it must be an instance of",
+        ),
+        (
+            WOBBLE.replace('"wobble", "m"', '"wabble", "m"'),
+            "has the name 'wabble', and is announced as 'wobble'",
+        ),
+        (
+            WOBBLE.replace("np.ptp(heights)", "1 / 0"),
+            "the run is not judged by wobble: ZeroDivisionError",
+        ),
     ],
 )
 def test_a_broken_measure_warns_and_the_others_judge(install, content, warning):
-    install("wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=content)
+    install(
+        "wobble-kit",
+        "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}",
+        verdict=content,
+    )
     with pytest.warns(ExtensionWarning, match=re.escape(warning)):
         verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
     assert "penetration" in {measure.criterion.name for measure in verdict.measures}
@@ -370,8 +440,16 @@ def test_plots_of_an_extension_are_saved_with_those_of_the_run(install, tmp_path
     ("name", "target", "warning"),
     [
         ("height", "plot_kit.plots:broken", "the plot height of an extension is left out"),
-        ("height", "plot_kit.plots:missing", "extension plot_kit: plot_kit.plots:missing cannot be imported"),
-        ("piece_box", "plot_kit.plots:height", "the run has a plot of this name already: piece_box.svg"),
+        (
+            "height",
+            "plot_kit.plots:missing",
+            "extension plot_kit: plot_kit.plots:missing cannot be imported",
+        ),
+        (
+            "piece_box",
+            "plot_kit.plots:height",
+            "the run has a plot of this name already: piece_box.svg",
+        ),
     ],
 )
 def test_a_broken_plot_warns_and_the_others_are_saved(install, tmp_path, name, target, warning):
@@ -383,7 +461,12 @@ def test_a_broken_plot_warns_and_the_others_are_saved(install, tmp_path, name, t
 
 
 def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
-    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", package="kits", parts=SENSOR)
+    install(
+        "warm-kit",
+        "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}",
+        package="kits",
+        parts=SENSOR,
+    )
     install("cold-kit", "core='>=99'", package="kits")
     assert [(found.name, found.package) for found in installed_extensions()] == [
         ("cold_kit", "kits"),
@@ -396,10 +479,20 @@ def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
 
 
 def test_a_station_may_name_one_extension_of_a_package(install):
-    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", package="kits", parts=SENSOR)
+    install(
+        "warm-kit",
+        "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}",
+        package="kits",
+        parts=SENSOR,
+    )
     install("cold-kit", "core='>=99'", package="kits")
-    assert load_station("box_on_floor", {"extensions": ["warm_kit"], "sensors": {"warmth": {}}}).sensors
-    with pytest.raises(InvalidConfig, match="station needs kits, and the extension cold_kit of kits is left out: it w"):
+    assert load_station(
+        "box_on_floor", {"extensions": ["warm_kit"], "sensors": {"warmth": {}}}
+    ).sensors
+    with pytest.raises(
+        InvalidConfig,
+        match="station needs kits, and the extension cold_kit of kits is left out: it w",
+    ):
         load_station("box_on_floor", {"extensions": ["kits"], "sensors": {"warmth": {}}})
 
 
@@ -413,9 +506,17 @@ def warm():
 def test_no_other_package_takes_a_name_of_ours(install):
     """Ours come first, although the name of the other package comes first in the alphabet."""
     install("a-kit", "core='>=0', commands={'warm': 'a_kit.commands:warm'}", commands=COMMAND)
-    install("our-kit", "core='>=0', commands={'warm': 'our_kit.commands:warm'}", package=DISTRIBUTION, commands=COMMAND)
+    install(
+        "our-kit",
+        "core='>=0', commands={'warm': 'our_kit.commands:warm'}",
+        package=DISTRIBUTION,
+        commands=COMMAND,
+    )
     assert problem_of(DISTRIBUTION) == ""
-    assert problem_of("a-kit") == "the command 'warm' is also one of package simrob-drake, extension our_kit"
+    assert (
+        problem_of("a-kit")
+        == "the command 'warm' is also one of package simrob-drake, extension our_kit"
+    )
 
 
 def test_a_name_of_an_extension_stands_for_one_extension(install, tmp_path):
@@ -433,7 +534,9 @@ def test_versions_of_our_own_extensions_are_not_compared():
         "import sys; from simrob_drake.base.extension import installed_extensions; "
         "print({found.package for found in installed_extensions()}, 'packaging' in sys.modules)"
     )
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    shown = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
     packages, is_loaded = shown.rsplit(maxsplit=1)
     assert is_loaded == str(packages != "{'simrob-drake'}")
 
@@ -456,9 +559,14 @@ def test_a_conflict_of_names_leaves_those_out_that_need_the_extension(install):
 
 def test_a_function_that_needs_another_extension_says_so(install):
     install("cold-kit", "core='>=99'")
-    with pytest.raises(MissingExtension, match=r"^simrob warm needs the extension hot_kit, which is not installed$"):
+    with pytest.raises(
+        MissingExtension, match=r"^simrob warm needs the extension hot_kit, which is not installed$"
+    ):
         import_with_needed("hot_kit")
-    with pytest.raises(MissingExtension, match="needs the extension cold_kit, which is left out: it works with simrob"):
+    with pytest.raises(
+        MissingExtension,
+        match="needs the extension cold_kit, which is left out: it works with simrob",
+    ):
         import_with_needed("cold_kit")
     install("hot-kit", "core='>=0'")
     import_with_needed("hot_kit")
@@ -473,8 +581,14 @@ def import_with_needed(name):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ("core='>=0', needs='b_kit'", "TypeError: needs is 'b_kit'; it must be a list of names of extensions"),
-        ("core='>=0', uses=[3]", "TypeError: uses is [3]; it must be a list of names of extensions"),
+        (
+            "core='>=0', needs='b_kit'",
+            "TypeError: needs is 'b_kit'; it must be a list of names of extensions",
+        ),
+        (
+            "core='>=0', uses=[3]",
+            "TypeError: uses is [3]; it must be a list of names of extensions",
+        ),
         ("core='>=0', title=3", "TypeError: title is 3; it must be a text"),
         (
             "core='>=0', commands={'kit show': 'odd_kit.commands:show'}",
@@ -515,7 +629,9 @@ def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, c
     load_command(["warm"])  # the problem is reported when the command is run
     assert run_command(["warm"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("simrob: package odd-kit, extension odd_kit: odd_kit.gone:warm cannot be imported (ModuleN")
+    assert line.startswith(
+        "simrob: package odd-kit, extension odd_kit: odd_kit.gone:warm cannot be imported (ModuleN"
+    )
     assert run_command(["--help"]) == 0
     assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
 
@@ -531,7 +647,9 @@ def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install,
 def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
     install("odd-kit", "core='>=0', other_files={'odd': 'odd_kit:other_files.yaml'}")
     descriptions = tmp_path / "odd_kit" / "other_files.yaml"
-    descriptions.write_text("keys: [[[warmth], 'a kit: simrob warm {file}']]\nendings: {.kit: 'a kit: {name}'}")
+    descriptions.write_text(
+        "keys: [[[warmth], 'a kit: simrob warm {file}']]\nendings: {.kit: 'a kit: {name}'}"
+    )
     kit = tmp_path / "kit.yaml"
     kit.write_text("warmth: 3")
     assert run_command(["check", str(kit)]) == 2
@@ -543,9 +661,16 @@ def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("text", "problem"),
-    [("ends: {}", "ends: unknown key"), ("keys: 3", "keys: "), ("[", "other_files.yaml"), (None, "there is no file")],
+    [
+        ("ends: {}", "ends: unknown key"),
+        ("keys: 3", "keys: "),
+        ("[", "other_files.yaml"),
+        (None, "there is no file"),
+    ],
 )
-def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(install, tmp_path, capsys, text, problem):
+def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(
+    install, tmp_path, capsys, text, problem
+):
     install("odd-kit", "core='>=0', other_files={'odd': 'odd_kit:other_files.yaml'}")
     if text is not None:
         (tmp_path / "odd_kit" / "other_files.yaml").write_text(text)
@@ -559,7 +684,10 @@ def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(install, tmp_
 
 def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys):
     messages._catalogue_file.cache_clear()
-    install("warm-kit", "core='>=0', messages={'warm': 'warm_kit:languages', 'robots': 'warm_kit:languages'}")
+    install(
+        "warm-kit",
+        "core='>=0', messages={'warm': 'warm_kit:languages', 'robots': 'warm_kit:languages'}",
+    )
     folder = tmp_path / "warm_kit" / "languages"
     folder.mkdir()
     (folder / "es.yaml").write_text("warm.too_hot: demasiado caliente ({celsius:.1f} °C)")
@@ -567,8 +695,13 @@ def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys)
     assert messages.in_language(hot, "es") == "demasiado caliente (80,2 °C)"
     assert "robots" not in additions("messages")  # ids of the core are the core's
     assert run_command(["extensions", "--check"]) == 2
-    assert "folder of messages 'robots' is one of simrob-drake already" in " ".join(capsys.readouterr().out.split())
+    assert "folder of messages 'robots' is one of simrob-drake already" in " ".join(
+        capsys.readouterr().out.split()
+    )
     install("hot-kit", "core='>=0', messages={'warm': 'hot_kit:languages'}")
     left_out = next(found for found in installed_extensions() if found.name == "warm_kit")
-    assert left_out.problem == "the folder of messages 'warm' is also one of package hot-kit, extension hot_kit"
+    assert (
+        left_out.problem
+        == "the folder of messages 'warm' is also one of package hot-kit, extension hot_kit"
+    )
     messages._catalogue_file.cache_clear()

@@ -81,13 +81,19 @@ class SpinLoop(SampledBlock):
 def spinning(install):  # noqa: F811
     install("spin-kit", "core='>=0', controllers={'spin': 'spin_kit.parts:Spin'}", parts=SPIN)
     KINDS.forget_extensions()
-    changes = {"controllers": {"spin": {"kind": "spin"}}, "reference": {"kind": "hold"}, "duration": 0.5}
+    changes = {
+        "controllers": {"spin": {"kind": "spin"}},
+        "reference": {"kind": "hold"},
+        "duration": 0.5,
+    }
     yield load_station("irb120_dynamic", changes)
     KINDS.forget_extensions()
 
 
 def test_commands_of_a_function_move_the_robot_and_stand_in_the_result(spinning, tmp_path):
-    result = simulate(spinning, commands={"spin": lambda time: (0.2 if time < 0.3 else 0.0,)}, progress=False)
+    result = simulate(
+        spinning, commands={"spin": lambda time: (0.2 if time < 0.3 else 0.0,)}, progress=False
+    )
     assert result["spin.offset.joint_1"].max() == pytest.approx(0.2 * 0.3, abs=0.005)
     times = [time for time, _ in result.config.controllers["spin"].speeds]
     assert [speed for _, speed in result.config.controllers["spin"].speeds] == [0.2, 0.0]
@@ -96,11 +102,15 @@ def test_commands_of_a_function_move_the_robot_and_stand_in_the_result(spinning,
     folder = save_result(result, result.verdict, tmp_path / "result", recording=False)
     assert "speeds" in (folder / "commands.yaml").read_text()
     again = simulate(result.config, progress=False)
-    np.testing.assert_allclose(again["spin.offset.joint_1"][-1], result["spin.offset.joint_1"][-1], atol=0.005)
+    np.testing.assert_allclose(
+        again["spin.offset.joint_1"][-1], result["spin.offset.joint_1"][-1], atol=0.005
+    )
 
 
 def test_a_command_of_another_size_is_an_error_that_lists_its_numbers(spinning):
-    with pytest.raises(SimrobError, match=r"commands: spin at .* it must be a list of 1 numbers: turn \[rad/s\]"):
+    with pytest.raises(
+        SimrobError, match=r"commands: spin at .* it must be a list of 1 numbers: turn \[rad/s\]"
+    ):
         simulate(spinning, commands={"spin": lambda time: (0.1, 0.2)}, progress=False)
 
 
@@ -126,7 +136,11 @@ def shown_commands(station):
 
 
 def test_its_remarks_are_in_the_summary(spinning):
-    result = simulate(spinning, commands={"spin": lambda time: (0.2 if 0.2 < time < 0.4 else 0.0,)}, progress=False)
+    result = simulate(
+        spinning,
+        commands={"spin": lambda time: (0.2 if 0.2 < time < 0.4 else 0.0,)},
+        progress=False,
+    )
     (remark,) = remarks_of(result)
     assert remark.startswith("spin turns faster than 0.1 rad/s: 0.2")
     assert summary_of(result, result.verdict)["remarks"] == [remark]

@@ -18,7 +18,9 @@ def run(command, folder, **environment):
     """Run a command in a folder and return its exit code, output and errors."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     variables = {**kept, **environment}
-    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=600, check=False)
+    return subprocess.run(
+        command, cwd=folder, env=variables, capture_output=True, text=True, timeout=600, check=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,19 +65,38 @@ def test_the_example_works_when_installed_and_is_gone_when_uninstalled(environme
 
     done = run([*simrob, "run", "nodding_arm", "--out", "result"], folder)
     assert done.returncode == 0, done.stderr
-    assert "joint_power.joint_power.joint_5" in (folder / "result" / "signals.csv").read_text().partition("\n")[0]
+    assert (
+        "joint_power.joint_power.joint_5"
+        in (folder / "result" / "signals.csv").read_text().partition("\n")[0]
+    )
     assert (folder / "result" / "plots" / "sensors.png").is_file()
     assert (folder / "result" / "plots" / "joint_power.png").is_file()
     assert "standstill" in (folder / "result" / "summary.json").read_text()
 
-    own_tests = [python, "-m", "pytest", "-q", "-c", "/dev/null", "--rootdir", ".", str(folder / "source" / "tests")]
+    own_tests = [
+        python,
+        "-m",
+        "pytest",
+        "-q",
+        "-c",
+        "/dev/null",
+        "--rootdir",
+        ".",
+        str(folder / "source" / "tests"),
+    ]
     tested = run(own_tests, folder)
     assert tested.returncode == 0, tested.stdout
 
-    removed = run([python, "-m", "pip", "uninstall", "--quiet", "--yes", "simrob-playground"], folder)
+    removed = run(
+        [python, "-m", "pip", "uninstall", "--quiet", "--yes", "simrob-playground"], folder
+    )
     assert removed.returncode == 0, removed.stderr
     assert "simrob-playground" not in run([*simrob, "extensions"], folder).stdout
-    station = shutil.copy(EXAMPLE / "simrob_playground" / "stations" / "nodding_arm.yaml", folder / "arm.yaml")
+    station = shutil.copy(
+        EXAMPLE / "simrob_playground" / "stations" / "nodding_arm.yaml", folder / "arm.yaml"
+    )
     refused = run([*simrob, "run", str(station)], folder)
     assert refused.returncode == 2
-    assert "the station needs the package simrob-playground, which is not installed" in refused.stderr
+    assert (
+        "the station needs the package simrob-playground, which is not installed" in refused.stderr
+    )

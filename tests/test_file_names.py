@@ -42,7 +42,9 @@ def test_stations_of_programs_and_robots_in_files_with_capital_letters(tmp_path:
     assert [entry.model for entry in load_station(station).robots.values()] == [str(robot)]
 
 
-def test_each_command_recognises_a_program_alike(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_each_command_recognises_a_program_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     """`simrob run` and `simrob teach` share one test; a name that no file can have is no program for both."""
     from simrob_drake.extensions.pendant.subjects import program_of
     from simrob_drake.programs.program_files import is_program_file
@@ -54,20 +56,30 @@ def test_each_command_recognises_a_program_alike(tmp_path: Path, capsys: pytest.
 
     assert is_program_file(program)
     assert program_of(program) == (program, "irb120_kinematic")
-    for other in (station, tmp_path, f"{TOO_LONG}.yaml", "irb120_kinematic", tmp_path / "missing.yaml"):
+    for other in (
+        station,
+        tmp_path,
+        f"{TOO_LONG}.yaml",
+        "irb120_kinematic",
+        tmp_path / "missing.yaml",
+    ):
         assert not is_program_file(other)
         assert program_of(other) is None
 
 
 @pytest.mark.parametrize("command", ["run", "check"])
-def test_commands_refuse_a_name_that_no_file_can_have(command: str, capsys: pytest.CaptureFixture[str]):
+def test_commands_refuse_a_name_that_no_file_can_have(
+    command: str, capsys: pytest.CaptureFixture[str]
+):
     code = run_command([command, f"{TOO_LONG}.yaml"])
 
     assert code != 0
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_pictures_and_films_in_files_with_capital_letters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_pictures_and_films_in_files_with_capital_letters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """The ending says the form whatever its letters: the functions for pictures, plots and films agree."""
     picture = save_block_picture(load_station("bouncing_ball"), tmp_path / "BALL.SVG")
     figure = Figure()
@@ -75,7 +87,8 @@ def test_pictures_and_films_in_files_with_capital_letters(tmp_path: Path, monkey
     films: list[str] = []
     for name in ("save_film_strip", "save_video"):
         monkeypatch.setattr(
-            f"simrob_drake.results.animation.pictures.{name}", lambda *_, name=name, **__: films.append(name)
+            f"simrob_drake.results.animation.pictures.{name}",
+            lambda *_, name=name, **__: films.append(name),
         )
     run = SimpleNamespace()
     for file in ("FILM.PNG", "FILM.Mp4"):
@@ -88,7 +101,10 @@ def test_pictures_and_films_in_files_with_capital_letters(tmp_path: Path, monkey
 
 def test_endings():
     assert check_ending(Path("A.XML"), [".xml"], "--mjcf") == ".xml"
-    with pytest.raises(InvalidParameter, match=r"--film is a/walk\.gif; it must be a file that ends in \.png or \.mp4"):
+    with pytest.raises(
+        InvalidParameter,
+        match=r"--film is a/walk\.gif; it must be a file that ends in \.png or \.mp4",
+    ):
         check_ending(Path("a/walk.gif"), [".png", ".mp4"], "--film")
     with pytest.raises(InvalidParameter, match="--mjcf is xml"):
         check_ending(Path("xml"), [".xml"], "--mjcf")
@@ -99,7 +115,9 @@ def test_new_files(tmp_path: Path):
     check_new_file(file, force=False)
     file.write_text("mine")
 
-    with pytest.raises(OutputError, match="there exists already; choose another file or replace it with --force"):
+    with pytest.raises(
+        OutputError, match="there exists already; choose another file or replace it with --force"
+    ):
         check_new_file(file, force=False)
     check_new_file(file, force=True)
     check_new_file(tmp_path / TOO_LONG, force=False)  # is refused when it is written

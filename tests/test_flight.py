@@ -27,7 +27,13 @@ MOVE = {
         {"time": 0.6, "target_deg": {"CadIF": 0, "RodI": 0, "HomDF": 0}},
     ],
 }
-IN_THE_AIR = {"robot.base": [0, 0, 5, 0, 0, 0], "monitors": {}, "reference": MOVE, "duration": DURATION, "servo.kd": 10}
+IN_THE_AIR = {
+    "robot.base": [0, 0, 5, 0, 0, 0],
+    "monitors": {},
+    "reference": MOVE,
+    "duration": DURATION,
+    "servo.kd": 10,
+}
 
 
 def momentum(plant: MultibodyPlant, context: Context) -> tuple[Vector, Vector, Vector]:
@@ -48,12 +54,21 @@ def spinning(config: StationConfig) -> tuple[Any, Context, Context]:
     return closed, root, context
 
 
-def lost(before: tuple[Vector, Vector, Vector], after: tuple[Vector, Vector, Vector], mass: float) -> list[float]:
+def lost(
+    before: tuple[Vector, Vector, Vector], after: tuple[Vector, Vector, Vector], mass: float
+) -> list[float]:
     """Return how far the fall, the linear and the angular momentum are off, each as a part of what it should be."""
     (place, linear, angular), (there, later, turned) = before, after
     fall, impulse = GRAVITY * DURATION**2 / 2, mass * GRAVITY * DURATION
-    off = there - place - linear / mass * DURATION - fall, later - linear - impulse, turned - angular
-    return [float(np.linalg.norm(a) / np.linalg.norm(b)) for a, b in zip(off, (fall, impulse, angular), strict=True)]
+    off = (
+        there - place - linear / mass * DURATION - fall,
+        later - linear - impulse,
+        turned - angular,
+    )
+    return [
+        float(np.linalg.norm(a) / np.linalg.norm(b))
+        for a, b in zip(off, (fall, impulse, angular), strict=True)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -68,8 +83,12 @@ def lost(before: tuple[Vector, Vector, Vector], after: tuple[Vector, Vector, Vec
     ],
     ids=str,
 )
-def test_a_humanoid_in_the_air_moves_its_legs_and_keeps_its_momentum(solver: dict[str, Any]) -> None:
-    config = load_station("humanoid_dynamic", {**IN_THE_AIR, **{f"solver.{key}": v for key, v in solver.items()}})
+def test_a_humanoid_in_the_air_moves_its_legs_and_keeps_its_momentum(
+    solver: dict[str, Any],
+) -> None:
+    config = load_station(
+        "humanoid_dynamic", {**IN_THE_AIR, **{f"solver.{key}": v for key, v in solver.items()}}
+    )
     closed, root, context = spinning(config)
     plant = closed.ports.plant.plant
     before = momentum(plant, context)
@@ -102,7 +121,9 @@ def test_finer_steps_of_the_scheme_itself_lose_less(accuracy: float, step: float
 def flight_and_landing(**solver: Any) -> SimulationResult:
     overrides = {"robot.base": [0, 0, 0.55, 0, 0, 0], "duration": 0.5, "monitors": {}}
     return simulate(
-        load_station("humanoid_dynamic", {**overrides, **{f"solver.{key}": v for key, v in solver.items()}}),
+        load_station(
+            "humanoid_dynamic", {**overrides, **{f"solver.{key}": v for key, v in solver.items()}}
+        ),
         progress=False,
     )
 
@@ -117,8 +138,12 @@ def test_it_falls_as_a_stone_and_lands() -> None:
 
 def test_pieces_fly_beside_a_robot_that_stands() -> None:
     pieces = {"weight": {"model": "ball", "free": True, "pose": [1, 0, 1, 0, 0, 0]}}
-    result = simulate(load_station("humanoid_dynamic", {"pieces": pieces}), duration=0.3, progress=False)
-    np.testing.assert_allclose(result.piece_pose("weight")[:, 2], 1 - 9.80665 * result.times**2 / 2, atol=1e-3)
+    result = simulate(
+        load_station("humanoid_dynamic", {"pieces": pieces}), duration=0.3, progress=False
+    )
+    np.testing.assert_allclose(
+        result.piece_pose("weight")[:, 2], 1 - 9.80665 * result.times**2 / 2, atol=1e-3
+    )
     assert np.abs(result["base.z"] - 0.446).max() < 1e-3
 
 
@@ -135,4 +160,6 @@ def test_a_run_goes_on_after_a_push_in_flight() -> None:
     plant.SetVelocities(context, velocities)
     _, linear, _ = momentum(plant, context)
     weight = plant.CalcTotalMass(context) * GRAVITY * DURATION
-    assert np.linalg.norm(linear - weight) == pytest.approx(0.2, rel=0.02)  # pushed along the trunk, which turns
+    assert np.linalg.norm(linear - weight) == pytest.approx(
+        0.2, rel=0.02
+    )  # pushed along the trunk, which turns

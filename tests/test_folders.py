@@ -128,7 +128,11 @@ def test_what_a_killed_process_left_goes_with_the_next_save(tmp_path, monkeypatc
     assert left.exists()  # it may be at work
     monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     fill(tmp_path / "second", "2")
-    assert {path.name for path in tmp_path.iterdir()} == {"young", "second", *(user.name for user in users)}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "young",
+        "second",
+        *(user.name for user in users),
+    }
 
 
 def test_what_another_still_fills_stays(tmp_path, monkeypatch):
@@ -155,7 +159,11 @@ def test_an_error_names_what_the_user_gave(tmp_path, monkeypatch):
     ):
         raise OSError(28, "No space left on device")
     assert str(raised.value) == "runs/r/plots cannot be written: No space left on device"
-    with pytest.raises(OutputError) as raised, replaced_at_once(Path("a.png")) as work, folders.writing(work):
+    with (
+        pytest.raises(OutputError) as raised,
+        replaced_at_once(Path("a.png")) as work,
+        folders.writing(work),
+    ):
         raise OSError(28, "No space left on device")
     assert str(raised.value) == "a.png cannot be written: No space left on device"
 
@@ -189,4 +197,6 @@ def test_entries_of_a_cache_go_when_nobody_asked_for_them_in_ninety_days(tmp_pat
         fill(entries[name], "a robot")
         os.utime(entries[name], times=(time.time() - days * 86400,) * 2)
     assert cache_entry("robots", made_of=[b"used"], made_by=[]) == entries[b"used"]
-    assert {path.name for path in entries[b"used"].parent.iterdir()} == {entries[n].name for n in (b"used", b"young")}
+    assert {path.name for path in entries[b"used"].parent.iterdir()} == {
+        entries[n].name for n in (b"used", b"young")
+    }

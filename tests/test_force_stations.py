@@ -22,13 +22,17 @@ RUBBER = {
 
 def press(duration, **overrides):
     """Return a run, the force upon the board and the speed of the tool over it."""
-    result = simulate(load_station("irb120_force_control", overrides), duration=duration, progress=False)
+    result = simulate(
+        load_station("irb120_force_control", overrides), duration=duration, progress=False
+    )
     speed = np.hypot(*(np.gradient(result[f"tcp.{axis}"], result.times) for axis in "xy"))
     return result, result["force.touch.z"], speed
 
 
 def protected(duration=None, **overrides):
-    return simulate(load_station("irb120_motor_protection", overrides), duration=duration, progress=False)
+    return simulate(
+        load_station("irb120_motor_protection", overrides), duration=duration, progress=False
+    )
 
 
 @pytest.mark.parametrize(
@@ -50,7 +54,9 @@ def protected(duration=None, **overrides):
 )
 def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(changed):
     result, force, speed = press(4.5, **changed)
-    assert force[result.times > 2.2] == pytest.approx(10, abs=0.5)  # at rest, as it gathers speed, and while it wipes
+    assert force[result.times > 2.2] == pytest.approx(
+        10, abs=0.5
+    )  # at rest, as it gathers speed, and while it wipes
     assert speed[(result.times > 3.1) & (result.times < 4.45)] == pytest.approx(0.05, abs=1.5e-3)
     assert force.max() < 10.5  # the approach is slow enough for the blow, and nothing winds up
 
@@ -63,7 +69,9 @@ def test_it_does_so_under_another_scheme_and_the_board_gives_way_as_its_stiffnes
     assert force[breaks_loose] == pytest.approx(10, abs=0.8)
     depths = []
     for stiffness in (1e5, 1000.0):
-        still, force, _ = press(4.0, **{"reference.kind": "hold", "pieces.board.contact.stiffness": stiffness})
+        still, force, _ = press(
+            4.0, **{"reference.kind": "hold", "pieces.board.contact.stiffness": stiffness}
+        )
         depths.append(0.032 - still["tcp.z"][-1])  # the board's top is at 22 mm, the tip has 10 mm
     assert depths == pytest.approx([10 / 1e5, 10 / (2 / (1 / 1e5 + 1 / 1000))], rel=0.03)
 
@@ -73,7 +81,13 @@ def test_the_arm_gives_way_where_it_meets_a_box_and_stops_instead_of_pushing_for
     alone = protected(2.2, **{"controllers": {}})
     assert alone["tau.joint_2"][-1] == pytest.approx(150)  # at saturation, to the end
     assert alone["force.touch.z"][-1] > 400
-    for changed in ({}, FINE, SAP_LIKE, {"controllers.protection.rate": 50}, {"controllers.protection.rate": 200}):
+    for changed in (
+        {},
+        FINE,
+        SAP_LIKE,
+        {"controllers.protection.rate": 50},
+        {"controllers.protection.rate": 200},
+    ):
         result = protected(2.2, **changed)
         stage, times, torque = result["protection.stage"], result.times, result["tau.joint_2"]
         gives, stops = times[np.argmax(stage == 2)], times[np.argmax(stage == 3)]
@@ -90,7 +104,10 @@ def test_the_arm_gives_way_where_it_meets_a_box_and_stops_instead_of_pushing_for
 def test_a_box_that_is_left_lets_the_arm_come_back_to_its_reference():
     down, up = [0, 31.469, 14.9, 0, 43.631, 0], [0, 19.558, -9.388, 0, 79.83, 0]
     targets = [{"time": time, "target_deg": pose} for time, pose in ((2, down), (3, down), (5, up))]
-    way = {"reference": {"kind": "sequence", "targets": targets}, "controllers.protection.reset_after": 0.3}
+    way = {
+        "reference": {"kind": "sequence", "targets": targets},
+        "controllers.protection.reset_after": 0.3,
+    }
     result = protected(6.0, **way)
     assert {2, 3} <= set(result["protection.stage"])
     assert result["protection.stage"][-1] == 0
@@ -99,7 +116,10 @@ def test_a_box_that_is_left_lets_the_arm_come_back_to_its_reference():
 
 
 def test_a_force_of_a_body_region_stops_it_and_may_end_the_run():
-    hand = {"controllers.protection.reads.force": "touch", "controllers.protection.force": "hands_and_fingers"}
+    hand = {
+        "controllers.protection.reads.force": "touch",
+        "controllers.protection.force": "hands_and_fingers",
+    }
     result, plain = protected(2.0, **hand), protected(2.0)
     stops = [run.times[np.argmax(run["protection.stage"] == 3)] for run in (result, plain)]
     begins = result.times[np.argmax(result["force.touch.z"] > 140)]
@@ -116,7 +136,9 @@ def test_a_warm_motor_is_held_at_what_it_may_give_for_ever():
     result = protected(4.0, **changed, **{"servo.torque_limit": 150})
     heat, torque = result["protection.heat.joint_2"], result["tau.joint_2"]
     times, ratio = result.times, (torque / 30) ** 2
-    steps = np.diff(times) * (ratio[:-1] + ratio[1:]) / 2  # theta' = r^2 - theta, by the trapezoidal rule
+    steps = (
+        np.diff(times) * (ratio[:-1] + ratio[1:]) / 2
+    )  # theta' = r^2 - theta, by the trapezoidal rule
     expected = [0.0]
     for step, length in zip(steps, np.diff(times), strict=True):
         expected.append(expected[-1] * np.exp(-length) + step * np.exp(-length / 2))
@@ -148,15 +170,39 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
         ("motor_protection", {"protection.limit": {"joint_7": 10}}, "joint_7"),
         ("motor_protection", {"protection.limit": [1, 2]}, "controllers.protection.limit"),
         ("motor_protection", {"protection.limit": -1}, "must be positive"),
-        ("motor_protection", {"protection.weight": 0.5}, "what protects the robot cannot be weighted"),
-        ("motor_protection", {"protection.limit": 200}, "less than the servo gives at most, 150 N·m"),
+        (
+            "motor_protection",
+            {"protection.weight": 0.5},
+            "what protects the robot cannot be weighted",
+        ),
+        (
+            "motor_protection",
+            {"protection.limit": 200},
+            "less than the servo gives at most, 150 N·m",
+        ),
         ("motor_protection", {"protection.nominal": 60}, "must be at most its limit, 50 N·m"),
         ("motor_protection", {"protection.warn": 1.5}, "controllers.protection.warn"),
-        ("motor_protection", {"protection.limit": None, "protection.nominal": None}, "given one of them to watch"),
+        (
+            "motor_protection",
+            {"protection.limit": None, "protection.nominal": None},
+            "given one of them to watch",
+        ),
         ("motor_protection", {"protection.force": 100}, "reads: {force: <sensor>}"),
-        ("motor_protection", {"protection.force": "hand", "protection.reads.force": "touch"}, "body region 'hand'"),
-        ("motor_protection", {"protection.force": 9, "protection.reads.force": "feel"}, "reads.force 'feel'"),
-        ("motor_protection", {"protection.reads.asked": "touch"}, "controllers.protection.reads 'asked'"),
+        (
+            "motor_protection",
+            {"protection.force": "hand", "protection.reads.force": "touch"},
+            "body region 'hand'",
+        ),
+        (
+            "motor_protection",
+            {"protection.force": 9, "protection.reads.force": "feel"},
+            "reads.force 'feel'",
+        ),
+        (
+            "motor_protection",
+            {"protection.reads.asked": "touch"},
+            "controllers.protection.reads 'asked'",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_key(station, overrides, words):
@@ -173,7 +219,12 @@ def test_a_servo_without_stiffness_cannot_give_way():
 
 def test_protection_lies_above_a_force_that_is_too_large():
     """Who asks for more than a hand may bear is stopped; the loop below goes on, and moves nothing."""
-    above = {"kind": "motor_protection", "force": "hands_and_fingers", "reads": {"force": "touch"}, "priority": 1}
+    above = {
+        "kind": "motor_protection",
+        "force": "hands_and_fingers",
+        "reads": {"force": "touch"},
+        "priority": 1,
+    }
     asked = {"controllers.press.force": 200, "reference.kind": "hold"}
     result, force, _ = press(3.5, **{**asked, "controllers.guard": above})
     assert result["guard.stage"][-1] == 3

@@ -38,7 +38,9 @@ def forget():
     ],
 )
 def test_a_former_name_is_the_module_itself(former, present):
-    with pytest.warns(DeprecationWarning, match=f"{former} is now {present}; the former name works until"):
+    with pytest.warns(
+        DeprecationWarning, match=f"{former} is now {present}; the former name works until"
+    ):
         module = importlib.import_module(former)
     assert module is importlib.import_module(present)
     assert module.__name__ == module.__spec__.name == present
@@ -74,4 +76,7 @@ def test_the_warning_names_the_line_of_the_import(tmp_path):
     script.write_text("\n\nfrom simrob_drake.errors import SimrobError\n")
     command = [sys.executable, "-W", "always", str(script)]
     shown = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    assert "script.py:3: DeprecationWarning: simrob_drake.errors is now simrob_drake.base.errors" in shown
+    assert (
+        "script.py:3: DeprecationWarning: simrob_drake.errors is now simrob_drake.base.errors"
+        in shown
+    )

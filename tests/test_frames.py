@@ -25,7 +25,10 @@ ANGLE_BOUNDS = np.array([np.pi, 1.5, np.pi])
 
 def random_poses(count: int) -> list[np.ndarray]:
     random = np.random.default_rng(1)
-    return [np.concatenate([random.uniform(-2, 2, 3), random.uniform(-1, 1, 3) * ANGLE_BOUNDS]) for _ in range(count)]
+    return [
+        np.concatenate([random.uniform(-2, 2, 3), random.uniform(-1, 1, 3) * ANGLE_BOUNDS])
+        for _ in range(count)
+    ]
 
 
 def test_a_pose_turns_about_z_then_the_new_y_then_the_new_x() -> None:
@@ -42,7 +45,9 @@ def test_a_pose_turns_about_z_then_the_new_y_then_the_new_x() -> None:
 
 def test_the_tilted_table_has_its_published_axes() -> None:
     # facts of the inclined table: Euler ZYX [-120, 0, 15] deg
-    matrix = transform_from_pose([0.4, 0.133, 0, *np.deg2rad([-120.0, 0.0, 15.0])]).rotation().matrix()
+    matrix = (
+        transform_from_pose([0.4, 0.133, 0, *np.deg2rad([-120.0, 0.0, 15.0])]).rotation().matrix()
+    )
     published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
     np.testing.assert_allclose(matrix.T, published, atol=5e-5)  # printed with four decimals
 
@@ -77,7 +82,9 @@ def test_a_transform_survives_the_way_through_a_quaternion(pose: np.ndarray) -> 
 
 
 def test_a_quarter_turn_about_z_is_the_known_quaternion() -> None:
-    values = xyz_quaternion_from_transform(RigidTransform(RotationMatrix.MakeZRotation(np.pi / 2), [1, 2, 3]))
+    values = xyz_quaternion_from_transform(
+        RigidTransform(RotationMatrix.MakeZRotation(np.pi / 2), [1, 2, 3])
+    )
     np.testing.assert_allclose(values, [1, 2, 3, np.sqrt(0.5), 0, 0, np.sqrt(0.5)], atol=1e-15)
 
 
@@ -85,16 +92,22 @@ def test_a_quarter_turn_about_z_is_the_known_quaternion() -> None:
 def test_length_and_sign_of_a_quaternion_do_not_matter(scale: float) -> None:
     wxyz = np.array([0.5, -0.5, 0.5, 0.5])
     turned = transform_from_xyz_quaternion([0, 0, 0, *(scale * wxyz)]).rotation().matrix()
-    np.testing.assert_allclose(turned, transform_from_xyz_quaternion([0, 0, 0, *wxyz]).rotation().matrix(), atol=1e-15)
+    np.testing.assert_allclose(
+        turned, transform_from_xyz_quaternion([0, 0, 0, *wxyz]).rotation().matrix(), atol=1e-15
+    )
 
 
-@pytest.mark.parametrize("pose", [[0] * 5, [0] * 7, [[0] * 6], [0, 0, np.nan, 0, 0, 0], [np.inf, 0, 0, 0, 0, 0]])
+@pytest.mark.parametrize(
+    "pose", [[0] * 5, [0] * 7, [[0] * 6], [0, 0, np.nan, 0, 0, 0], [np.inf, 0, 0, 0, 0, 0]]
+)
 def test_a_pose_needs_six_finite_numbers(pose: list[float]) -> None:
     with pytest.raises(InvalidParameter, match="six finite numbers"):
         transform_from_pose(pose)
 
 
-@pytest.mark.parametrize("values", [[0, 0, 0, 1, 0, 0], [0, 0, 0, np.nan, 0, 0, 0], [1, 2, 3, 0, 0, 0, 0]])
+@pytest.mark.parametrize(
+    "values", [[0, 0, 0, 1, 0, 0], [0, 0, 0, np.nan, 0, 0, 0], [1, 2, 3, 0, 0, 0, 0]]
+)
 def test_a_port_pose_needs_seven_finite_numbers(values: list[float]) -> None:
     with pytest.raises(InvalidParameter, match="seven finite numbers"):
         transform_from_xyz_quaternion(values)
@@ -103,8 +116,12 @@ def test_a_port_pose_needs_seven_finite_numbers(values: list[float]) -> None:
 @pytest.mark.parametrize(
     "values", ["x", None, [[1, 2], [3]], [["a"] * 4] * 4, [1, 2, 3, 4, 5, "six"], [10**400] * 6, {}]
 )
-@pytest.mark.parametrize("function", [as_transform, transform_from_pose, transform_from_xyz_quaternion, point])
-def test_what_is_no_array_of_numbers_is_no_pose(function: Callable[[Any], Any], values: Any) -> None:
+@pytest.mark.parametrize(
+    "function", [as_transform, transform_from_pose, transform_from_xyz_quaternion, point]
+)
+def test_what_is_no_array_of_numbers_is_no_pose(
+    function: Callable[[Any], Any], values: Any
+) -> None:
     with pytest.raises(InvalidParameter, match=r"(six|seven|three) finite numbers"):
         function(values)
 
@@ -112,15 +129,31 @@ def test_what_is_no_array_of_numbers_is_no_pose(function: Callable[[Any], Any], 
 def test_all_forms_of_a_pose_are_one() -> None:
     pose = [0.1, -0.2, 0.3, 0.7, -0.4, 1.9]
     transform = transform_from_pose(pose)
-    for form in (pose, np.array(pose), transform, transform.GetAsMatrix4(), transform.GetAsMatrix4().tolist()):
+    for form in (
+        pose,
+        np.array(pose),
+        transform,
+        transform.GetAsMatrix4(),
+        transform.GetAsMatrix4().tolist(),
+    ):
         assert as_transform(form).IsNearlyEqualTo(transform, 1e-15)
-        np.testing.assert_allclose(as_transform(form).GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-15)
-    np.testing.assert_allclose(poses_from_matrices(np.array([transform.GetAsMatrix4()] * 2)), [pose, pose], atol=1e-14)
+        np.testing.assert_allclose(
+            as_transform(form).GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-15
+        )
+    np.testing.assert_allclose(
+        poses_from_matrices(np.array([transform.GetAsMatrix4()] * 2)), [pose, pose], atol=1e-14
+    )
 
 
 @pytest.mark.parametrize(
     "matrix",
-    [2 * np.eye(4), np.diag([1, 1, -1, 1]), np.full((4, 4), np.nan), np.diag([1.1, 1, 1, 1]), np.eye(4)[::-1]],
+    [
+        2 * np.eye(4),
+        np.diag([1, 1, -1, 1]),
+        np.full((4, 4), np.nan),
+        np.diag([1.1, 1, 1, 1]),
+        np.eye(4)[::-1],
+    ],
 )
 def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix: np.ndarray) -> None:
     with pytest.raises(InvalidParameter, match="a rotation, a place, and a last row 0 0 0 1"):
@@ -134,8 +167,12 @@ class TestThreePoints:
         frame = three_point_frame(self.x1, self.x2, self.y1)
         np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0], atol=5e-6)
         published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
-        np.testing.assert_allclose(frame.rotation().matrix().T, published, atol=5e-5)  # printed with four decimals
-        np.testing.assert_allclose(np.rad2deg(pose_from_transform(frame)[3:]), [-120, 0, 15], atol=5e-3)
+        np.testing.assert_allclose(
+            frame.rotation().matrix().T, published, atol=5e-5
+        )  # printed with four decimals
+        np.testing.assert_allclose(
+            np.rad2deg(pose_from_transform(frame)[3:]), [-120, 0, 15], atol=5e-3
+        )
 
     def test_the_origin_is_where_the_way_to_y1_is_shortest(self) -> None:
         x1, x2, y1 = np.random.default_rng(2).normal(size=(3, 3))
@@ -159,6 +196,8 @@ class TestThreePoints:
             (([0, 0, np.inf], [1, 0, 0], [1, 1, 0]), "x1 .* three finite numbers"),
         ],
     )
-    def test_points_that_fix_no_frame_are_refused(self, points: tuple[list[float], ...], message: str) -> None:
+    def test_points_that_fix_no_frame_are_refused(
+        self, points: tuple[list[float], ...], message: str
+    ) -> None:
         with pytest.raises(InvalidParameter, match=message):
             three_point_frame(*points)

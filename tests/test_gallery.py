@@ -34,7 +34,8 @@ def test_a_station_has_a_small_picture_and_a_command(station):
 def test_the_pictures_are_those_of_the_stations():
     files = [file.name for file in (ROOT / "docs" / "gallery").iterdir()]
     pictures, clips = (
-        {f"{name}.{kind}" for name in of} for kind, of in (("png", station_names()), ("webp", GALLERY["CLIPS"]))
+        {f"{name}.{kind}" for name in of}
+        for kind, of in (("png", station_names()), ("webp", GALLERY["CLIPS"]))
     )
     assert set(files) == pictures | clips
 
@@ -54,7 +55,10 @@ def test_a_clip_is_short_small_and_begins_again(station):
 
 def test_there_are_twelve_clips_and_both_front_pages_show_four():
     assert len(GALLERY["CLIPS"]) == 12
-    shown = {page: re.findall(r"docs/gallery/(\w+)\.webp", PAGES[page]) for page in ("README.md", "README.es.md")}
+    shown = {
+        page: re.findall(r"docs/gallery/(\w+)\.webp", PAGES[page])
+        for page in ("README.md", "README.es.md")
+    }
     assert shown["README.md"] == shown["README.es.md"]
     assert len(set(shown["README.md"])) == 4
     assert set(shown["README.md"]) <= set(GALLERY["CLIPS"])
@@ -64,7 +68,8 @@ def test_no_two_pictures_are_alike():
     """Made as small as icons, they still differ clearly where they differ most."""
     icons = {
         station: np.asarray(
-            Image.open(ROOT / "docs" / "gallery" / f"{station}.png").convert("L").resize((48, 16)), float
+            Image.open(ROOT / "docs" / "gallery" / f"{station}.png").convert("L").resize((48, 16)),
+            float,
         )
         for station in station_names()
     }

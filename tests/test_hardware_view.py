@@ -21,12 +21,15 @@ PORTS = (
 @pytest.fixture(scope="module")
 def config():
     """A station with one arm of six axes and a gripper, as discrete as manipulation's, called iiwa."""
-    return load_station("two_irb120", {"solver": {"kind": "discrete"}, "servo.realization": "implicit"})
+    return load_station(
+        "two_irb120", {"solver": {"kind": "discrete"}, "servo.realization": "implicit"}
+    )
 
 
 def gripper_station():
     return load_station(
-        "irb120_gripper", {"pieces": {}, "monitors": {}, "reference": {"kind": "hold"}, "program": None}
+        "irb120_gripper",
+        {"pieces": {}, "monitors": {}, "reference": {"kind": "hold"}, "program": None},
     )
 
 
@@ -53,10 +56,16 @@ def test_positions_are_commanded_and_measured():
     plant_context = plant.GetMyContextFromRoot(context)
     posture = np.array([-0.5, 0.1, 0.2, -0.3, 0.4, 0.5])
     plant.SetPositions(plant_context, plant.GetModelInstanceByName("left"), posture)
-    np.testing.assert_allclose(station.GetOutputPort("left.position_measured").Eval(context), posture)
-    np.testing.assert_allclose(station.GetOutputPort("left.state_estimated").Eval(context), [*posture, *np.zeros(6)])
+    np.testing.assert_allclose(
+        station.GetOutputPort("left.position_measured").Eval(context), posture
+    )
+    np.testing.assert_allclose(
+        station.GetOutputPort("left.state_estimated").Eval(context), [*posture, *np.zeros(6)]
+    )
     station.GetInputPort("left.position").FixValue(context, posture)
-    np.testing.assert_allclose(station.GetOutputPort("left.position_commanded").Eval(context), posture)
+    np.testing.assert_allclose(
+        station.GetOutputPort("left.position_commanded").Eval(context), posture
+    )
     torques = []
     for feedforward in (np.zeros(6), np.linspace(0.1, 0.6, 6)):
         station.GetInputPort("left.torque").FixValue(context, feedforward)
@@ -75,7 +84,9 @@ def test_it_moves_as_the_station(config):
         station.GetInputPort(f"{robot}.position").FixValue(context, target)
     simulator.AdvanceTo(0.2)
     table = ([0.0, 1.0], np.tile(target, (2, 1)))
-    expected = simulate(config, reference={"left": table, "right": table}, duration=0.2, progress=False)
+    expected = simulate(
+        config, reference={"left": table, "right": table}, duration=0.2, progress=False
+    )
     measured = station.GetOutputPort("left.position_measured").Eval(context)
     np.testing.assert_allclose(measured, expected.axes("q", "left")[-1], atol=1e-12)
 

@@ -10,7 +10,14 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.base.files import NotRead, TooLarge, content_of, models_root, read_columns, text_of
+from simrob_drake.base.files import (
+    NotRead,
+    TooLarge,
+    content_of,
+    models_root,
+    read_columns,
+    text_of,
+)
 from simrob_drake.base.packages import MANIFEST, manifest_name
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli import ExitCode
@@ -78,7 +85,9 @@ def test_a_file_is_read_to_its_last_byte_and_no_further(tmp_path: Path) -> None:
     ],
     ids=lambda override: next(iter(override)),
 )
-def test_every_file_of_a_station_is_looked_at_first(odd: Path, name: str, override: dict[str, object]) -> None:
+def test_every_file_of_a_station_is_looked_at_first(
+    odd: Path, name: str, override: dict[str, object]
+) -> None:
     def filled(value: object) -> object:
         if isinstance(value, dict):
             return {key: filled(inner) for key, inner in value.items()}
@@ -94,7 +103,10 @@ def test_every_file_of_a_station_is_looked_at_first(odd: Path, name: str, overri
 
 
 LAUGHS = "\n".join(
-    ["a0: &a0 [x, x, x, x, x, x, x, x, x]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 12))]
+    [
+        "a0: &a0 [x, x, x, x, x, x, x, x, x]",
+        *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 12)),
+    ]
 )
 
 
@@ -143,14 +155,18 @@ def test_what_a_user_gives_is_told_back_in_short() -> None:
         ("time,a\n0," + "x" * 10**5 + "\n", "line 2: holds something that is no number: 0,xxx"),
     ],
 )
-def test_a_table_that_can_be_taken_in_two_ways_is_refused(tmp_path: Path, content: str, why: str) -> None:
+def test_a_table_that_can_be_taken_in_two_ways_is_refused(
+    tmp_path: Path, content: str, why: str
+) -> None:
     (tmp_path / "t.csv").write_text(content)
     with pytest.raises(InvalidConfig, match=why) as refused:
         read_columns(tmp_path / "t.csv", ["time", "a"])
     assert len(str(refused.value)) < 500
 
 
-def test_empty_cells_behind_a_row_and_columns_that_nobody_needs_do_not_count(tmp_path: Path) -> None:
+def test_empty_cells_behind_a_row_and_columns_that_nobody_needs_do_not_count(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "t.csv").write_text("note,time,a,note\nx,0,1,y,,\n")
     np.testing.assert_array_equal(read_columns(tmp_path / "t.csv", ["a", "time"])[0], [[1, 0]])
 
@@ -159,11 +175,19 @@ def test_empty_cells_behind_a_row_and_columns_that_nobody_needs_do_not_count(tmp
     ("rows", "why"),
     [
         ("0,0,0\n1,0,0\n0.5,0,0\n", r"t\.csv: line 4: time 0.5 s after 1 s; times must rise"),
-        ("0,0,0\n1e-320,0,0\n1,0,0\n", r"t\.csv: line 3: time .* s after 0 s; times must rise by 1e-06 s"),
-        ("".join(f"{row},0,0\n" for row in range(170_000)), r"holds 170000 rows; thin it out to at most 166666"),
+        (
+            "0,0,0\n1e-320,0,0\n1,0,0\n",
+            r"t\.csv: line 3: time .* s after 0 s; times must rise by 1e-06 s",
+        ),
+        (
+            "".join(f"{row},0,0\n" for row in range(170_000)),
+            r"holds 170000 rows; thin it out to at most 166666",
+        ),
     ],
 )
-def test_a_table_that_no_robot_can_follow_is_named_with_its_line(tmp_path: Path, rows: str, why: str) -> None:
+def test_a_table_that_no_robot_can_follow_is_named_with_its_line(
+    tmp_path: Path, rows: str, why: str
+) -> None:
     (tmp_path / "t.csv").write_text(f"time,joint_1,joint_2\n{rows}")
     table = {"reference": {"kind": "table", "file": str(tmp_path / "t.csv")}}
     with pytest.raises(InvalidConfig, match=why):
@@ -179,7 +203,9 @@ def test_a_trajectory_of_no_number_is_refused_in_a_kinematic_station_too() -> No
 def test_a_start_that_is_nested_without_end_is_refused(tmp_path: Path) -> None:
     (tmp_path / "start.json").write_text("[" * 100_000)
     with pytest.raises(InvalidConfig, match="is not JSON: too many levels"):
-        simulate(load_station("double_pendulum", {"start": str(tmp_path / "start.json")}), progress=False)
+        simulate(
+            load_station("double_pendulum", {"start": str(tmp_path / "start.json")}), progress=False
+        )
 
 
 def test_a_binary_stl_that_counts_too_few_faces_is_refused(tmp_path: Path) -> None:
@@ -200,8 +226,12 @@ def test_a_dae_of_no_unit_is_refused(tmp_path: Path, unit: str) -> None:
 
 
 def test_faces_at_a_corner_that_is_no_number_are_told(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\nf 4 3 2\n")
-    assert read_mesh(tmp_path / "a.obj", {}).notes == ["2 faces with a corner that is no finite number left out"]
+    (tmp_path / "a.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\nf 4 3 2\n"
+    )
+    assert read_mesh(tmp_path / "a.obj", {}).notes == [
+        "2 faces with a corner that is no finite number left out"
+    ]
 
 
 def test_an_obj_that_is_its_own_library_ends(tmp_path: Path) -> None:
@@ -212,7 +242,9 @@ def test_an_obj_that_is_its_own_library_ends(tmp_path: Path) -> None:
 
 
 def test_comments_without_an_end_take_no_time(tmp_path: Path) -> None:
-    (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 1_000_000)  # was above two minutes
+    (tmp_path / "a.urdf").write_text(
+        "<robot><!-- a -- b -->" + "<!--" * 1_000_000
+    )  # was above two minutes
     with pytest.raises(SimrobError, match="has more than 300000 tags"):
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
     (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 250_000)
@@ -220,7 +252,9 @@ def test_comments_without_an_end_take_no_time(tmp_path: Path) -> None:
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
 
 
-def test_an_empty_report_in_the_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_empty_report_in_the_cache_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     source = models_root() / "double_pendulum" / "double_pendulum.urdf"
     options = ImportOptions(base="floating")
@@ -239,7 +273,9 @@ def test_an_output_that_is_full_is_told(
         patch.setattr("sys.stdout", full)
         assert run_command(command) == ExitCode.BAD_INPUT
         patch.undo()
-        os.dup2(os.open(os.devnull, os.O_WRONLY), full.fileno())  # what is left in it goes somewhere
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), full.fileno()
+        )  # what is left in it goes somewhere
     assert capsys.readouterr().err == "simrob: No space left on device\n"
 
 
@@ -247,7 +283,9 @@ def test_a_working_folder_that_is_gone_and_names_of_no_text_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["check", os.fsdecode(b"\xff.yaml")]) == ExitCode.BAD_INPUT
-    assert capsys.readouterr().err.startswith("simrob: argument is '\\udcff.yaml'; it must be text in UTF-8")
+    assert capsys.readouterr().err.startswith(
+        "simrob: argument is '\\udcff.yaml'; it must be text in UTF-8"
+    )
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     shutil.rmtree(tmp_path / "gone")

@@ -68,30 +68,50 @@ def run(config: Any, **asked: Any) -> sim.SimulationResult:
 
 
 def over(key: str) -> Callable[[Any, Any, Any, Any], Any]:
-    return lambda arm, legged, result, value: run(sim.load_station("irb120_kinematic", {"duration": 0.02, key: value}))
+    return lambda arm, legged, result, value: run(
+        sim.load_station("irb120_kinematic", {"duration": 0.02, key: value})
+    )
 
 
 def start(part: str) -> Callable[[Any, Any, Any, Any], Any]:
-    return lambda arm, legged, result, value: run(arm.cell.config, start=replace(result.final_state, **{part: value}))
+    return lambda arm, legged, result, value: run(
+        arm.cell.config, start=replace(result.final_state, **{part: value})
+    )
 
 
 CALLS: dict[str, Callable[[sim.Arm, sim.LeggedRobot, sim.SimulationResult, Any], Any]] = {
-    **{f"simulate {key}": over(key) for key in ("duration", "robot.base", "reference.duration", "reference.start")},
-    **{f"start {part}": start(part) for part in ("positions", "velocities", "references", "joints", "blocks")},
+    **{
+        f"simulate {key}": over(key)
+        for key in ("duration", "robot.base", "reference.duration", "reference.start")
+    },
+    **{
+        f"start {part}": start(part)
+        for part in ("positions", "velocities", "references", "joints", "blocks")
+    },
     "overrides": lambda arm, legged, result, value: sim.load_station("irb120_kinematic", value),
-    "inner overrides": lambda arm, legged, result, value: sim.load_station("irb120_kinematic", {"reference": value}),
+    "inner overrides": lambda arm, legged, result, value: sim.load_station(
+        "irb120_kinematic", {"reference": value}
+    ),
     "station": lambda arm, legged, result, value: run(value),
     "reference": lambda arm, legged, result, value: run(arm.cell.config, reference=value),
-    "times": lambda arm, legged, result, value: run(arm.cell.config, reference=(value, np.zeros((2, 6)))),
+    "times": lambda arm, legged, result, value: run(
+        arm.cell.config, reference=(value, np.zeros((2, 6)))
+    ),
     "positions": lambda arm, legged, result, value: run(arm.cell.config, reference=([0, 1], value)),
     "duration": lambda arm, legged, result, value: run(arm.cell.config, duration=value),
     "blocks": lambda arm, legged, result, value: run(arm.cell.config, blocks=value),
     "begin": lambda arm, legged, result, value: run(arm.cell.config, start=value),
-    "on_step": lambda arm, legged, result, value: run(arm.cell.config, on_step=None if value is len else value),
-    "pushes": lambda arm, legged, result, value: sim.Runner("irb120_dynamic").run(pushes=value, duration=0.01),
+    "on_step": lambda arm, legged, result, value: run(
+        arm.cell.config, on_step=None if value is len else value
+    ),
+    "pushes": lambda arm, legged, result, value: sim.Runner("irb120_dynamic").run(
+        pushes=value, duration=0.01
+    ),
     "builder": lambda arm, legged, result, value: sim.add_station(value, arm.cell.config),
     "added": lambda arm, legged, result, value: sim.add_station(DiagramBuilder(), value),
-    "diagram": lambda arm, legged, result, value: sim.simulate_diagram(value, value, progress=False),
+    "diagram": lambda arm, legged, result, value: sim.simulate_diagram(
+        value, value, progress=False
+    ),
     "robot": lambda arm, legged, result, value: sim.Arm(arm.cell, value),
     "tool": lambda arm, legged, result, value: sim.Arm(arm.cell.config, tool=value),
     "workcell": lambda arm, legged, result, value: sim.Workcell("irb120_kinematic", value),
@@ -113,11 +133,15 @@ CALLS: dict[str, Callable[[sim.Arm, sim.LeggedRobot, sim.SimulationResult, Any],
     "move_c": lambda arm, legged, result, value: arm.plan.move_c(value, value),
     "solver": lambda arm, legged, result, value: arm.plan.move_j(arm.pose(), solver=value),
     **{
-        key: lambda arm, legged, result, value, key=key: arm.plan.move_abs_j(arm.position + 0.01, **{key: value})
+        key: lambda arm, legged, result, value, key=key: arm.plan.move_abs_j(
+            arm.position + 0.01, **{key: value}
+        )
         for key in ("points", "duration", "times", "speed", "check")
     },
     "signal": lambda arm, legged, result, value: result[value],
-    "save": lambda arm, legged, result, value: None if value is VALUES["text"] else result.save(value),
+    "save": lambda arm, legged, result, value: (
+        None if value is VALUES["text"] else result.save(value)
+    ),
     "walk": lambda arm, legged, result, value: legged.walk(value),
     "amplitude": lambda arm, legged, result, value: legged.walk(4, value),
     "step_time": lambda arm, legged, result, value: legged.walk(4, step_time=value),
@@ -162,16 +186,31 @@ MANY = np.array([1, 2])
         (lambda arm, legged: arm.wait(0.01).save("out", force=MANY), "force is array"),
         (lambda arm, legged: run(arm.cell.config, on_step=MANY), "on_step is array"),
         (lambda arm, legged: sim.simulate(arm.cell.config, progress=MANY), "progress is array"),
-        (lambda arm, legged: sim.load_station("irb120_kinematic", {"duration": Lock()}), "duration: is <unlocked"),
-        (lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e12}), r"kp: a gain is of 0 to 1e\+09"),
-        (lambda arm, legged: sim.load_station("irb120_dynamic", {"gravity": 1e10}), "gravity: .* 10000"),
+        (
+            lambda arm, legged: sim.load_station("irb120_kinematic", {"duration": Lock()}),
+            "duration: is <unlocked",
+        ),
+        (
+            lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e12}),
+            r"kp: a gain is of 0 to 1e\+09",
+        ),
+        (
+            lambda arm, legged: sim.load_station("irb120_dynamic", {"gravity": 1e10}),
+            "gravity: .* 10000",
+        ),
         (
             lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e300}),
             r"kp: a figure is zero or 1e-100",
         ),
-        (lambda arm, legged: sim.Program(moves=[{"wait": 5e-324}]), r"Program: moves\[0\].wait: a figure is zero or"),
+        (
+            lambda arm, legged: sim.Program(moves=[{"wait": 5e-324}]),
+            r"Program: moves\[0\].wait: a figure is zero or",
+        ),
         (lambda arm, legged: sim.Program(moves=None), "Program: moves: must be a list"),
-        (lambda arm, legged: JointMove(target_deg=None), "JointMove: target_deg: must be a section"),
+        (
+            lambda arm, legged: JointMove(target_deg=None),
+            "JointMove: target_deg: must be a section",
+        ),
     ],
 )
 def test_values_of_no_use_are_told_by_their_names(call, told, arm, legged, tmp_path, monkeypatch):
@@ -183,7 +222,9 @@ def test_values_of_no_use_are_told_by_their_names(call, told, arm, legged, tmp_p
 
 
 @pytest.mark.parametrize("duration", [1e-300, 1e300, 10**400])
-@pytest.mark.parametrize("key", ["reference.duration", "reference.start", "forces.push.duration", "forces.push.start"])
+@pytest.mark.parametrize(
+    "key", ["reference.duration", "reference.start", "forces.push.duration", "forces.push.start"]
+)
 def test_times_that_are_none_are_told_where_they_stand(key, duration):
     changes = {"reference.kind": "ramp", "forces.push.force": [1, 0, 0], key: duration}
     with pytest.raises(InvalidConfig, match=rf"override {key}: "):
@@ -194,7 +235,10 @@ def test_times_that_are_none_are_told_where_they_stand(key, duration):
     ("changes", "told"),
     [
         ({"solver.max_step": 1e-9}, r"solver\.max_step is 1e-09 s; it must be at least 1e-07 s"),
-        ({"solver": {"kind": "discrete", "time_step": 1e-9}}, r"solver\.time_step is 1e-09 s; it must be at least"),
+        (
+            {"solver": {"kind": "discrete", "time_step": 1e-9}},
+            r"solver\.time_step is 1e-09 s; it must be at least",
+        ),
         (
             {"sensors.imu": {"frame": "tool0", "rate": 1e9}},
             r"sensors\.imu\.rate is 1e\+09 Hz; it must be at most 1e\+07",
@@ -203,16 +247,26 @@ def test_times_that_are_none_are_told_where_they_stand(key, duration):
             {"sensors.imu": {"frame": "tool0", "delay": 1e9}},
             r"sensors\.imu\.delay is 1e\+09 s; it must be at most 50 s at a rate of 200 Hz",
         ),
-        ({"sensors.imu": {"frame": "tool0", "rate": 5e-324}}, r"rate: a figure is zero or 1e-100 to 1e\+15 in size"),
+        (
+            {"sensors.imu": {"frame": "tool0", "rate": 5e-324}},
+            r"rate: a figure is zero or 1e-100 to 1e\+15 in size",
+        ),
         ({f"sensors.{'x' * 5000}": {"kind": "imu"}}, "is no plain name"),
-        ({"reference": {"kind": "sine", "frequency": 1e9}}, r"reference\.frequency: .*at most 10000"),
+        (
+            {"reference": {"kind": "sine", "frequency": 1e9}},
+            r"reference\.frequency: .*at most 10000",
+        ),
     ],
 )
 def test_steps_that_never_end_are_told_before_the_run(changes, told):
     with pytest.raises(InvalidConfig, match=told):
         sim.load_station("irb120_dynamic", {"duration": 1.0, **changes})
-    runner = sim.Runner(sim.load_station("irb120_dynamic", {"solver.max_step": 1e-4, "sample_rate": 1}))
-    with pytest.raises(InvalidParameter, match=r"solver\.max_step is 0\.0001 s; it must be at least 0\.01 s"):
+    runner = sim.Runner(
+        sim.load_station("irb120_dynamic", {"solver.max_step": 1e-4, "sample_rate": 1})
+    )
+    with pytest.raises(
+        InvalidParameter, match=r"solver\.max_step is 0\.0001 s; it must be at least 0\.01 s"
+    ):
         runner.run(duration=1e5)
 
 
@@ -234,10 +288,14 @@ def test_a_section_without_its_kind_is_told_what_kinds_there_are(key, value):
 @pytest.mark.parametrize("resolution", [1e-99, 1e-4])
 def test_a_surface_of_too_many_faces_is_told_before_drake_makes_it(resolution):
     changes = {"contact.model": "hydroelastic_with_fallback", "duration": 0.01}
-    with pytest.raises(InvalidParameter, match=r"contact\.resolution is .* m; it must be (.*) m or more") as caught:
+    with pytest.raises(
+        InvalidParameter, match=r"contact\.resolution is .* m; it must be (.*) m or more"
+    ) as caught:
         run(sim.load_station("bouncing_ball", {**changes, "contact.resolution": resolution}))
     finest = float(str(caught.value).split("it must be ")[1].split(" m")[0])
-    assert 1e-3 < finest < 5e-3  # a ball of 0.06 m then has about 4 π r² / finest² faces, that is 20 000
+    assert (
+        1e-3 < finest < 5e-3
+    )  # a ball of 0.06 m then has about 4 π r² / finest² faces, that is 20 000
 
 
 @pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])
@@ -268,9 +326,19 @@ def test_no_run_begins_where_there_is_no_number(station, tmp_path):
         with pytest.raises(InvalidParameter, match=rf"start: {part} of robot is .*nan"):
             run(station, start=replace(state, **{part: {"robot": NAN_ROW}}))
     with pytest.raises(InvalidParameter, match=r"start: robot/joint_1 is array\(\[nan\]\)"):
-        run(station, start=replace(state, joints={"robot/joint_1": JointState(NAN_ROW[:1], NAN_ROW[:1])}))
-    for number, told in ((np.nan, "is not JSON: NaN is no finite number"), (None, "positions.robot: .* number")):
+        run(
+            station,
+            start=replace(state, joints={"robot/joint_1": JointState(NAN_ROW[:1], NAN_ROW[:1])}),
+        )
+    for number, told in (
+        (np.nan, "is not JSON: NaN is no finite number"),
+        (None, "positions.robot: .* number"),
+    ):
         file = tmp_path / "start.json"
-        file.write_text(json.dumps({**json.loads(state.to_json()), "positions": {"robot": [number] * 6}}))
-        with pytest.raises(InvalidConfig, match=rf"start\.json: {told}.*`start` names the start.json of a result"):
+        file.write_text(
+            json.dumps({**json.loads(state.to_json()), "positions": {"robot": [number] * 6}})
+        )
+        with pytest.raises(
+            InvalidConfig, match=rf"start\.json: {told}.*`start` names the start.json of a result"
+        ):
             run(sim.load_station(station, {"start": str(file)}))

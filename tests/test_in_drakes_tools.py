@@ -11,7 +11,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import ConstantVectorSource
 from pydrake.visualization import ModelVisualizer
 
-from simrob_drake import Runner, build_station, load_station, place_station, simulate, simulate_diagram
+from simrob_drake import (
+    Runner,
+    build_station,
+    load_station,
+    place_station,
+    simulate,
+    simulate_diagram,
+)
 from simrob_drake.base.errors import SimrobError
 
 
@@ -32,14 +39,18 @@ def test_a_station_in_a_robot_diagram():
     builder.Connect(source.get_output_port(), ports.inputs["reference"])
     diagram = robot_builder.Build()
     result = simulate_diagram(diagram, ports, duration=0.2, progress=False)
-    expected = simulate(config, reference=([0.0, 1.0], np.full((2, 6), 0.2)), duration=0.2, progress=False)
+    expected = simulate(
+        config, reference=([0.0, 1.0], np.full((2, 6), 0.2)), duration=0.2, progress=False
+    )
     np.testing.assert_allclose(result.values, expected.values, atol=1e-12)
     context = diagram.CreateDefaultContext()
     assert diagram.plant_context(context).num_continuous_states() == 12
 
 
 def test_a_station_in_a_model_visualizer():
-    visualizer = ModelVisualizer(meshcat=Meshcat(MeshcatParams(host="localhost")), publish_contacts=False)
+    visualizer = ModelVisualizer(
+        meshcat=Meshcat(MeshcatParams(host="localhost")), publish_contacts=False
+    )
     plant = visualizer.parser().plant()
     # The plant of a ModelVisualizer is discrete.
     solver = {"kind": "discrete", "scheme": "lagged", "time_step": plant.time_step()}
@@ -80,7 +91,9 @@ def test_a_built_station_has_a_context_for_each_thread():
 
     def step(angle):
         simulator = Simulator(station)
-        station.GetInputPort("reference").FixValue(simulator.get_mutable_context(), np.full(6, angle))
+        station.GetInputPort("reference").FixValue(
+            simulator.get_mutable_context(), np.full(6, angle)
+        )
         simulator.AdvanceTo(0.05)
         return simulator.get_context().get_continuous_state_vector().CopyToVector()
 
@@ -97,7 +110,9 @@ def test_a_runner_serves_one_thread_at_a_time():
     def run_again(time, positions):
         runner.run(duration=0.1)
 
-    with pytest.raises(SimrobError, match="a Runner serves one run at a time; make a Runner for each thread"):
+    with pytest.raises(
+        SimrobError, match="a Runner serves one run at a time; make a Runner for each thread"
+    ):
         runner.run(duration=0.1, on_step=run_again)
     assert runner.run(duration=0.1).ending == "completed"
     first = runner.run(duration=0.1)

@@ -19,7 +19,9 @@ def test_a_line_is_even_and_straight() -> None:
 
 
 @given(ANGLES, ANGLES, st.integers(0, 1000))
-def test_an_arc_is_the_part_of_the_circle_that_passes_the_middle_point(one: float, other: float, seed: int) -> None:
+def test_an_arc_is_the_part_of_the_circle_that_passes_the_middle_point(
+    one: float, other: float, seed: int
+) -> None:
     middle, end = sorted([one, other + 0.05 if one == other else other])
     if end - middle < 0.05:
         end = middle + 0.05
@@ -31,9 +33,13 @@ def test_an_arc_is_the_part_of_the_circle_that_passes_the_middle_point(one: floa
         return centre + radius * (np.cos(angle) * u + np.sin(angle) * v)
 
     arc = Arc.through(on_circle(0), on_circle(middle), on_circle(end))
-    np.testing.assert_allclose([arc.radius, arc.angle, arc.length], [radius, end, radius * end], rtol=1e-6)
+    np.testing.assert_allclose(
+        [arc.radius, arc.angle, arc.length], [radius, end, radius * end], rtol=1e-6
+    )
     parts = np.linspace(0, 1, 7)
-    np.testing.assert_allclose(arc.points(parts), [on_circle(part * end) for part in parts], atol=1e-6 * radius)
+    np.testing.assert_allclose(
+        arc.points(parts), [on_circle(part * end) for part in parts], atol=1e-6 * radius
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,7 +60,9 @@ def test_a_turn_goes_about_one_axis_at_even_speed() -> None:
     start = RotationMatrix.MakeXRotation(0.4).matrix()
     end = start @ RotationMatrix.MakeZRotation(1.2).matrix()
     for part, matrix in zip((0, 0.25, 1), turn(start, end, [0, 0.25, 1]), strict=True):
-        np.testing.assert_allclose(matrix, start @ RotationMatrix.MakeZRotation(part * 1.2).matrix(), atol=1e-14)
+        np.testing.assert_allclose(
+            matrix, start @ RotationMatrix.MakeZRotation(part * 1.2).matrix(), atol=1e-14
+        )
     assert turned_by(start, end) == pytest.approx(1.2)
 
 

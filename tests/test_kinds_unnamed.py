@@ -8,12 +8,18 @@ from simrob_drake.parts import controllers, forces, sensors
 from simrob_drake.parts.monitors import KINDS as MONITORS
 
 PACKAGE = Path(simrob_drake.__file__).parent
-NAMES = {name for kinds in (controllers.KINDS, sensors.KINDS, forces.KINDS, MONITORS) for name in kinds}
+NAMES = {
+    name for kinds in (controllers.KINDS, sensors.KINDS, forces.KINDS, MONITORS) for name in kinds
+}
 
 
 def core_modules():
     """Return the modules of the core, without those of extensions."""
-    return [file for file in PACKAGE.rglob("*.py") if "extensions" not in file.relative_to(PACKAGE).parts]
+    return [
+        file
+        for file in PACKAGE.rglob("*.py")
+        if "extensions" not in file.relative_to(PACKAGE).parts
+    ]
 
 
 def comparisons_of_kind(tree):
@@ -23,7 +29,12 @@ def comparisons_of_kind(tree):
             continue
         sides = [node.left, *node.comparators]
         asks = any(isinstance(side, ast.Attribute) and side.attr == "kind" for side in sides)
-        texts = {part.value for side in sides for part in ast.walk(side) if isinstance(part, ast.Constant)}
+        texts = {
+            part.value
+            for side in sides
+            for part in ast.walk(side)
+            if isinstance(part, ast.Constant)
+        }
         if asks and texts & NAMES:
             yield node
 
@@ -40,5 +51,9 @@ def test_the_search_finds_a_comparison():
 
 def test_no_module_of_the_core_asks_for_the_name_of_a_kind():
     trees = {file: ast.parse(file.read_text(encoding="utf-8")) for file in core_modules()}
-    found = [f"{file.name}:{node.lineno}" for file, tree in trees.items() for node in comparisons_of_kind(tree)]
+    found = [
+        f"{file.name}:{node.lineno}"
+        for file, tree in trees.items()
+        for node in comparisons_of_kind(tree)
+    ]
     assert found == []

@@ -42,20 +42,28 @@ def base_poses(result: SimulationResult) -> list[RigidTransform]:
 
 def tilt_deg(result: SimulationResult) -> np.ndarray:
     """Return the angle between the base's z axis and the vertical, shape (m,) [deg]."""
-    return np.rad2deg(np.arccos(np.clip([pose.rotation().matrix()[2, 2] for pose in base_poses(result)], -1, 1)))
+    return np.rad2deg(
+        np.arccos(np.clip([pose.rotation().matrix()[2, 2] for pose in base_poses(result)], -1, 1))
+    )
 
 
 def height_by_geometry(result: SimulationResult) -> float:
     """Return how high the base stands if the lowest points of the feet touch the floor, at the end of a run [m]."""
     robot, plant = result.plant.robots["robot"], result.plant.plant
     context = plant.CreateDefaultContext()
-    plant.SetFreeBodyPose(context, robot.root.body(), RigidTransform(base_poses(result)[-1].rotation()))
-    for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, result.axes("q")[-1], strict=True):
+    plant.SetFreeBodyPose(
+        context, robot.root.body(), RigidTransform(base_poses(result)[-1].rotation())
+    )
+    for joint, sign, angle in zip(
+        robot.joints, robot.axis_map.signs, result.axes("q")[-1], strict=True
+    ):
         joint.set_angle(context, sign * angle)
     lowest = []
     for link in robot.feet.links:
         pose = plant.GetFrameByName(link).CalcPoseInWorld(context)
-        lowest += [(pose @ np.array(point))[2] - robot.feet.radius for point in robot.feet.points[link]]
+        lowest += [
+            (pose @ np.array(point))[2] - robot.feet.radius for point in robot.feet.points[link]
+        ]
     return -min(lowest)
 
 
@@ -72,7 +80,9 @@ def test_it_stands_ten_seconds(name: str) -> None:
     weight = 9.80665 * result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
     sunk = height_by_geometry(result) - base[-1, 2]
     assert 0 < sunk < weight / robot.feet.stiffness / 2
-    assert np.linalg.norm(base[-1] - base[-100]) < 2e-4  # at rest: what it still moves in the last second
+    assert (
+        np.linalg.norm(base[-1] - base[-100]) < 2e-4
+    )  # at rest: what it still moves in the last second
 
 
 @pytest.mark.parametrize(
@@ -84,7 +94,12 @@ def test_it_stands_ten_seconds(name: str) -> None:
     ],
 )
 def test_the_humanoid_stands_on_each_kind_of_feet(feet: str, height: float, model: str) -> None:
-    overrides = {"robot.feet": feet, "robot.base": [0, 0, height, 0, 0, 0], "contact.model": model, "duration": 3.0}
+    overrides = {
+        "robot.feet": feet,
+        "robot.base": [0, 0, height, 0, 0, 0],
+        "contact.model": model,
+        "duration": 3.0,
+    }
     result = simulate(load_station("humanoid_dynamic", overrides))
     moved = result.pose("base")[:, :3] - (0, 0, height)
     assert np.linalg.norm(moved, axis=1).max() < 0.003
@@ -106,9 +121,13 @@ def test_the_step_of_the_thesis_goes_forward_and_ends_upright(stepped: Simulatio
 
 
 @pytest.mark.parametrize("realization", ["per_joint", "vector"])
-def test_servos_as_blocks_step_as_those_in_the_actuators(stepped: SimulationResult, realization: str) -> None:
+def test_servos_as_blocks_step_as_those_in_the_actuators(
+    stepped: SimulationResult, realization: str
+) -> None:
     """Also where a step starts beyond a torque's limit: behind a saturated block `cenic` would be explicit there."""
-    blocks = simulate(load_station("humanoid_dynamic", {**STEPPING, "servo.realization": realization}))
+    blocks = simulate(
+        load_station("humanoid_dynamic", {**STEPPING, "servo.realization": realization})
+    )
     assert blocks.step_times.tolist() == stepped.step_times.tolist()
     np.testing.assert_allclose(blocks.axes("q"), stepped.axes("q"), atol=1e-5)
     np.testing.assert_allclose(blocks.pose("base"), stepped.pose("base"), atol=1e-5)
@@ -121,7 +140,9 @@ def tight() -> SimulationResult:
 
 
 @pytest.mark.long
-def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult, tight: SimulationResult) -> None:
+def test_the_step_is_the_same_ten_times_tighter(
+    stepped: SimulationResult, tight: SimulationResult
+) -> None:
     apart = stepped.pose("base")[:, :3] - tight.pose("base")[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.003
     assert np.abs(stepped.axes("q") - tight.axes("q")).max() < 0.01
@@ -130,9 +151,14 @@ def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult, tight
 @pytest.mark.long
 def test_steps_of_one_length_do_it_as_well(tight: SimulationResult) -> None:
     fixed = simulate(
-        load_station("humanoid_dynamic", {**STEPPING, "solver.error_control": False, "solver.max_step": 0.0125})
+        load_station(
+            "humanoid_dynamic",
+            {**STEPPING, "solver.error_control": False, "solver.max_step": 0.0125},
+        )
     )
-    assert len(fixed.step_times) == 481  # 6 s of 12.5 ms; the corners of the reference lie on the grid
+    assert (
+        len(fixed.step_times) == 481
+    )  # 6 s of 12.5 ms; the corners of the reference lie on the grid
     apart = fixed.pose("base")[:, :3] - tight.pose("base")[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.003
     assert np.abs(fixed.axes("q") - tight.axes("q")).max() < 0.01
@@ -161,7 +187,10 @@ def unexplained_impulse(config: StationConfig) -> np.ndarray:
 
     simulator.set_monitor(look)
     simulator.AdvanceTo(config.duration)
-    times, forces, momenta = np.array(list(rows)), *np.split(np.array(list(rows.values())), 2, axis=1)
+    times, forces, momenta = (
+        np.array(list(rows)),
+        *np.split(np.array(list(rows.values())), 2, axis=1),
+    )
     # What the contacts say at a step's start acts in the step that begins there; which body they push is up to Drake.
     pushes = np.cumsum(forces[:-1] * np.diff(times)[:, np.newaxis], axis=0)
     weight = 9.80665 * plant.CalcTotalMass(plant.CreateDefaultContext())
@@ -174,7 +203,9 @@ def unexplained_impulse(config: StationConfig) -> np.ndarray:
 @pytest.mark.long
 def test_nothing_but_contacts_and_gravity_moves_the_humanoid() -> None:
     discrete = {"solver.kind": "discrete", "solver.time_step": 2e-3}
-    unexplained = unexplained_impulse(load_station("humanoid_dynamic", {**STEPPING, "duration": 4.0, **discrete}))
+    unexplained = unexplained_impulse(
+        load_station("humanoid_dynamic", {**STEPPING, "duration": 4.0, **discrete})
+    )
     assert np.abs(unexplained).max() < 1e-3  # of the weight's impulse; 2 % is asked for
 
 
@@ -197,7 +228,9 @@ def test_the_humanoid_held_by_its_trunk_moves_as_told_and_feels_its_weight() -> 
     # The hip carries a leg of 0.548 kg that leans: no more than its weight at the length of a leg.
     assert 0.1 < result["tau.left_hip_roll"][-1] < 0.548 * 9.80665 * 0.25
     for axis in ("shoulder_pitch", "knee", "hip_roll"):
-        assert result[f"tau.left_{axis}"][-1] == pytest.approx(result[f"tau.right_{axis}"][-1], abs=2e-3)
+        assert result[f"tau.left_{axis}"][-1] == pytest.approx(
+            result[f"tau.right_{axis}"][-1], abs=2e-3
+        )
 
 
 def fell(result: SimulationResult) -> bool:
@@ -205,14 +238,21 @@ def fell(result: SimulationResult) -> bool:
     return bool(tilt_deg(result)[-1] > 30 or height[-1] < 0.8 * height[0])
 
 
-def pushed(name: str, force: list[float], overrides: dict[str, object] | None = None) -> SimulationResult:
+def pushed(
+    name: str, force: list[float], overrides: dict[str, object] | None = None
+) -> SimulationResult:
     push = {"start": 0.5, "duration": 0.1, "force": force}
     return simulate(load_station(name, {**(overrides or {}), "forces.push": push, "duration": 3.0}))
 
 
 @pytest.mark.parametrize(
     "direction",
-    [(1, 0), pytest.param((-1, 0), marks=pytest.mark.long), pytest.param((0, 1), marks=pytest.mark.long), (0, -1)],
+    [
+        (1, 0),
+        pytest.param((-1, 0), marks=pytest.mark.long),
+        pytest.param((0, 1), marks=pytest.mark.long),
+        (0, -1),
+    ],
 )
 @pytest.mark.parametrize(
     ("name", "force"),
@@ -222,8 +262,14 @@ def test_a_push_is_withstood(name: str, force: float, direction: tuple[float, fl
     overrides: dict[str, object] = {}
     if name.startswith("spheres"):
         height = {"spheres_C": 0.446, "spheres_B": 0.446475}[name] - LOWER
-        posture = {f"{side}_{axis}": angle for side in ("left", "right") for axis, angle in READY.items()}
-        overrides = {"robot.feet": name, "robot.initial_deg": posture, "robot.base": [0, 0, height, 0, 0, 0]}
+        posture = {
+            f"{side}_{axis}": angle for side in ("left", "right") for axis, angle in READY.items()
+        }
+        overrides = {
+            "robot.feet": name,
+            "robot.initial_deg": posture,
+            "robot.base": [0, 0, height, 0, 0, 0],
+        }
     station = "humanoid_dynamic" if overrides else f"{name}_dynamic"
     result = pushed(station, [force * direction[0], force * direction[1], 0.0], overrides)
     assert not fell(result)

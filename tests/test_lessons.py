@@ -22,14 +22,19 @@ pytestmark = pytest.mark.usefixtures("no_plots")
 def page_of(script, language):
     """Return the page of a language that names a script."""
     (page,) = [
-        page for page in PAGES if f"lessons/{script.name}" in page.read_text() and ("es" in page.parts) == language
+        page
+        for page in PAGES
+        if f"lessons/{script.name}" in page.read_text() and ("es" in page.parts) == language
     ]
     return page.read_text()
 
 
 @pytest.mark.parametrize(
     "script",
-    [pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else []) for file in SCRIPTS],
+    [
+        pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else [])
+        for file in SCRIPTS
+    ],
 )
 def test_a_lesson_prints_what_its_pages_say(script, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -37,9 +42,13 @@ def test_a_lesson_prints_what_its_pages_say(script, tmp_path, monkeypatch, capsy
     printed = capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} <= {"runs"}
     for spanish in (False, True):
-        (shown,) = re.findall(rf"{script.name}\).*?```text\n(.*?)```", page_of(script, spanish), re.DOTALL)
+        (shown,) = re.findall(
+            rf"{script.name}\).*?```text\n(.*?)```", page_of(script, spanish), re.DOTALL
+        )
         assert re.sub(NUMBER, "", shown) == re.sub(NUMBER, "", printed)
-        numbers = [[float(found) for found in re.findall(NUMBER, text)] for text in (printed, shown)]
+        numbers = [
+            [float(found) for found in re.findall(NUMBER, text)] for text in (printed, shown)
+        ]
         np.testing.assert_allclose(*numbers, rtol=0.05, atol=0.02)
 
 

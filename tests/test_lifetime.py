@@ -9,7 +9,14 @@ import pytest
 from pydrake.common.value import AbstractValue, Value
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, DiscreteValues, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    DiscreteValues,
+    LeafSystem,
+)
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.base import lifetime
@@ -65,7 +72,9 @@ def remnants() -> list[weakref.ref[object]]:
 
 
 @pytest.mark.parametrize("steps", [False, True])
-def test_a_diagram_goes_with_all_its_parts(remnants: list[weakref.ref[object]], steps: bool) -> None:
+def test_a_diagram_goes_with_all_its_parts(
+    remnants: list[weakref.ref[object]], steps: bool
+) -> None:
     builder = DiagramBuilder()
     held = [builder, *parts(builder)]
     held.append(built(builder))

@@ -38,7 +38,11 @@ def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowes
 
 @pytest.mark.parametrize(
     ("target", "changed"),
-    [(0.36, {}), pytest.param(0.40, FINE, marks=long), pytest.param(0.44, {"controllers.height.rate": 50}, marks=long)],
+    [
+        (0.36, {}),
+        pytest.param(0.40, FINE, marks=long),
+        pytest.param(0.44, {"controllers.height.rate": 50}, marks=long),
+    ],
 )
 def test_the_humanoid_finds_its_height_and_then_raises_its_arms(target, changed):
     result = run("humanoid_height", **{"controllers.height.target": target, **changed})
@@ -52,11 +56,15 @@ def test_the_humanoid_finds_its_height_and_then_raises_its_arms(target, changed)
 
 
 def test_a_shoulder_with_a_weight_moves_without_sense():
-    result = run("humanoid_height", duration=5.0, **{"controllers.height.weights.right_shoulder_pitch": -1})
+    result = run(
+        "humanoid_height", duration=5.0, **{"controllers.height.weights.right_shoulder_pitch": -1}
+    )
     assert np.rad2deg(result["q.right_shoulder_pitch"][-1]) > 45
 
 
-@pytest.mark.parametrize("changed", [{}, pytest.param({**FINE, "controllers.lean.rate": 200}, marks=long)])
+@pytest.mark.parametrize(
+    "changed", [{}, pytest.param({**FINE, "controllers.lean.rate": 200}, marks=long)]
+)
 def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
     result = run("roid1_lateral", **changed)
     side = result["base.y"]
@@ -92,14 +100,22 @@ def reaction(result, falls, rate):
         (0.40, {}),
         pytest.param(0.38, FINE, marks=long),
         pytest.param(0.40, {"controllers.guard.rate": 50}, marks=long),
-        pytest.param(0.38, {"controllers.guard.rate": 200, "controllers.crouch.rate": 50}, marks=long),
+        pytest.param(
+            0.38, {"controllers.guard.rate": 200, "controllers.crouch.rate": 50}, marks=long
+        ),
     ],
 )
 def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(height, changed):
-    result = run("humanoid_fall_guard", 6.5, **{"controllers.guard.height": height, "sample_rate": 1000, **changed})
+    result = run(
+        "humanoid_fall_guard",
+        6.5,
+        **{"controllers.guard.height": height, "sample_rate": 1000, **changed},
+    )
     reaction(result, result["base.z"] < height, changed.get("controllers.guard.rate", 100))
     assert result.ending == "completed"
-    assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(90, abs=5)  # they lag by 1 s
+    assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(
+        90, abs=5
+    )  # they lag by 1 s
     assert tilt(result)[-1] < 5
 
 
@@ -114,8 +130,14 @@ def test_a_guard_below_where_the_hip_stays_never_acts():
 def touched(result):
     """Return the names of the bodies that touch the floor at the ends of the steps of a run."""
     plant, inspector = result.plant.plant, result.plant.scene_graph.model_inspector()
-    pairs = [pair for found in result.contacts_at(result.step_times) for pair in Contacts.of(found).pairs]
-    return {plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).name() for pair in pairs for shape in pair}
+    pairs = [
+        pair for found in result.contacts_at(result.step_times) for pair in Contacts.of(found).pairs
+    ]
+    return {
+        plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).name()
+        for pair in pairs
+        for shape in pair
+    }
 
 
 FEET = {"world", "left_foot", "right_foot"}
@@ -161,7 +183,9 @@ def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(
 @pytest.mark.parametrize("changed", [{}, pytest.param(FINE, marks=long)])
 def test_without_the_guard_the_head_hits_the_floor(changed):
     result = run("humanoid_fall_forward", controllers={}, **changed)
-    assert FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}  # the head is fixed to its neck
+    assert (
+        FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}
+    )  # the head is fixed to its neck
     assert result["distance.head"][-1] == pytest.approx(0, abs=1e-3)
 
 
@@ -178,12 +202,20 @@ def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
 @pytest.mark.parametrize("rate", [pytest.param(50, marks=long), 100])
 def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
-    by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 2}
+    by_step = {
+        "kind": "fall_guard",
+        "capture_point": 0.0,
+        "posture_deg": arms,
+        "rate": rate,
+        "priority": 2,
+    }
     result = run("humanoid_fall_forward", **{"controllers.step": by_step})
     early, late = (result.times[np.argmax(result[f"{name}.active"])] for name in ("step", "guard"))
     assert 0.5 < early < late - 0.05
     assert touched(result) == FEET | HANDS
-    still = run("humanoid_fall_forward", **{"controllers.step": by_step, "forces.shove.force": [0, -4, 0]})
+    still = run(
+        "humanoid_fall_forward", **{"controllers.step": by_step, "forces.shove.force": [0, -4, 0]}
+    )
     assert not still["step.active"].any()
 
 
@@ -235,7 +267,11 @@ def test_a_leg_s_screws_are_those_of_the_plant():
 @pytest.mark.parametrize(
     ("robot", "force", "axis"),
     [
-        ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
+        (
+            "humanoid",
+            [31.7, 0, 0],
+            "right_hip_roll",
+        ),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
         # a leg that came back sooner would set it rocking
         pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=long),
         pytest.param("roid1", [11.7, 0, 0], "left_hip_pitch", marks=long),  # forward
@@ -246,7 +282,11 @@ def test_a_leg_s_screws_are_those_of_the_plant():
     "changed",
     [
         pytest.param(FINE, id="fine"),
-        pytest.param({"solver.max_step": 0.0025, "controllers.balance.rate": 200}, id="twice the rate", marks=long),
+        pytest.param(
+            {"solver.max_step": 0.0025, "controllers.balance.rate": 200},
+            id="twice the rate",
+            marks=long,
+        ),
     ],
 )
 def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force, axis, changed):
@@ -262,8 +302,15 @@ def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force,
 
 @pytest.mark.long
 def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
-    sensors = {"position": "encoders", "velocity": "encoders", "orientation": "imu", "angular_velocity": "imu"}
-    result = run("zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors})
+    sensors = {
+        "position": "encoders",
+        "velocity": "encoders",
+        "orientation": "imu",
+        "angular_velocity": "imu",
+    }
+    result = run(
+        "zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors}
+    )
     assert abs(np.rad2deg(result["balance.offset.left_hip_pitch"])).max() < 5
     for told in ("com", "capture_point"):
         assert 0 < max(abs(result[f"balance.{told}.{axis}"]).max() for axis in "01") < 0.1

@@ -69,5 +69,7 @@ print((peak() - before) / result.times[-1])
 @pytest.mark.long
 def test_a_long_walk_takes_little_memory() -> None:
     # 0.3 MB a second over ten minutes; what is taken once counts here, too. A piecewise polynomial takes 2.7.
-    done = subprocess.run([sys.executable, "-c", LONG_WALK], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", LONG_WALK], check=True, capture_output=True, text=True
+    )
     assert float(done.stdout) < 0.8

@@ -31,14 +31,21 @@ UNITS = r"\b(rad|mm|kg|deg|Hz|m|s|N|real|time|rad/s|m/s)\b"
 @cache
 def modules() -> dict[str, ast.Module]:
     """Syntax trees of all modules by their paths in the package."""
-    return {str(file.relative_to(PACKAGE)): ast.parse(file.read_text()) for file in PACKAGE.rglob("*.py")}
+    return {
+        str(file.relative_to(PACKAGE)): ast.parse(file.read_text())
+        for file in PACKAGE.rglob("*.py")
+    }
 
 
 def calls_of(name: str) -> list[tuple[str, ast.Call]]:
     """All calls of a function by its plain name, with the modules that have them."""
     found = []
     for module, tree in modules().items():
-        calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name))
+        calls = (
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+        )
         found += [(f"{module}:{call.lineno}", call) for call in calls if call.func.id == name]
     return found
 
@@ -64,7 +71,9 @@ def templates() -> dict[str, dict[str, list[str]]]:
         assert message_id is not None, f"{place}: the id is no literal"
         assert template is not None, f"{place}: the template of {message_id} is no literal"
         found[message_id][template].append(place)
-    from simrob_drake.results.verdict.judge import CRITERIA  # after the simpler checks, since the import takes long
+    from simrob_drake.results.verdict.judge import (
+        CRITERIA,
+    )  # after the simpler checks, since the import takes long
 
     for criterion in CRITERIA:
         assert criterion.catalogue == "results"
@@ -79,9 +88,14 @@ def docstring_helps() -> list[Message]:
     """Helps of all commands and of the options of an import, which are made of docstrings."""
     found = [*import_option_messages().values()]
     for name, entry in all_commands().items():
-        below = {f"{name} {word}": function for word, function in subcommand_functions(name).items()}
+        below = {
+            f"{name} {word}": function for word, function in subcommand_functions(name).items()
+        }
         helps = [entry.help]
-        helps += [command_message(own, inspect.getdoc(run) or "", entry.package) for own, run in below.items()]
+        helps += [
+            command_message(own, inspect.getdoc(run) or "", entry.package)
+            for own, run in below.items()
+        ]
         # A help with examples is made of its sentences, a line in front of the examples, and the examples.
         found += [text if text.id else text.fields["part_0"] for text in helps]
     return found
@@ -100,7 +114,10 @@ def test_an_id_has_one_template():
 def test_an_id_is_its_package_and_some_words():
     shape = re.compile(r"[a-z]+(_[a-z]+)*\.[a-z0-9]+(_[a-z0-9]+){0,6}")
     assert [found for found in templates() if not shape.fullmatch(found)] == []
-    packages = {*messages.core_packages(), *(path.name for path in (PACKAGE / "extensions").iterdir())}
+    packages = {
+        *messages.core_packages(),
+        *(path.name for path in (PACKAGE / "extensions").iterdir()),
+    }
     assert {found.partition(".")[0] for found in templates()} <= packages
 
 
@@ -136,11 +153,15 @@ def test_every_template_is_filled_in_each_language(language):
         parts = [part for part in string.Formatter().parse(english) if part[1] is not None]
         fields = {name: value_for(specification or "") for _, name, specification, _ in parts}
         # A field that has a number in one place is a number in all.
-        fields |= {name: value_for(specification) for _, name, specification, _ in parts if specification}
+        fields |= {
+            name: value_for(specification) for _, name, specification, _ in parts if specification
+        }
         text = Message(found, english, fields)
         assert "{" not in str(text).replace("{{", "") or "{{" in english, found
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(messages.warnings, "warn", lambda reason, *_, **__: pytest.fail(str(reason)))
+            patch.setattr(
+                messages.warnings, "warn", lambda reason, *_, **__: pytest.fail(str(reason))
+            )
             translated = in_language(text, language)
         assert translated.strip(), found
 
@@ -186,7 +207,9 @@ def test_no_error_of_ours_is_raised_with_a_plain_sentence():
                 if isinstance(argument, ast.JoinedStr):
                     text = "".join(literal(part) or "x" for part in argument.values)
                 # Options and keys, such as `--set duration`, are the same in each language.
-                has_words = " " in text.strip() and not re.fullmatch(r"--\w+ \w+|[\w.]+: x|x x x|\w+, \w+", text)
+                has_words = " " in text.strip() and not re.fullmatch(
+                    r"--\w+ \w+|[\w.]+: x|x x x|\w+, \w+", text
+                )
                 if has_words:
                     plain.append(f"{module}:{node.lineno}: {text}")
     assert plain == []
@@ -199,5 +222,10 @@ def test_errors_of_the_base_keep_their_messages():
     assert in_language(positive.message, "es") == "gain es 2.5; debe ser un número"
     assert in_language(errors.Unsuitable("gain", "R1").message, "es") == "gain: R1; quítelo"
     line = messages.message("base.line", "line {line}", line=3)
-    located = errors.InvalidConfig("a.yaml", line, messages.message("base.no_mapping", "must hold a mapping"))
-    assert in_language(located.message, "es") == "a.yaml: línea 3: debe contener claves con sus valores"
+    located = errors.InvalidConfig(
+        "a.yaml", line, messages.message("base.no_mapping", "must hold a mapping")
+    )
+    assert (
+        in_language(located.message, "es")
+        == "a.yaml: línea 3: debe contener claves con sus valores"
+    )

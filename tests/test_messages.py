@@ -57,7 +57,10 @@ def test_a_message_is_its_english_text():
 
 def test_one_sentence_is_in_one_language():
     """The fault of before: "move 1 (move_j) ends 31.3 mm beside its target (límite 2 mm)"."""
-    assert in_language(ends_off(31.2567), "es") == "movimiento 1 (move_j) acaba a 31,3 mm de su meta (límite 2 mm)"
+    assert (
+        in_language(ends_off(31.2567), "es")
+        == "movimiento 1 (move_j) acaba a 31,3 mm de su meta (límite 2 mm)"
+    )
 
 
 @pytest.mark.parametrize("number", [1234.5, np.float64(1234.5), np.float32(1234.5)])
@@ -73,12 +76,19 @@ def test_words_follow_a_count():
         return message("kit.steps", "{count} {count:step|steps}", count=count)
 
     assert [str(steps(count)) for count in (0, 1, 2)] == ["0 steps", "1 step", "2 steps"]
-    assert [in_language(steps(count), "es") for count in (0, 1, 2)] == ["0 pasos", "1 paso", "2 pasos"]
+    assert [in_language(steps(count), "es") for count in (0, 1, 2)] == [
+        "0 pasos",
+        "1 paso",
+        "2 pasos",
+    ]
 
 
 def test_parts_of_a_compound_are_rendered_each():
     stands = message("kit.stands", "stands")
-    assert in_language(join_texts([stands, "R1", stands], "; "), "es") == "está de pie; R1; está de pie"
+    assert (
+        in_language(join_texts([stands, "R1", stands], "; "), "es")
+        == "está de pie; R1; está de pie"
+    )
     located = compound("{file}: {problem}", file="a{b}.yaml", problem=stands)
     assert str(located) == "a{b}.yaml: stands"
     assert in_language(located, "es") == "a{b}.yaml: está de pie"
@@ -118,7 +128,9 @@ def test_an_unknown_id_or_language_is_shown_in_english():
 def test_a_missing_field_is_an_error_in_english_and_a_warning_in_another_language():
     with pytest.raises(KeyError, match="who"):
         message("kit.falls", "{who} falls")
-    with pytest.warns(MessageWarning, match=r"kit\.broken in 'es' cannot be filled \(KeyError: 'nobody'\)"):
+    with pytest.warns(
+        MessageWarning, match=r"kit\.broken in 'es' cannot be filled \(KeyError: 'nobody'\)"
+    ):
         assert in_language(message("kit.broken", "{who} stands", who="R1"), "es") == "R1 stands"
 
 

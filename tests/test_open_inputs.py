@@ -6,7 +6,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
-from simrob_drake import Runner, add_station, apply_solver, build_station, load_station, simulate_diagram
+from simrob_drake import (
+    Runner,
+    add_station,
+    apply_solver,
+    build_station,
+    load_station,
+    simulate_diagram,
+)
 from simrob_drake.base.errors import SimrobError
 
 
@@ -23,7 +30,9 @@ def connect_all(builder, ports):
 def test_a_forgotten_reference_is_named_with_what_to_do():
     builder = DiagramBuilder()
     ports = add_station(builder, "irb120_dynamic")
-    expected = r'reference; before.*builder.Connect\(output, ports.inputs\["reference"\]\).*ExportInput.*'
+    expected = (
+        r'reference; before.*builder.Connect\(output, ports.inputs\["reference"\]\).*ExportInput.*'
+    )
     with pytest.raises(SimrobError, match=expected):
         run(builder, ports)
 
@@ -32,8 +41,12 @@ def test_all_open_inputs_are_named():
     builder = DiagramBuilder()
     ports = add_station(builder, "two_irb120")
     builder.AddNamedSystem("gain", Gain(2.0, 3))
-    builder.ExportInput(ports.inputs["left.reference"], "left")  # the root diagram: nothing outside can feed it
-    with pytest.raises(SimrobError, match=r"3 inputs are not connected: left.reference, right.reference, gain.u0;"):
+    builder.ExportInput(
+        ports.inputs["left.reference"], "left"
+    )  # the root diagram: nothing outside can feed it
+    with pytest.raises(
+        SimrobError, match=r"3 inputs are not connected: left.reference, right.reference, gain.u0;"
+    ):
         run(builder, ports)
 
 
@@ -43,7 +56,9 @@ def test_inputs_of_a_box_and_within_a_box_are_named():
     inner = DiagramBuilder()
     inner.AddNamedSystem("gain", Gain(2.0, 3))
     builder.AddSystem(inner.Build()).set_name("inner")
-    with pytest.raises(SimrobError, match=r"2 inputs are not connected: irb120_dynamic.reference, gain.u0;"):
+    with pytest.raises(
+        SimrobError, match=r"2 inputs are not connected: irb120_dynamic.reference, gain.u0;"
+    ):
         run(builder, box.ports)
 
 
@@ -95,7 +110,9 @@ def test_a_runner_names_an_input_that_nothing_feeds():
         Runner("irb120_dynamic", blocks=[block]).run(duration=0.01)
 
 
-@pytest.mark.parametrize("station", ["irb120_kinematic", "humanoid_dynamic", "irb120_gripper", "bouncing_ball"])
+@pytest.mark.parametrize(
+    "station", ["irb120_kinematic", "humanoid_dynamic", "irb120_gripper", "bouncing_ball"]
+)
 def test_a_station_with_connected_inputs_has_no_open_ones(station):
     builder = DiagramBuilder()
     ports = add_station(builder, station)

@@ -20,7 +20,9 @@ from simrob_drake.results.plots.overlay import SavedSignals, overlay_figure
 from simrob_drake.results.plots.panel_plots import panel_sheets
 from simrob_drake.stations.draft import draft_station
 
-needs_xacro = pytest.mark.skipif(importlib.util.find_spec("xacro") is None, reason="needs the extra xacro")
+needs_xacro = pytest.mark.skipif(
+    importlib.util.find_spec("xacro") is None, reason="needs the extra xacro"
+)
 
 
 @pytest.fixture
@@ -45,7 +47,13 @@ def texts_of(figure: Figure) -> set[str]:
 def test_plots_of_joints_are_in_the_language(result: SimulationResult) -> None:
     (robot,) = result.plant.robots.values()
     positions = texts_of(grid_figure(result, "", position_stacks(result, robot)))
-    assert {"posición [deg]", "error [deg]", "referencia", "error: referencia - posición", "tiempo [s]"} <= positions
+    assert {
+        "posición [deg]",
+        "error [deg]",
+        "referencia",
+        "error: referencia - posición",
+        "tiempo [s]",
+    } <= positions
     assert "0,05" in positions  # a time at the axis
     assert not any("." in text for text in positions if text.replace(".", "").isdigit())
     torques = texts_of(grid_figure(result, "", torque_stacks(result, robot)))
@@ -92,7 +100,9 @@ def test_messages_of_the_process_that_reads_xacro_keep_their_ids(tmp_path: Path)
     with pytest.raises(InvalidModel) as raised:
         robot_from_file(file)
     assert "the environment variable HOME is not for a xacro file to read" in str(raised.value)
-    assert "un fichero xacro no puede leer la variable de entorno HOME" in in_language(raised.value.message, "es")
+    assert "un fichero xacro no puede leer la variable de entorno HOME" in in_language(
+        raised.value.message, "es"
+    )
 
 
 @pytest.mark.parametrize(
@@ -109,7 +119,9 @@ def test_a_package_that_is_missing_keeps_its_message_over_both_borders(tmp_path:
     """The question goes to the process of the import, its answer back, and out again as the problem."""
     file = tmp_path / "arm.xacro"
     head = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    file.write_text(f'{head}<xacro:include filename="$(find nowhere)/a.xacro"/><link name="base"/></robot>')
+    file.write_text(
+        f'{head}<xacro:include filename="$(find nowhere)/a.xacro"/><link name="base"/></robot>'
+    )
     with pytest.raises(InvalidModel) as raised:
         robot_from_file(file)
     assert "package" in str(raised.value)
@@ -127,8 +139,12 @@ def test_data_keep_a_message() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "error"), [([1.0], TypeError), ({"b": 1.0}, ValueError)], ids=["a list", "a value is missing"]
+    ("fields", "error"),
+    [([1.0], TypeError), ({"b": 1.0}, ValueError)],
+    ids=["a list", "a value is missing"],
 )
-def test_damaged_fields_of_a_message_are_an_error_of_data(fields: object, error: type[Exception]) -> None:
+def test_damaged_fields_of_a_message_are_an_error_of_data(
+    fields: object, error: type[Exception]
+) -> None:
     with pytest.raises(error):
         from_data({"id": "", "template": "{a}", "fields": fields})

@@ -45,7 +45,9 @@ class Nod(LeafSystem):
 
     def _calc(self, context, output):
         reference = np.zeros(output.size())
-        reference[min(4, output.size() - 1)] = self.parameters["amplitude"] * np.sin(2 * context.get_time())
+        reference[min(4, output.size() - 1)] = self.parameters["amplitude"] * np.sin(
+            2 * context.get_time()
+        )
         output.SetFromVector(reference)
 
 
@@ -69,7 +71,9 @@ class Mirror(LeafSystem):
         self.DeclareVectorOutputPort(target, size, self._calc)
 
     def _calc(self, context, output):
-        output.SetFromVector(self.parameters["gain"] * self._in.Eval(context) + self.parameters["offset"])
+        output.SetFromVector(
+            self.parameters["gain"] * self._in.Eval(context) + self.parameters["offset"]
+        )
 
 
 class Memory(LeafSystem):
@@ -132,9 +136,13 @@ class Faulty(LeafSystem):
 class TestWiredByName:
     def test_an_output_called_reference_is_what_the_arm_is_asked(self):
         result = simulate(arm(), blocks=[Nod()], duration=1.0, progress=False)
-        np.testing.assert_allclose(result["q_ref.joint_5"], 0.3 * np.sin(2 * result.times), atol=1e-12)
+        np.testing.assert_allclose(
+            result["q_ref.joint_5"], 0.3 * np.sin(2 * result.times), atol=1e-12
+        )
         late = result.times > 0.5
-        np.testing.assert_allclose(result["q.joint_5"][late], result["q_ref.joint_5"][late], atol=0.02)
+        np.testing.assert_allclose(
+            result["q.joint_5"][late], result["q_ref.joint_5"][late], atol=0.02
+        )
         assert np.ptp(result["q_ref.joint_1"]) == 0
 
     @pytest.mark.parametrize("realization", ["per_joint", "vector", "implicit"])
@@ -143,12 +151,20 @@ class TestWiredByName:
     ):
         own = {"kind": "own", "class": f"{__file__}:Torque", "parameters": {"values": [1.0] * 6}}
         config = load_station(
-            "irb120_dynamic", {"servo.realization": realization, "controllers": {"weight": own}}, allow_code=True
+            "irb120_dynamic",
+            {"servo.realization": realization, "controllers": {"weight": own}},
+            allow_code=True,
         )
         station = build_station(config)
-        outputs = [station.get_output_port(index).get_name() for index in range(station.num_output_ports())]
+        outputs = [
+            station.get_output_port(index).get_name() for index in range(station.num_output_ports())
+        ]
         assert "weight.feedforward" not in outputs  # else it would be a signal that drives nothing
-        arrows = [line for line in station_dot(config).splitlines() if '"controller.weight"' in line and "->" in line]
+        arrows = [
+            line
+            for line in station_dot(config).splitlines()
+            if '"controller.weight"' in line and "->" in line
+        ]
         assert any("τ_ff" in line and "output" not in line for line in arrows)
 
     def test_it_reads_what_the_station_tells_and_its_signals_have_units(self):
@@ -162,19 +178,32 @@ class TestWiredByName:
     def test_a_feedforward_of_its_own_carries_the_arm(self):
         """The torque at rest, fed forward, leaves nothing to the proportional part."""
         at_rest = simulate(arm(), duration=1.0, progress=False)
-        carried = simulate(arm(), blocks=[Torque(at_rest.axes("tau")[-1])], duration=1.0, progress=False)
+        carried = simulate(
+            arm(), blocks=[Torque(at_rest.axes("tau")[-1])], duration=1.0, progress=False
+        )
         assert np.abs(at_rest.axes("q")[-1]).max() > 5e-3
-        assert np.abs(carried.axes("q")[-1]).max() < 3e-4  # where it hangs the torque is a little another
+        assert (
+            np.abs(carried.axes("q")[-1]).max() < 3e-4
+        )  # where it hangs the torque is a little another
 
     def test_a_force_of_its_own_acts_at_the_tool(self):
-        pushed = simulate(arm(), blocks={"hand": Torque([0, 0, 20.0], port="external_force")}, duration=0.5)
+        pushed = simulate(
+            arm(), blocks={"hand": Torque([0, 0, 20.0], port="external_force")}, duration=0.5
+        )
         force = {"kind": "push", "start": 0, "duration": 1, "force": [0, 0, 20.0]}
         same = simulate(arm(forces={"push": force}), duration=0.5, progress=False)
         np.testing.assert_allclose(pushed.axes("q"), same.axes("q"), atol=1e-12)
-        assert np.abs(pushed.axes("q")[-1] - simulate(arm(), duration=0.5).axes("q")[-1]).max() > 1e-3
+        assert (
+            np.abs(pushed.axes("q")[-1] - simulate(arm(), duration=0.5).axes("q")[-1]).max() > 1e-3
+        )
 
     def test_it_reads_a_force_sensor(self):
-        result = simulate("bouncing_ball", blocks={"felt": Mirror("force.floor", size=3)}, duration=0.3, progress=False)
+        result = simulate(
+            "bouncing_ball",
+            blocks={"felt": Mirror("force.floor", size=3)},
+            duration=0.3,
+            progress=False,
+        )
         assert result["force.floor.z"].max() > 10
         seen = np.column_stack([result[f"felt.seen.{place}"] for place in range(3)])
         np.testing.assert_array_equal(seen, result.vector("force.floor"))
@@ -221,12 +250,16 @@ class Telling(LeafSystem):
 
     def __init__(self) -> None:
         super().__init__()
-        self.DeclareVectorOutputPort("phase", 1, lambda context, output: output.SetAtIndex(0, context.get_time()))
+        self.DeclareVectorOutputPort(
+            "phase", 1, lambda context, output: output.SetAtIndex(0, context.get_time())
+        )
 
 
 class TestItsMemory:
     def run(self, duration, start=None):
-        return simulate(arm(), blocks={"memory": Memory()}, duration=duration, start=start, progress=False)
+        return simulate(
+            arm(), blocks={"memory": Memory()}, duration=duration, start=start, progress=False
+        )
 
     def test_states_of_every_kind_are_kept(self):
         state = self.run(0.1).final_state
@@ -246,7 +279,9 @@ class TestItsMemory:
         assert np.abs(second["q.joint_2"] - first["q.joint_2"]).max() > 1e-3
         for name in whole.names:
             rounding = 1e-13 if "integral" in name else 0
-            np.testing.assert_allclose(second[name][1:], whole[name][11:], rtol=rounding, atol=0, err_msg=name)
+            np.testing.assert_allclose(
+                second[name][1:], whole[name][11:], rtol=rounding, atol=0, err_msg=name
+            )
         assert second.final_state.blocks["controller.memory"].abstract == ({"samples": 20},)
 
 
@@ -257,13 +292,19 @@ class TestWhatIsLeft:
         text = station_dot(result.config)
         assert "watch\\nMirror" in text
         assert "own blocks" in text
-        assert {"controller_watch.png", "position.png"} <= {file.name for file in save_plots(result, tmp_path)}
+        assert {"controller_watch.png", "position.png"} <= {
+            file.name for file in save_plots(result, tmp_path)
+        }
         assert result.notes["watch"] == {"kind": "Mirror"}
 
     def test_the_saved_station_runs_again(self, tmp_path):
-        result = simulate(arm(), blocks={"nod": Nod(amplitude=0.2), "memory": Mirror("torque")}, duration=0.2)
+        result = simulate(
+            arm(), blocks={"nod": Nod(amplitude=0.2), "memory": Mirror("torque")}, duration=0.2
+        )
         folder = result.save(tmp_path / "run", recording=False)
-        with pytest.raises(SimrobError, match=r"controllers\.nod.*test_own_blocks.*allow_code=True.*--allow-code"):
+        with pytest.raises(
+            SimrobError, match=r"controllers\.nod.*test_own_blocks.*allow_code=True.*--allow-code"
+        ):
             load_station(folder / "station.yaml")
         with pytest.raises(SimrobError, match="--allow-code"):
             simulate(folder / "station.yaml")
@@ -276,8 +317,12 @@ class TestWhatIsLeft:
         result = simulate(arm(), blocks={"nod": Nod()}, duration=0.1, progress=False)
         folder = result.save(tmp_path / "run", recording=False)
         changes = {"controllers.nod.parameters.amplitude": 0.1, "duration": 0.3}
-        again = simulate(load_station(folder / "station.yaml", changes, allow_code=True), progress=False)
-        np.testing.assert_allclose(again["q_ref.joint_5"], 0.1 * np.sin(2 * again.times), atol=1e-12)
+        again = simulate(
+            load_station(folder / "station.yaml", changes, allow_code=True), progress=False
+        )
+        np.testing.assert_allclose(
+            again["q_ref.joint_5"], 0.1 * np.sin(2 * again.times), atol=1e-12
+        )
 
 
 CODE = """
@@ -326,7 +371,9 @@ def written(folder, named):
 
 
 class TestCodeThatAFileNames:
-    @pytest.mark.parametrize("named", ["holding.py:Hold", "holding:Hold", "./../stations/holding.py:Hold"])
+    @pytest.mark.parametrize(
+        "named", ["holding.py:Hold", "holding:Hold", "./../stations/holding.py:Hold"]
+    )
     def test_it_lies_beside_the_station(self, folder, named):
         config = load_station(written(folder, named), allow_code=True)
         assert Path(config.controllers["loop"].class_.partition(":")[0]).is_absolute()
@@ -343,10 +390,17 @@ class TestCodeThatAFileNames:
         (folder / "holding.py").write_text("raise SystemExit('it ran')")
         file = written(folder, "holding.py:Hold")
         for run in (load_station, simulate):
-            with pytest.raises(SimrobError, match=r"station\.yaml: controllers\.loop: would run.*holding\.py:Hold"):
+            with pytest.raises(
+                SimrobError, match=r"station\.yaml: controllers\.loop: would run.*holding\.py:Hold"
+            ):
                 run(file)
-        with pytest.raises(SimrobError, match=r"override controllers.*: would run the code.*allow_code=True"):
-            load_station("irb120_dynamic", {"controllers": {"loop": {"kind": "own", "class": "holding:Hold"}}})
+        with pytest.raises(
+            SimrobError, match=r"override controllers.*: would run the code.*allow_code=True"
+        ):
+            load_station(
+                "irb120_dynamic",
+                {"controllers": {"loop": {"kind": "own", "class": "holding:Hold"}}},
+            )
 
     @pytest.mark.parametrize(
         ("named", "told"),
@@ -410,13 +464,19 @@ class TestWrong:
             simulate(arm(), blocks={"my block": Nod()}, duration=0.1)
 
     def test_an_input_that_nothing_feeds(self):
-        with pytest.raises(SimrobError, match="input of the block watch called 'positon'; did you mean 'position'"):
+        with pytest.raises(
+            SimrobError, match="input of the block watch called 'positon'; did you mean 'position'"
+        ):
             simulate(arm(), blocks={"watch": Mirror("positon")}, duration=0.1)
 
     def test_sizes(self):
-        with pytest.raises(SimrobError, match=r"input position of the block watch is of size 7; .* of size 6"):
+        with pytest.raises(
+            SimrobError, match=r"input position of the block watch is of size 7; .* of size 6"
+        ):
             simulate(arm(), blocks={"watch": Mirror("position", size=7)}, duration=0.1)
-        with pytest.raises(SimrobError, match=r"output reference of the block nod is of size 5; .* of size 6"):
+        with pytest.raises(
+            SimrobError, match=r"output reference of the block nod is of size 5; .* of size 6"
+        ):
             simulate(arm(), blocks={"nod": Nod(size=5)}, duration=0.1)
 
     def test_a_loop_without_a_state_in_it(self):
@@ -427,7 +487,9 @@ class TestWrong:
     def test_a_block_of_another_run(self):
         nod = Nod()
         simulate(arm(), blocks=[nod], duration=0.01, progress=False)
-        with pytest.raises(SimrobError, match=r"blocks nod cannot be .*; a block serves one diagram; make it anew"):
+        with pytest.raises(
+            SimrobError, match=r"blocks nod cannot be .*; a block serves one diagram; make it anew"
+        ):
             simulate(arm(), blocks=[nod], duration=0.01)
 
     def test_one_block_under_two_names(self):
@@ -437,11 +499,15 @@ class TestWrong:
 
 
 class TestAnExceptionInside:
-    @pytest.mark.parametrize(("where", "told"), [("output", "its output reference"), ("update", "_update|_fail")])
+    @pytest.mark.parametrize(
+        ("where", "told"), [("output", "its output reference"), ("update", "_update|_fail")]
+    )
     @pytest.mark.parametrize("solver", ["discrete", "continuous"])
     def test_ends_the_run_and_is_told(self, tmp_path, where, told, solver):
         config = arm() if solver == "discrete" else load_station("irb120_dynamic")
-        result = simulate(config, blocks={"shaky": Faulty(where=where)}, duration=0.5, progress=False)
+        result = simulate(
+            config, blocks={"shaky": Faulty(where=where)}, duration=0.5, progress=False
+        )
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "block shaky failed at 0.0" in result.message
         assert "ZeroDivisionError: no more numbers" in result.message
@@ -456,12 +522,16 @@ class TestAnExceptionInside:
         result = simulate(arm(), blocks={"shaky": Faulty(at=0.0)}, duration=0.5, progress=False)
         assert (result.ending, result.stopped_by, result.stop_time) == ("failed", "shaky", 0.0)
         assert result.save(tmp_path / "run", recording=False).is_dir()
-        with pytest.raises(SimrobError, match=r"start: references of robot is .*run in which a block failed"):
+        with pytest.raises(
+            SimrobError, match=r"start: references of robot is .*run in which a block failed"
+        ):
             simulate(arm(), start=result.final_state)
 
     @pytest.mark.long
     def test_in_a_kinematic_station_the_run_is_known_up_to_there(self, tmp_path):
-        result = simulate("irb120_kinematic", blocks={"shaky": Faulty()}, duration=0.5, progress=False)
+        result = simulate(
+            "irb120_kinematic", blocks={"shaky": Faulty()}, duration=0.5, progress=False
+        )
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "failed at 0.05 s in its output reference" in result.message
         assert result.stop_time == pytest.approx(0.04)
@@ -471,11 +541,15 @@ class TestAnExceptionInside:
 
     def test_in_an_output_that_only_reports(self):
         config = load_station("irb120_dynamic")
-        result = simulate(config, blocks={"shaky": Faulty(port="told")}, duration=0.5, progress=False)
+        result = simulate(
+            config, blocks={"shaky": Faulty(port="told")}, duration=0.5, progress=False
+        )
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "failed at 0.05 s in its output told" in result.message
         whole = simulate(config, duration=0.5, progress=False)
-        np.testing.assert_allclose(result.axes("q"), whole.axes("q")[: len(result.times)], atol=1e-3)
+        np.testing.assert_allclose(
+            result.axes("q"), whole.axes("q")[: len(result.times)], atol=1e-3
+        )
         assert result.stop_time == pytest.approx(0.04)
 
     def test_on_the_command_line_it_is_no_success(self, folder, capsys):

@@ -35,7 +35,9 @@ def wired(config, course=None, **others):
 
 def arm(**overrides):
     discrete = {"kind": "discrete", "time_step": 1e-3}
-    return load_station("irb120_dynamic", {"servo.realization": "implicit", "solver": discrete, **overrides})
+    return load_station(
+        "irb120_dynamic", {"servo.realization": "implicit", "solver": discrete, **overrides}
+    )
 
 
 def test_it_gives_the_result_of_simulate_to_the_last_bit():
@@ -62,7 +64,9 @@ def test_a_station_that_closes_itself_is_that_of_simulate(station):
 
 def test_monitors_end_it():
     config = arm(**{"servo.torque_limit": 12, "monitors.torque_limit.hold": 0.1})
-    jump = PiecewisePolynomial.ZeroOrderHold([0, 0.1, 5], np.array([np.zeros(6), np.full(6, 1.2), np.full(6, 1.2)]).T)
+    jump = PiecewisePolynomial.ZeroOrderHold(
+        [0, 0.1, 5], np.array([np.zeros(6), np.full(6, 1.2), np.full(6, 1.2)]).T
+    )
     own = simulate_diagram(*wired(config, jump), duration=2.0, progress=False)
     ours = simulate(config, reference=jump, duration=2.0, progress=False)
     assert (own.ending, own.stopped_by) == ("monitor", "torque_limit")
@@ -143,14 +147,21 @@ def test_a_duration_that_cannot_be():
 
 def test_the_forces_of_its_station_act():
     push = {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}
-    overrides = {"reference": {"kind": "hold"}, "forces": {"push": push}, "monitors": {"fall": {"tilt_deg": 30}}}
+    overrides = {
+        "reference": {"kind": "hold"},
+        "forces": {"push": push},
+        "monitors": {"fall": {"tilt_deg": 30}},
+    }
     config = load_station("humanoid_dynamic", {**overrides, "duration": 3})
     builder = DiagramBuilder()
     ports = add_station(builder, config)
     (robot,) = ports.plant.robots.values()
     where = builder.AddNamedSystem("where", ConstantVectorSource(robot.initial))
     builder.Connect(where.get_output_port(), ports.inputs["reference"])
-    inside, alone = simulate_diagram(builder.Build(), ports, progress=False), simulate(config, progress=False)
+    inside, alone = (
+        simulate_diagram(builder.Build(), ports, progress=False),
+        simulate(config, progress=False),
+    )
     assert inside.stopped_by == alone.stopped_by == "fall"
     assert inside.stop_time == pytest.approx(alone.stop_time, abs=2e-3)
     np.testing.assert_array_equal(inside["applied_force.push.y"][21:50], -40)

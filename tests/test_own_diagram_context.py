@@ -7,7 +7,14 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from simrob_drake import Runner, add_station, build_station, load_station, simulate, simulate_diagram
+from simrob_drake import (
+    Runner,
+    add_station,
+    build_station,
+    load_station,
+    simulate,
+    simulate_diagram,
+)
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -38,7 +45,10 @@ class Cell:
     """An arm in a diagram of one's own, with a target block and a logger."""
 
     def __init__(self, **overrides):
-        discrete = {"solver": {"kind": "discrete", "time_step": 1e-3}, "servo.realization": "implicit"}
+        discrete = {
+            "solver": {"kind": "discrete", "time_step": 1e-3},
+            "servo.realization": "implicit",
+        }
         config = load_station("irb120_dynamic", overrides or discrete)
         builder = DiagramBuilder()
         self.ports = add_station(builder, config)
@@ -48,7 +58,9 @@ class Cell:
         self.diagram = builder.Build()
 
     def run(self, duration, **options):
-        return simulate_diagram(self.diagram, self.ports, duration=duration, progress=False, **options)
+        return simulate_diagram(
+            self.diagram, self.ports, duration=duration, progress=False, **options
+        )
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +123,9 @@ def test_parameters_of_the_context_act_on_motion_and_signals():
     builder.Connect(target.get_output_port(), ports.inputs["reference"])
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
-    target.get_mutable_source_value(target.GetMyContextFromRoot(context)).set_value(np.full(AXES, 0.1))
+    target.get_mutable_source_value(target.GetMyContextFromRoot(context)).set_value(
+        np.full(AXES, 0.1)
+    )
     result = simulate_diagram(diagram, ports, duration=0.3, context=context, progress=False)
     np.testing.assert_array_equal(result.axes("q_ref"), 0.1)
     assert result["q.joint_1"][-1] > 0.05
@@ -139,7 +153,10 @@ def test_a_pickled_result_is_continued_by_its_final_state(cell, whole):
     # The target block's own state goes along.
     anew = Cell()
     elsewhere = anew.run(
-        0.1, start=first.final_state, start_time="keep", signals={"wave.n": anew.wave.get_output_port(1)}
+        0.1,
+        start=first.final_state,
+        start_time="keep",
+        signals={"wave.n": anew.wave.get_output_port(1)},
     )
     assert elsewhere["wave.n"][-1] == pytest.approx(4)  # sampled at 0, 0.05, 0.1 and 0.15 s
 
@@ -152,7 +169,9 @@ def test_a_start_without_its_time_begins_at_zero(cell, whole):
 
 def test_a_pickled_result_names_the_way_instead_of_a_context(cell, whole):
     there = pickle.loads(pickle.dumps(whole))
-    with pytest.raises(SimrobError, match=r"simulate_diagram\(diagram, ports, start=result.final_state"):
+    with pytest.raises(
+        SimrobError, match=r"simulate_diagram\(diagram, ports, start=result.final_state"
+    ):
         there.context()
     with pytest.raises(InvalidParameter, match=r"context is .*; it must be .*result\.context\(\)"):
         cell.run(0.1, context=there.context)
@@ -166,7 +185,9 @@ def test_a_pickled_result_of_a_station_has_context_and_contacts():
     assert context.get_time() == result.stop_time
     plant = there.plant.plant
     positions = plant.GetPositions(plant.GetMyContextFromRoot(context))
-    np.testing.assert_allclose(positions, result.positions_at(np.array([result.stop_time]))[0], atol=1e-12)
+    np.testing.assert_allclose(
+        positions, result.positions_at(np.array([result.stop_time]))[0], atol=1e-12
+    )
 
 
 def test_resume_names_the_call_that_continues(whole):
@@ -175,7 +196,10 @@ def test_resume_names_the_call_that_continues(whole):
 
 
 def test_outputs_of_own_blocks_are_columns(cell):
-    signals = {"planner.goal": cell.wave.GetOutputPort("target"), "planner.n": cell.wave.GetOutputPort("count")}
+    signals = {
+        "planner.goal": cell.wave.GetOutputPort("target"),
+        "planner.n": cell.wave.GetOutputPort("count"),
+    }
     result = cell.run(0.1, signals=signals)
     expected = 0.2 * np.sin(3.0 * result.times)
     np.testing.assert_allclose(result["planner.goal.joint_3"], expected, atol=1e-12)
@@ -234,9 +258,23 @@ def test_on_step_gets_each_time_once(cell):
     result = cell.run(0.05, on_step=lambda time, positions: seen.append(time))
     assert seen == result.step_times.tolist()
     alone = []
-    push = {"forces": {"push": {"kind": "push", "at": "load", "start": 0.02, "duration": 0.01, "force": [1, 0, 0]}}}
+    push = {
+        "forces": {
+            "push": {
+                "kind": "push",
+                "at": "load",
+                "start": 0.02,
+                "duration": 0.01,
+                "force": [1, 0, 0],
+            }
+        }
+    }
     result = simulate(
-        "irb120_dynamic", overrides=push, duration=0.05, progress=False, on_step=lambda t, q: alone.append(t)
+        "irb120_dynamic",
+        overrides=push,
+        duration=0.05,
+        progress=False,
+        on_step=lambda t, q: alone.append(t),
     )
     assert alone == sorted(set(alone))
     assert alone == result.step_times.tolist()

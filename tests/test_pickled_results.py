@@ -23,12 +23,16 @@ def travelled(result):
 
 def forces(contacts):
     """Contact forces of contact results, shape (k, 3) [N]."""
-    infos = [contacts.point_pair_contact_info(index) for index in range(contacts.num_point_pair_contacts())]
+    infos = [
+        contacts.point_pair_contact_info(index)
+        for index in range(contacts.num_point_pair_contacts())
+    ]
     return np.array([info.contact_force() for info in infos]).reshape(-1, 3)
 
 
 @pytest.mark.parametrize(
-    "station", ["humanoid_dynamic", "bouncing_ball", "irb120_force_stop", "irb120_kinematic", "roid1_walking"]
+    "station",
+    ["humanoid_dynamic", "bouncing_ball", "irb120_force_stop", "irb120_kinematic", "roid1_walking"],
 )
 def test_what_a_result_computes_is_equal(station):
     result = simulate(load_station(station), duration=0.25, progress=False)
@@ -116,13 +120,19 @@ class Still(LeafSystem):
         super().__init__()
         self._value = value
         self.DeclareContinuousState(1)
-        self.DeclareVectorOutputPort("reference", 6, lambda _, output: output.SetFromVector(np.full(6, value)))
+        self.DeclareVectorOutputPort(
+            "reference", 6, lambda _, output: output.SetFromVector(np.full(6, value))
+        )
 
 
 def test_a_run_whose_diagram_cannot_be_built_again_keeps_its_motion():
-    result = simulate(load_station("irb120_dynamic"), blocks={"still": Still(0.1)}, duration=0.1, progress=False)
+    result = simulate(
+        load_station("irb120_dynamic"), blocks={"still": Still(0.1)}, duration=0.1, progress=False
+    )
     other = travelled(result)
-    np.testing.assert_allclose(other.positions_at(result.times), result.positions_at(result.times), atol=1e-12)
+    np.testing.assert_allclose(
+        other.positions_at(result.times), result.positions_at(result.times), atol=1e-12
+    )
     assert other.verdict == result.verdict
 
 
@@ -133,7 +143,9 @@ def test_a_run_in_a_diagram_of_ones_own_keeps_its_motion():
     builder.Connect(source.get_output_port(), ports.inputs["reference"])
     result = simulate_diagram(builder.Build(), ports, duration=0.2, progress=False)
     other = travelled(result)
-    np.testing.assert_allclose(other.positions_at(result.times), result.positions_at(result.times), atol=1e-12)
+    np.testing.assert_allclose(
+        other.positions_at(result.times), result.positions_at(result.times), atol=1e-12
+    )
     assert other.summary() == result.summary()
 
 
@@ -142,6 +154,7 @@ def test_a_result_of_another_version_is_refused(monkeypatch):
     content = pickle.dumps(result)
     monkeypatch.setattr("simrob_drake.results.record.rebuilt.FORMAT", rebuilt.FORMAT + 1)
     with pytest.raises(
-        SimrobError, match=r"another version of simrob_drake \(format 1, here 2\); run the station again"
+        SimrobError,
+        match=r"another version of simrob_drake \(format 1, here 2\); run the station again",
     ):
         pickle.loads(content)

@@ -7,7 +7,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Role, Sphere
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    HalfSpace,
+    ProximityProperties,
+    Role,
+    Sphere,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
@@ -17,7 +24,13 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import JointActuatorIndex, MultibodyForces, PdControllerGains, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import (
+    JointActuatorIndex,
+    MultibodyForces,
+    PdControllerGains,
+    SpatialInertia,
+    UnitInertia,
+)
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.controllers import LinearQuadraticRegulator, PidController
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem
@@ -82,11 +95,15 @@ def test_irb120() -> None:
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link"))
     plant.Finalize()
 
-    ramp = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.outer(np.ones(6), [0.0, np.deg2rad(30.0)]))
+    ramp = PiecewisePolynomial.FirstOrderHold(
+        [0.0, 1.0], np.outer(np.ones(6), [0.0, np.deg2rad(30.0)])
+    )
     reference = builder.AddSystem(TrajectorySource(ramp))
     no_velocity = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
     desired = builder.AddSystem(Multiplexer([6, 6]))
-    servos = builder.AddSystem(PidController(kp=np.full(6, 1000.0), ki=np.zeros(6), kd=np.full(6, 10.0)))
+    servos = builder.AddSystem(
+        PidController(kp=np.full(6, 1000.0), ki=np.zeros(6), kd=np.full(6, 10.0))
+    )
     limits = np.array([150.0, 150.0, 100.0, 30.0, 30.0, 15.0])  # N·m
     motors = builder.AddSystem(Saturation(-limits, limits))
     builder.Connect(reference.get_output_port(), desired.get_input_port(0))
@@ -96,17 +113,23 @@ def test_irb120() -> None:
     builder.Connect(servos.get_output_port(), motors.get_input_port())
     builder.Connect(motors.get_output_port(), plant.get_actuation_input_port(arm))
     simulator = Simulator(builder.Build())
-    config = SimulatorConfig(integration_scheme="runge_kutta2", max_step_size=step, use_error_control=False)
+    config = SimulatorConfig(
+        integration_scheme="runge_kutta2", max_step_size=step, use_error_control=False
+    )
     ApplySimulatorConfig(config, simulator)
 
     expected = positions_at(simulator, plant, result.times)
     np.testing.assert_allclose(result.axes("q"), expected, atol=TOLERANCE)
     assert np.ptp(expected, axis=0).min() > 0.01  # all joints move
     torques = motors.get_output_port().Eval(motors.GetMyContextFromRoot(simulator.get_context()))
-    np.testing.assert_allclose(result.axes("tau")[-1], torques, atol=1e-6)  # 1000 N·m/rad times the tolerance
+    np.testing.assert_allclose(
+        result.axes("tau")[-1], torques, atol=1e-6
+    )  # 1000 N·m/rad times the tolerance
 
 
-def surface(*, stiffness: float, dissipation: float | None, friction: tuple[float, float]) -> ProximityProperties:
+def surface(
+    *, stiffness: float, dissipation: float | None, friction: tuple[float, float]
+) -> ProximityProperties:
     """Material of a shape: stiffness [N/m], dissipation [s/m], static and dynamic friction."""
     properties = ProximityProperties()
     properties.AddProperty("material", "point_contact_stiffness", stiffness)
@@ -128,16 +151,22 @@ def test_ball() -> None:
     radius = 0.06  # m
     mass = 0.9048  # kg
     moment = 1.303e-3 / mass  # of inertia, for a mass of 1 kg [m²]
-    ball = plant.AddRigidBody("ball", SpatialInertia(mass, np.zeros(3), UnitInertia(moment, moment, moment)))
+    ball = plant.AddRigidBody(
+        "ball", SpatialInertia(mass, np.zeros(3), UnitInertia(moment, moment, moment))
+    )
     # Two springs of 2000 N/m in a row are one of 1000 N/m.
     material = surface(stiffness=2000.0, dissipation=0.011, friction=(1.0, 0.9))
     plant.RegisterCollisionGeometry(ball, RigidTransform(), Sphere(radius), "ball", material)
-    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", material)
+    plant.RegisterCollisionGeometry(
+        plant.world_body(), RigidTransform(), HalfSpace(), "floor", material
+    )
     plant.SetDefaultFloatingBaseBodyPose(ball, RigidTransform([0.0, 0.0, 0.16]))
     plant.Finalize()
     plant.set_stiction_tolerance(1e-3)
     simulator = Simulator(builder.Build())
-    config = SimulatorConfig(integration_scheme="runge_kutta2", max_step_size=step, use_error_control=False)
+    config = SimulatorConfig(
+        integration_scheme="runge_kutta2", max_step_size=step, use_error_control=False
+    )
     ApplySimulatorConfig(config, simulator)
 
     heights = positions_at(simulator, plant, result.times)[:, 6]
@@ -180,10 +209,19 @@ HUMANOID_JOINTS = [
 
 def test_humanoid() -> None:
     """A humanoid on its own feet that lifts its arms and bends its knees, with Drake's own servos."""
-    targets = {"right_shoulder_pitch": 40, "left_shoulder_roll": 20, "right_knee": 10, "left_knee": 10, "neck_yaw": 30}
+    targets = {
+        "right_shoulder_pitch": 40,
+        "left_shoulder_roll": 20,
+        "right_knee": 10,
+        "left_knee": 10,
+        "neck_yaw": 30,
+    }
     duration = 0.4
     reference = {"kind": "ramp", "target_deg": targets, "duration": 0.3}
-    result = run("humanoid_dynamic", {"solver": SAP, "monitors": {}, "reference": reference, "duration": duration})
+    result = run(
+        "humanoid_dynamic",
+        {"solver": SAP, "monitors": {}, "reference": reference, "duration": duration},
+    )
 
     builder = DiagramBuilder()
     settings = MultibodyPlantConfig(time_step=STEP, discrete_contact_approximation="sap")
@@ -197,29 +235,45 @@ def test_humanoid() -> None:
             scene_graph.RemoveRole(source, shape, Role.kProximity)
         for number, point in enumerate(FOOT_SPHERES):
             material = surface(stiffness=2e5, dissipation=50.0, friction=(1.0, 0.9))
-            plant.RegisterCollisionGeometry(foot, RigidTransform(point), Sphere(0.01), f"{name}_{number}", material)
+            plant.RegisterCollisionGeometry(
+                foot, RigidTransform(point), Sphere(0.01), f"{name}_{number}", material
+            )
     floor = surface(stiffness=1e9, dissipation=None, friction=(1.0, 0.9))
-    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", floor)
+    plant.RegisterCollisionGeometry(
+        plant.world_body(), RigidTransform(), HalfSpace(), "floor", floor
+    )
     for index in range(plant.num_actuators()):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
         actuator.set_effort_limit(3.0)  # N·m
         actuator.set_controller_gains(PdControllerGains(p=100.0, d=100.0))
-    plant.SetDefaultFloatingBaseBodyPose(plant.GetBodyByName("trunk"), RigidTransform([0.0, 0.0, 0.446]))
+    plant.SetDefaultFloatingBaseBodyPose(
+        plant.GetBodyByName("trunk"), RigidTransform([0.0, 0.0, 0.446])
+    )
     plant.set_stiction_tolerance(1e-3)
     plant.Finalize()
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot)]
-    shapes = GeometrySet([shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)])
+    shapes = GeometrySet(
+        [shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)]
+    )
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(shapes))
 
     axes = result.plant.robots["robot"].axes
-    joints = {axis: plant.GetJointByName(joint) for axis, (joint, _) in zip(axes, HUMANOID_JOINTS, strict=True)}
+    joints = {
+        axis: plant.GetJointByName(joint)
+        for axis, (joint, _) in zip(axes, HUMANOID_JOINTS, strict=True)
+    }
     signs = np.array([sign for _, sign in HUMANOID_JOINTS])
-    actuated = [plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices(robot)]
+    actuated = [
+        plant.get_joint_actuator(index).joint().name()
+        for index in plant.GetJointActuatorIndices(robot)
+    ]
     ends = np.zeros(len(actuated))
     for axis, target in targets.items():
         place = axes.index(axis)
         ends[actuated.index(joints[axis].name())] = signs[place] * np.deg2rad(target)
-    ramp = PiecewisePolynomial.FirstOrderHold([0.0, 0.3], np.column_stack([np.zeros(len(ends)), ends]))
+    ramp = PiecewisePolynomial.FirstOrderHold(
+        [0.0, 0.3], np.column_stack([np.zeros(len(ends)), ends])
+    )
     target = builder.AddSystem(TrajectorySource(ramp))
     no_velocity = builder.AddSystem(ConstantVectorSource(np.zeros(len(ends))))
     desired = builder.AddSystem(Multiplexer([len(ends)] * 2))
@@ -282,7 +336,9 @@ class PlainSwingUp(LeafSystem):
         x = np.concatenate([error, velocity])
         was_balancing = context.get_discrete_state(self._balancing).value()[0]
         is_balancing = x @ self._cost @ x < self._catch * (2.0 if was_balancing else 1.0)
-        torque = -(self._gain @ x).item() if is_balancing else self._swing(position, velocity, error)
+        torque = (
+            -(self._gain @ x).item() if is_balancing else self._swing(position, velocity, error)
+        )
         discrete.set_value(self._torque, [torque])
         discrete.set_value(self._balancing, [float(is_balancing)])
 
@@ -314,14 +370,18 @@ def regulator_of(
     return LinearQuadraticRegulator(system.A(), system.B(), weights, torque_weight * np.eye(1))
 
 
-def lone_plant(name: str, root: str, *, time_step: float, builder: DiagramBuilder | None = None) -> MultibodyPlant:
+def lone_plant(
+    name: str, root: str, *, time_step: float, builder: DiagramBuilder | None = None
+) -> MultibodyPlant:
     """A robot alone in a plant, in a diagram unless the builder is None."""
     if builder is None:
         plant = MultibodyPlant(time_step)
     else:
         # With sampled ports, Drake steps the plant before the controller takes a sample of the same time.
         settings = MultibodyPlantConfig(
-            time_step=time_step, discrete_contact_approximation="sap", use_sampled_output_ports=False
+            time_step=time_step,
+            discrete_contact_approximation="sap",
+            use_sampled_output_ports=False,
         )
         plant, _ = AddMultibodyPlant(settings, builder)
     set_gravity(plant, 9.81)
@@ -331,7 +391,9 @@ def lone_plant(name: str, root: str, *, time_step: float, builder: DiagramBuilde
     return plant
 
 
-def swing_positions(plant: MultibodyPlant, builder: DiagramBuilder, block: LeafSystem, times: np.ndarray) -> np.ndarray:
+def swing_positions(
+    plant: MultibodyPlant, builder: DiagramBuilder, block: LeafSystem, times: np.ndarray
+) -> np.ndarray:
     """Positions (m, 2) of a robot whose motor gets the torque of a block within its effort limit."""
     limit = plant.get_joint_actuator(JointActuatorIndex(0)).effort_limit()
     builder.AddSystem(block)
@@ -389,7 +451,9 @@ def test_acrobot() -> None:
         alone.SetVelocities(context, velocity)
         forces = MultibodyForces(alone)
         alone.CalcForceElementsContribution(context, forces)
-        return alone.CalcMassMatrix(context), alone.CalcInverseDynamics(context, np.zeros(2), forces)
+        return alone.CalcMassMatrix(context), alone.CalcInverseDynamics(
+            context, np.zeros(2), forces
+        )
 
     def energy(position: np.ndarray, velocity: np.ndarray) -> float:
         alone.SetPositions(context, [np.pi, 0.0])

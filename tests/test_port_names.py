@@ -8,7 +8,14 @@ from typing import get_args
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake import SimulationResult, StationPorts, add_station, build_station, linearize, simulate
+from simrob_drake import (
+    SimulationResult,
+    StationPorts,
+    add_station,
+    build_station,
+    linearize,
+    simulate,
+)
 from simrob_drake.base.errors import SimrobError, UnknownName
 from simrob_drake.parts.inputs import LISTABLE
 from simrob_drake.stations.config import Input
@@ -35,11 +42,15 @@ def test_an_input_that_may_be_listed(ports, name):
     assert isinstance(error.value, UnknownName)
     assert f'overrides={{"inputs": ["{name}"]}}' in message_of(error)
     # The remedy works.
-    assert name in add_station(DiagramBuilder(), "irb120_dynamic", overrides={"inputs": [name]}).inputs
+    assert (
+        name in add_station(DiagramBuilder(), "irb120_dynamic", overrides={"inputs": [name]}).inputs
+    )
 
 
 def test_the_nearest_input_that_may_be_listed(ports):
-    with pytest.raises(KeyError, match="there is no input 'velocity'; the input 'reference_velocity' is there if"):
+    with pytest.raises(
+        KeyError, match="there is no input 'velocity'; the input 'reference_velocity' is there if"
+    ):
         ports.inputs["velocity"]
 
 
@@ -57,7 +68,9 @@ def test_inputs_of_several_robots():
     assert 'overrides={"inputs": ["feedforward"]}' in message_of(error)
     assert (
         "left.feedforward"
-        in build_station("two_arms", overrides={"mode": "dynamic", "inputs": ["feedforward"]}).ports.inputs
+        in build_station(
+            "two_arms", overrides={"mode": "dynamic", "inputs": ["feedforward"]}
+        ).ports.inputs
     )
 
 
@@ -96,17 +109,22 @@ def test_the_inputs_that_may_be_listed_are_those_of_the_configuration():
 
 
 @pytest.mark.parametrize(
-    ("name", "known"), [("columns", "names"), ("time", "times"), ("final_stat", "final_state"), ("verdct", "verdict")]
+    ("name", "known"),
+    [("columns", "names"), ("time", "times"), ("final_stat", "final_state"), ("verdct", "verdict")],
 )
 def test_an_attribute_that_a_result_does_not_have(result, name, known):
-    with pytest.raises(AttributeError, match=f"a result has no attribute '{name}'; did you mean '{known}'"):
+    with pytest.raises(
+        AttributeError, match=f"a result has no attribute '{name}'; did you mean '{known}'"
+    ):
         getattr(result, name)
     assert getattr(result, "_repr_png_", None) is None
 
 
 @pytest.mark.parametrize("kind", [SimulationResult, StationPorts])
 def test_help_lists_attributes_that_exist(kind, ports, result):
-    listed = re.findall(r"^    (\w+): ", inspect.getdoc(kind).partition("Attributes:")[2], flags=re.MULTILINE)
+    listed = re.findall(
+        r"^    (\w+): ", inspect.getdoc(kind).partition("Attributes:")[2], flags=re.MULTILINE
+    )
     assert len(listed) > 10
     subject = result if kind is SimulationResult else ports
     for name in listed:

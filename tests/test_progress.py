@@ -6,7 +6,9 @@ from simrob_drake.base import progress
 from simrob_drake.base.progress import progress_bar
 
 
-@pytest.mark.parametrize(("seldom", "told"), [(60, ["work: 3"]), (0, ["work: 1", "work: 2", "work: 3"])])
+@pytest.mark.parametrize(
+    ("seldom", "told"), [(60, ["work: 3"]), (0, ["work: 1", "work: 2", "work: 3"])]
+)
 def test_a_log_ends_with_the_last_remark(seldom, told, capsys, monkeypatch):
     """So what is said first, the cost where a search begins, isn't all that it says."""
     monkeypatch.setattr(progress, "SELDOM", seldom)

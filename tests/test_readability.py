@@ -38,7 +38,9 @@ def test_lines_comments_and_unpackings_are_counted(sample: Measures) -> None:
 
 
 def test_riddles_and_participles_are_found(sample: Measures) -> None:
-    assert sample.riddles == pytest.approx(100 * 1 / 2)  # of the function and the class; modules do not count
+    assert sample.riddles == pytest.approx(
+        100 * 1 / 2
+    )  # of the function and the class; modules do not count
     assert sample.participles == pytest.approx(100.0)
     assert "moved" in sample.riddle_places[0].where
 
@@ -62,7 +64,9 @@ def test_each_rule_finds_its_riddle(tmp_path: Path, summary: str) -> None:
     assert measure([file]).riddles == 100.0
 
 
-@pytest.mark.parametrize("summary", ["Compute the foothold of the swing leg.", "Joint positions, shape (n,) [rad]."])
+@pytest.mark.parametrize(
+    "summary", ["Compute the foothold of the swing leg.", "Joint positions, shape (n,) [rad]."]
+)
 def test_plain_sentences_are_no_riddles(tmp_path: Path, summary: str) -> None:
     file = tmp_path / "plain.py"
     file.write_text(f'def foothold():\n    """{summary}"""\n')
@@ -97,7 +101,9 @@ def test_the_rewritten_packages_keep_their_bounds(capsys: pytest.CaptureFixture[
     assert "walking" in capsys.readouterr().out
 
 
-def test_an_unknown_package_is_an_error_with_the_known_ones(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_package_is_an_error_with_the_known_ones(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with pytest.raises(SystemExit):
         main(["walkin"])
     error = capsys.readouterr().err

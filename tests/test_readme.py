@@ -51,7 +51,9 @@ def fenced(language):
     found = {
         f"{page} {number}": block
         for page, text in PAGES.items()
-        for number, block in enumerate(re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE), 1)
+        for number, block in enumerate(
+            re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE), 1
+        )
     }
     return [pytest.param(block, id=name, marks=marks_of(name)) for name, block in found.items()]
 
@@ -150,7 +152,9 @@ def test_a_yaml_file_is_what_it_claims(block, folder):
 
 
 def commands(text):
-    return [line.split("#")[0].split()[1:] for line in text.splitlines() if line.startswith("simrob ")]
+    return [
+        line.split("#")[0].split()[1:] for line in text.splitlines() if line.startswith("simrob ")
+    ]
 
 
 def draws(command):
@@ -176,7 +180,9 @@ def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
     if any(command[0] == "teach" for command in commands(block)):
         pytest.importorskip("nicegui", reason="needs the extra gui")
-        monkeypatch.setattr("simrob_drake.extensions.pendant.server.serve", lambda *given, **how: None)
+        monkeypatch.setattr(
+            "simrob_drake.extensions.pendant.server.serve", lambda *given, **how: None
+        )
     for command in commands(block):
         if not draws(command):
             assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command
@@ -217,7 +223,11 @@ def test_the_source_archive_holds_what_the_pages_link_to_and_what_tests_need():
         for page, text in PAGES.items()
         for link in re.findall(r"\]\((?!http|#)([^)]+)\)", text)
     }
-    assert linked | {page.name for page in READMES} | {".ci", "Makefile", "tests"} <= {*archive, "README.md", "LICENSE"}
+    assert linked | {page.name for page in READMES} | {".ci", "Makefile", "tests"} <= {
+        *archive,
+        "README.md",
+        "LICENSE",
+    }
     assert all((ROOT / place).exists() for place in archive)
 
 
@@ -225,7 +235,9 @@ def anchors(text):
     """Return the anchors of a page's headings, as GitHub makes them."""
     without_code = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
     headings = re.findall(r"^#+ (.*)", without_code, flags=re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+    return {
+        re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings
+    }
 
 
 def test_every_page_can_be_reached():
@@ -254,6 +266,8 @@ def test_a_readme_names_all_stations_and_robots(page):
 @pytest.mark.parametrize("page", ["docs/stations.md", "docs/es/stations.md"])
 def test_a_table_of_stations_names_them_all(page):
     rows = re.findall(
-        r"^\| \[`(\w+)`\]\([./]+/diagrams/\1\.yaml\) .*/diagrams/\1\.svg\)\) \|$", PAGES[page], re.MULTILINE
+        r"^\| \[`(\w+)`\]\([./]+/diagrams/\1\.yaml\) .*/diagrams/\1\.svg\)\) \|$",
+        PAGES[page],
+        re.MULTILINE,
     )
     assert sorted(rows) == station_names()

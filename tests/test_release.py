@@ -27,7 +27,9 @@ def release():
 def checkout(tmp_path):
     """A repository with the files that a release changes."""
     (tmp_path / "simrob_drake").mkdir()
-    (tmp_path / "simrob_drake/__init__.py").write_text('"""A package."""\n\n__version__ = "0.1.0"\n')
+    (tmp_path / "simrob_drake/__init__.py").write_text(
+        '"""A package."""\n\n__version__ = "0.1.0"\n'
+    )
     (tmp_path / "CITATION.cff").write_text((ROOT / "CITATION.cff").read_text())
     (tmp_path / "CHANGELOG.md").write_text(CHANGELOG)
     git(tmp_path, "init", "--quiet")
@@ -39,7 +41,9 @@ def checkout(tmp_path):
 
 
 def git(folder, *words):
-    return subprocess.run(["git", *words], cwd=folder, check=True, text=True, stdout=subprocess.PIPE).stdout
+    return subprocess.run(
+        ["git", *words], cwd=folder, check=True, text=True, stdout=subprocess.PIPE
+    ).stdout
 
 
 class Steps:
@@ -73,7 +77,9 @@ def test_a_release_writes_the_version_and_its_day_and_tags_them(release, checkou
 def test_a_second_release_replaces_the_day_of_the_first(release, checkout):
     release.make_release(checkout, "0.2.0", DAY, Steps(checkout))
     changelog = checkout / "CHANGELOG.md"
-    changelog.write_text(changelog.read_text().replace("## 0.2.0", "## 0.2.1 – unreleased\n\n- More.\n\n## 0.2.0"))
+    changelog.write_text(
+        changelog.read_text().replace("## 0.2.0", "## 0.2.1 – unreleased\n\n- More.\n\n## 0.2.0")
+    )
     git(checkout, "commit", "--quiet", "--all", "--message", "More")
     release.make_release(checkout, "0.2.1", date(2027, 2, 1), Steps(checkout))
     assert (checkout / "CITATION.cff").read_text().count("date-released") == 1
@@ -100,7 +106,9 @@ def test_a_step_that_fails_leaves_the_checkout_as_it_was(release, checkout, fail
         ("0.3.0", "begins with '0.2.0 – unreleased'; it must be '## 0.3.0 – unreleased'"),
     ],
 )
-def test_a_version_that_cannot_follow_is_refused_before_any_check(release, checkout, version, problem):
+def test_a_version_that_cannot_follow_is_refused_before_any_check(
+    release, checkout, version, problem
+):
     steps = Steps(checkout)
     with pytest.raises(release.ReleaseError, match=problem):
         release.make_release(checkout, version, DAY, steps)

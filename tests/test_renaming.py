@@ -27,7 +27,9 @@ keep_former_attributes(Box, extent="size", enlarge="grow")
 def test_a_former_attribute_gives_the_value_of_the_present_one():
     box = Box(2)
 
-    with pytest.warns(DeprecationWarning, match=r"^Box\.extent is now Box\.size; .* until simrob_drake 0\.2$"):
+    with pytest.warns(
+        DeprecationWarning, match=r"^Box\.extent is now Box\.size; .* until simrob_drake 0\.2$"
+    ):
         value = box.extent
 
     assert value == 2
@@ -52,7 +54,9 @@ def test_a_former_name_of_a_module_is_found_and_others_are_not():
 
     with pytest.warns(DeprecationWarning, match=r"stride\.Learnt is now .*stride\.Corrections"):
         assert find("Learnt") is Corrections
-    with pytest.raises(AttributeError, match=r"'simrob_drake\.walking\.stride' has no attribute 'Learned'"):
+    with pytest.raises(
+        AttributeError, match=r"'simrob_drake\.walking\.stride' has no attribute 'Learned'"
+    ):
         find("Learned")
 
 

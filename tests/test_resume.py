@@ -143,11 +143,15 @@ def test_an_interruption_within_the_repeated_steps_goes_on_to_the_caller(monkeyp
 def test_what_cannot_be_resumed():
     runner = Runner(load_station("bouncing_ball"))
     part = runner.run(duration=0.2)
-    with pytest.raises(SimrobError, match=r"until is 0.1 s; it must be later than the end of the run, 0.2 s"):
+    with pytest.raises(
+        SimrobError, match=r"until is 0.1 s; it must be later than the end of the run, 0.2 s"
+    ):
         runner.resume(part, until=0.1)
     with pytest.raises(SimrobError, match="it must be a result"):
         runner.resume("x", until=1)
-    with pytest.raises(SimrobError, match=r"result is a run of a station that moves in another way"):
+    with pytest.raises(
+        SimrobError, match=r"result is a run of a station that moves in another way"
+    ):
         Runner(load_station("irb120_dynamic")).resume(part, until=1)
     with pytest.raises(SimrobError, match=r"start_time.*a start whose time is kept"):
         runner.run(start_time="keep")
@@ -160,13 +164,19 @@ def test_what_cannot_be_resumed():
 
 
 def test_a_context_later_than_zero_is_where_a_diagram_begins():
-    config = load_station("irb120_dynamic", {"solver": {"kind": "discrete"}, "servo.realization": "implicit"})
+    config = load_station(
+        "irb120_dynamic", {"solver": {"kind": "discrete"}, "servo.realization": "implicit"}
+    )
     closed = closed_station(resolve(config), monitors=False)
     simulator = Simulator(closed.diagram)
     simulator.AdvanceTo(0.5)
     whole = simulate(config, duration=1.5, progress=False)
     late = simulate_diagram(
-        closed.diagram, closed.ports, duration=1.0, context=simulator.get_context().Clone(), progress=False
+        closed.diagram,
+        closed.ports,
+        duration=1.0,
+        context=simulator.get_context().Clone(),
+        progress=False,
     )
     assert (late.start_time, late.stop_time) == (0.5, 1.5)
     assert late.config.duration == 1.0
@@ -200,9 +210,15 @@ with open(sys.argv[2], "wb") as file:
 @pytest.mark.long
 def test_a_walk_cut_anywhere_equals_the_whole_one_in_another_process_too(tmp_path):
     """Ten seconds of a walk with a push and a program of commands, cut at five random times."""
-    commands = [{"time": 0.5, "ahead": 0.1}, {"time": 3, "ahead": 0.05, "turn_deg": 10}, {"time": 6, "ahead": 0.1}]
+    commands = [
+        {"time": 0.5, "ahead": 0.1},
+        {"time": 3, "ahead": 0.05, "turn_deg": 10},
+        {"time": 6, "ahead": 0.1},
+    ]
     push = {"kind": "push", "start": 4.0, "duration": 0.1, "force": [0, 5, 0]}
-    station = load_station("roid1_walking", {"controllers.walk.commands": commands, "forces": {"shove": push}})
+    station = load_station(
+        "roid1_walking", {"controllers.walk.commands": commands, "forces": {"shove": push}}
+    )
     runner = Runner(station)
     whole = runner.run(duration=10.0)
     assert whole.ending == "completed"

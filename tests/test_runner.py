@@ -52,7 +52,10 @@ def asked(config):
     ]
     if config.mode == "dynamic":
         push = {"start": 0.05, "duration": 0.02, "force": [0, 4, 0]}
-        cases += [{"pushes": {"shove": push}}, {"pushes": {"shove": {**push, "force": [1, 0, 2], "start": 0.0}}}]
+        cases += [
+            {"pushes": {"shove": push}},
+            {"pushes": {"shove": {**push, "force": [1, 0, 2], "start": 0.0}}},
+        ]
         cases += [{"pushes": {"shove": push, "other": {**push, "start": 0.06}}, "duration": 0.1}]
     return cases
 
@@ -62,9 +65,15 @@ LONG = {"sine": pytest.mark.long, "humanoid": pytest.mark.long}
 
 
 def simulated(config, pushes=None, **case):
-    forces = {} if pushes is None else {name: {"kind": "push", **push} for name, push in pushes.items()}
-    model, overrides = next(each for each in STATIONS.values() if each[0] == config.name and _same(each, config))
-    given = load_station(model, {**overrides, "duration": 0.2, **({"forces": forces} if forces else {})})
+    forces = (
+        {} if pushes is None else {name: {"kind": "push", **push} for name, push in pushes.items()}
+    )
+    model, overrides = next(
+        each for each in STATIONS.values() if each[0] == config.name and _same(each, config)
+    )
+    given = load_station(
+        model, {**overrides, "duration": 0.2, **({"forces": forces} if forces else {})}
+    )
     return simulate(given, progress=False, **case)
 
 
@@ -83,7 +92,9 @@ def assert_equal(one, other):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, [])) for name in STATIONS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=LONG.get(name, [])) for name in STATIONS]
+)
 def test_every_run_is_that_of_simulate_in_any_order(name):
     config = station(name)
     cases = asked(config)
@@ -100,7 +111,9 @@ def test_a_sine_gives_way_to_other_references_and_comes_back():
     runner = Runner(config)
     other = (np.array([0.0, 0.1]), np.outer([0, 0.1], np.ones(6)))
     for reference in (None, other, None, other):
-        assert_equal(runner.run(reference=reference), simulate(config, reference=reference, progress=False))
+        assert_equal(
+            runner.run(reference=reference), simulate(config, reference=reference, progress=False)
+        )
 
 
 def test_a_result_keeps_telling_of_its_own_run():
@@ -170,7 +183,9 @@ print(json.dumps({"grown": peak() - before, "more": more}))
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["irb120_dynamic", "humanoid_dynamic"])
 def test_a_hundred_runs_need_no_more_memory(name):
-    done = subprocess.run([sys.executable, "-c", MEASURE, name], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURE, name], check=True, capture_output=True, text=True
+    )
     found = json.loads(done.stdout)
     assert found["more"] <= 0
     assert found["grown"] < 100 * 0.1  # MB
@@ -183,13 +198,17 @@ class TestPushesUnderCenic:
     def test_the_motion_is_that_with_the_force_wired_all_the_time(self, fixed):
         solver = {"solver.error_control": False, "solver.max_step": 0.01} if fixed else {}
         push = {"kind": "push", "start": 0.2, "duration": 0.1, "force": [5, 3, 0]}
-        config = load_station("humanoid_dynamic", {"forces": {"shove": push}, "duration": 0.6, **solver})
+        config = load_station(
+            "humanoid_dynamic", {"forces": {"shove": push}, "duration": 0.6, **solver}
+        )
         cut = simulate(config, progress=False)
         closed = closed_station(resolve(config), monitors=False)
         wired = simulate_diagram(closed.diagram, closed.ports, progress=False)
         assert np.ptp(cut["base.x"]) > 5e-4
         np.testing.assert_allclose(cut.axes("q"), wired.axes("q"), atol=1e-6)
-        np.testing.assert_allclose(cut.axes("v"), wired.axes("v"), atol=1e-5)  # to which cenic solves for velocities
+        np.testing.assert_allclose(
+            cut.axes("v"), wired.axes("v"), atol=1e-5
+        )  # to which cenic solves for velocities
         np.testing.assert_allclose(cut.pose("base"), wired.pose("base"), atol=1e-6)
         np.testing.assert_array_equal(cut["applied_force.shove.x"], wired["applied_force.shove.x"])
 
@@ -205,12 +224,22 @@ class TestPushesUnderCenic:
     def test_a_free_body_takes_the_whole_impulse(self, solver):
         """Momentum is force times duration, wherever the edges lie between the steps of 0.1 s."""
         force = np.array([2.0, -3.0, 1.0])
-        push = {"kind": "push", "at": "ball", "start": 0.13, "duration": 0.1, "force": force.tolist()}
+        push = {
+            "kind": "push",
+            "at": "ball",
+            "start": 0.13,
+            "duration": 0.1,
+            "force": force.tolist(),
+        }
         alone = {"gravity": 0, "floor": None, "contact": None, "sensors": {}, "monitors": {}}
-        config = load_station("bouncing_ball", {**alone, "solver": solver, "forces": {"push": push}, "duration": 0.3})
+        config = load_station(
+            "bouncing_ball", {**alone, "solver": solver, "forces": {"push": push}, "duration": 0.3}
+        )
         result = simulate(config, progress=False)
         mass = result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
-        np.testing.assert_allclose(mass * result.piece_velocity("ball")[-1, :3], force * 0.1, rtol=1e-9)
+        np.testing.assert_allclose(
+            mass * result.piece_velocity("ball")[-1, :3], force * 0.1, rtol=1e-9
+        )
         assert np.abs(result.piece_velocity("ball")[result.times < 0.13 - 1e-9]).max() == 0
 
     @pytest.mark.parametrize("scheme", ["cenic", "sap"])
@@ -218,10 +247,22 @@ class TestPushesUnderCenic:
         """The servos' torques are inner ones; what is off is the tolerance to which these schemes solve for them."""
         force = np.array([2e-3, -3e-3, 1e-3])  # so small that it does not turn
         discrete = {"kind": "discrete", "time_step": 1e-3}
-        solver = discrete if scheme == "sap" else {"kind": "continuous", "scheme": "cenic", "max_step": 0.01}
+        solver = (
+            discrete
+            if scheme == "sap"
+            else {"kind": "continuous", "scheme": "cenic", "max_step": 0.01}
+        )
         push = {"kind": "push", "start": 0.1, "duration": 0.1, "force": force.tolist()}
-        flight = {"gravity": 0, "floor": None, "contact": None, "monitors": {}, "robot.base": [0, 0, 1, 0, 0, 0]}
-        config = load_station("humanoid_dynamic", {**flight, "solver": solver, "forces": {"push": push}})
+        flight = {
+            "gravity": 0,
+            "floor": None,
+            "contact": None,
+            "monitors": {},
+            "robot.base": [0, 0, 1, 0, 0, 0],
+        }
+        config = load_station(
+            "humanoid_dynamic", {**flight, "solver": solver, "forces": {"push": push}}
+        )
         result = simulate(config, duration=0.3, progress=False)
         plant = result.plant.plant
         context = plant.CreateDefaultContext()
@@ -268,7 +309,11 @@ class TestBadInput:
         config = station("discrete")
         runner = Runner(config)
         before = runner.run()
-        for wrong in ({"duration": -1}, {"reference": np.zeros((3, 3))}, {"reference": ([0, 1], np.full((2, 6), 9.0))}):
+        for wrong in (
+            {"duration": -1},
+            {"reference": np.zeros((3, 3))},
+            {"reference": ([0, 1], np.full((2, 6), 9.0))},
+        ):
             with pytest.raises(SimrobError):
                 runner.run(**wrong)
         assert_equal(runner.run(), before)
@@ -286,7 +331,9 @@ class TestBadInput:
 def test_pushes_are_those_of_the_run_for_which_a_diagram_is_first_needed():
     """Without the sensor, which only reports, a diagram is stepped that is built when something pushes."""
     push = {"kind": "push", "start": 0.15, "force": [9, 0, 0]}
-    config = load_station("roid1_dynamic", {"duration": 0.1, "sensors.imu": {"kind": "imu"}, "forces.push": push})
+    config = load_station(
+        "roid1_dynamic", {"duration": 0.1, "sensors.imu": {"kind": "imu"}, "forces.push": push}
+    )
     runner = Runner(config)
     runner.run()
     other = {"push": {"start": 0.02, "force": [0, 5, 0]}}

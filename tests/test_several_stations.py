@@ -22,12 +22,15 @@ def hold(builder, ports):
 
 def arm(**overrides):
     return load_station(
-        "irb120_dynamic", {"solver": {"kind": "discrete"}, "servo.realization": "implicit", **overrides}
+        "irb120_dynamic",
+        {"solver": {"kind": "discrete"}, "servo.realization": "implicit", **overrides},
     )
 
 
 def alone(config, duration):
-    return simulate(config, reference=([0.0, 1.0], np.tile(TARGET, (2, 1))), duration=duration, progress=False)
+    return simulate(
+        config, reference=([0.0, 1.0], np.tile(TARGET, (2, 1))), duration=duration, progress=False
+    )
 
 
 def test_two_stations_in_one_builder_move_as_each_alone():
@@ -51,7 +54,9 @@ def test_sensors_read_the_contacts_of_their_own_station():
     """Blocks that stations share within themselves, such as readers of contacts, are not shared between stations."""
     builder = DiagramBuilder()
     config = load_station("bouncing_ball", {"duration": 0.3})
-    low = load_station("bouncing_ball", {"duration": 0.3, "gravity": 0.5})  # it does not reach the floor
+    low = load_station(
+        "bouncing_ball", {"duration": 0.3, "gravity": 0.5}
+    )  # it does not reach the floor
     falls = add_station(builder, config)
     floats = add_station(builder, low, name="low")
     diagram = builder.Build()
@@ -59,7 +64,9 @@ def test_sensors_read_the_contacts_of_their_own_station():
         result = simulate_diagram(diagram, ports, duration=0.3, progress=False)
         forces = [name for name in result.names if name.startswith("force.")]
         touched = any(np.abs(result[name]).max() > 0 for name in forces)
-        assert touched == any(np.abs(simulate(own, progress=False)[name]).max() > 0 for name in forces)
+        assert touched == any(
+            np.abs(simulate(own, progress=False)[name]).max() > 0 for name in forces
+        )
 
 
 def test_a_state_goes_from_a_named_station_to_one_without_a_name():
@@ -68,7 +75,9 @@ def test_a_state_goes_from_a_named_station_to_one_without_a_name():
     hold(builder, ports)
     result = simulate_diagram(builder.Build(), ports, duration=0.2, progress=False)
     assert not any(name.startswith("left.") for name in result.final_state.blocks)
-    goes_on = simulate(arm(**{"servo.ki": 100}), start=result.final_state, duration=0.01, progress=False)
+    goes_on = simulate(
+        arm(**{"servo.ki": 100}), start=result.final_state, duration=0.01, progress=False
+    )
     np.testing.assert_array_equal(goes_on.axes("q")[0], result.axes("q")[-1])
 
 

@@ -28,7 +28,10 @@ from simrob_drake import (
 )
 from simrob_drake.base.errors import SimrobError
 
-DISCRETE = {"solver": {"kind": "discrete", "time_step": 1e-3, "scheme": "lagged"}, "servo.realization": "implicit"}
+DISCRETE = {
+    "solver": {"kind": "discrete", "time_step": 1e-3, "scheme": "lagged"},
+    "servo.realization": "implicit",
+}
 WALL_STATION = {**DISCRETE, "contact": {"model": "point"}}
 
 
@@ -45,7 +48,8 @@ def world_of(**stations):
     builder = DiagramBuilder()
     plant, scene_graph = add_world(builder, next(iter(stations.values())))
     placed = {
-        name: place_station(plant, config, scene_graph=scene_graph, name=name) for name, config in stations.items()
+        name: place_station(plant, config, scene_graph=scene_graph, name=name)
+        for name, config in stations.items()
     }
     plant.Finalize()
     ports = {name: each.wire(builder) for name, each in placed.items()}
@@ -102,12 +106,17 @@ def test_an_arm_and_a_humanoid_share_a_world():
         # The solver of contacts stops at a tolerance that is relative to the momentum of all bodies together.
         np.testing.assert_allclose(together.values, by_itself.values, atol=1e-4)
         assert together.final_state.joints.keys() == by_itself.final_state.joints.keys()
-        assert simulate(config, start=together.final_state, duration=0.01, progress=False).ending == "completed"
+        assert (
+            simulate(config, start=together.final_state, duration=0.01, progress=False).ending
+            == "completed"
+        )
 
 
 def test_stops_and_forces_of_two_stations_act_on_their_own_joints():
     """With a continuous scheme both stations feed the plant's only port of generalized forces."""
-    first = load_station("irb120_dynamic", {"servo.kp": 0, "servo.kd": 0.1, "robot.initial_deg": {"joint_3": 60}})
+    first = load_station(
+        "irb120_dynamic", {"servo.kp": 0, "servo.kd": 0.1, "robot.initial_deg": {"joint_3": 60}}
+    )
     second = load_station("irb120_dynamic", {"robot.base": [0, 1.5, 0, 0, 0, 0]})
     diagram, ports = world_of(limp=first, stiff=second)
     result = simulate_diagram(diagram, ports["limp"], duration=0.6, progress=False)
@@ -151,7 +160,9 @@ def test_contact_sensors_and_floor_are_those_of_the_world():
     """Two boxes on one floor: each is carried once, and each sensor measures its own box."""
     contact = {"model": "point", "stiffness": 1e5, "dissipation": 10.0}
     light = load_station("box_on_floor", {"contact": contact})
-    heavy = load_station("box_on_floor", {"contact": contact, "pieces.box.pose": [1, 0, 0.1, 0, 0, 0]})
+    heavy = load_station(
+        "box_on_floor", {"contact": contact, "pieces.box.pose": [1, 0, 0.1, 0, 0, 0]}
+    )
     diagram, ports = world_of(left=light, right=heavy)
     for own in ports.values():
         result = simulate_diagram(diagram, own, duration=0.5, progress=False)
@@ -179,7 +190,9 @@ def test_a_wall_of_ones_own_stops_the_arm():
         turned = np.array([1.5, 1.2, 0, 0, 0, 0])
         source = builder.AddSystem(ConstantVectorSource(turned))
         builder.Connect(source.get_output_port(), box.GetInputPort("reference"))
-        ends[name] = simulate_diagram(builder.Build(), box.ports, duration=0.6, progress=False)["q.joint_1"][-1]
+        ends[name] = simulate_diagram(builder.Build(), box.ports, duration=0.6, progress=False)[
+            "q.joint_1"
+        ][-1]
     assert ends["free"] > 1.3
     assert ends["wall"] < 1.0
 
@@ -188,8 +201,12 @@ def test_hooks_are_called_in_order():
     calls = []
     station = build_station(
         load_station("irb120_dynamic"),
-        parser_preload=lambda parser: calls.append(("preload", parser.plant().num_model_instances())),
-        prefinalize=lambda parser: calls.append(("prefinalize", parser.plant().num_model_instances())),
+        parser_preload=lambda parser: calls.append(
+            ("preload", parser.plant().num_model_instances())
+        ),
+        prefinalize=lambda parser: calls.append(
+            ("prefinalize", parser.plant().num_model_instances())
+        ),
         prebuild=lambda builder: calls.append(("prebuild", builder.HasSubsystemNamed("plant"))),
     )
     empty = MultibodyPlant(0.0).num_model_instances()
@@ -220,7 +237,9 @@ def test_a_body_of_ones_own_has_no_stops_of_the_station():
 
 def test_forces_of_ones_own_are_kept():
     """A port that the user feeds is fed by both afterwards."""
-    push = {"shove": {"kind": "push", "at": "tool0", "start": 0.0, "duration": 1.0, "force": [0, 0, 10]}}
+    push = {
+        "shove": {"kind": "push", "at": "tool0", "start": 0.0, "duration": 1.0, "force": [0, 0, 10]}
+    }
     config = load_station("irb120_dynamic", {**DISCRETE, "pieces": {}, "forces": push})
     builder = DiagramBuilder()
     plant, scene_graph = add_world(builder, config)
@@ -239,7 +258,10 @@ def test_a_result_is_pickled_as_that_of_the_station_alone():
     arm = load_station("irb120_dynamic", {**WALL_STATION, "robot.base": [0, -1.5, 0, 0, 0, 0]})
     diagram, ports = world_of(man=humanoid, arm=arm)
     result = simulate_diagram(diagram, ports["arm"], duration=0.1, progress=False)
-    assert result.positions_at(result.times[-1:]).shape == (1, ports["arm"].plant.plant.num_positions())
+    assert result.positions_at(result.times[-1:]).shape == (
+        1,
+        ports["arm"].plant.plant.num_positions(),
+    )
     read = pickle.loads(pickle.dumps(result))
     np.testing.assert_allclose(read.positions_at(read.times), result.axes("q"), atol=1e-15)
 
@@ -260,7 +282,8 @@ def test_cenic_with_a_plant_of_another_name():
     hold(builder, ports)
     plant.set_name("world")
     with pytest.raises(
-        SimrobError, match=r"needs a single plant in the simulated diagram, named plant.*there is: world"
+        SimrobError,
+        match=r"needs a single plant in the simulated diagram, named plant.*there is: world",
     ):
         simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
 
@@ -327,7 +350,10 @@ class TestErrors:
         [
             ({"gravity": 1.62}, r"gravity of the plant is .*set_gravity_vector\(\[0, 0, -1.62\]\)"),
             (DISCRETE, r"time step of the plant is 0 s.*time_step=0.001"),
-            ({"contact": {"model": "hydroelastic"}}, r"contact model of the plant is kPoint.*kHydroelastic"),
+            (
+                {"contact": {"model": "hydroelastic"}},
+                r"contact model of the plant is kPoint.*kHydroelastic",
+            ),
             ({"mode": "kinematic", "servo": None, "solver": None}, "it is kinematic"),
         ],
     )
@@ -354,7 +380,9 @@ class TestErrors:
 
     def test_a_floor_of_ones_own(self):
         _, plant, scene_graph = self.world()
-        plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), Box(1, 1, 0.1), "floor", np.ones(4))
+        plant.RegisterVisualGeometry(
+            plant.world_body(), RigidTransform(), Box(1, 1, 0.1), "floor", np.ones(4)
+        )
         with self.refused("already has a shape named floor"):
             place_station(plant, self.config, scene_graph=scene_graph)
 

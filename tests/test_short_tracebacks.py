@@ -9,7 +9,9 @@ from simrob_drake.base.errors import SimrobError
 
 
 def overridden(**overrides):
-    return load_station("irb120_dynamic", {key.replace("__", "."): value for key, value in overrides.items()})
+    return load_station(
+        "irb120_dynamic", {key.replace("__", "."): value for key, value in overrides.items()}
+    )
 
 
 def broken_file(tmp_path, text):
@@ -27,9 +29,13 @@ MISTAKES = {
     "no station file": lambda path: load_station(path / "none.yaml"),
     "no program file": lambda path: Workcell("irb120_dynamic").perform(path / "none.yaml"),
     "broken YAML": lambda path: broken_file(path, "robot: {model: irb120\n"),
-    "text in place of a number": lambda path: broken_file(path, "robot: {model: irb120}\nduration: abc\n"),
+    "text in place of a number": lambda path: broken_file(
+        path, "robot: {model: irb120}\nduration: abc\n"
+    ),
     "unit in a time": lambda path: simulate("irb120_dynamic", duration="5 s"),
-    "push with two components": lambda path: simulate("humanoid_dynamic", pushes={"a": {"force": [1, 2]}}),
+    "push with two components": lambda path: simulate(
+        "humanoid_dynamic", pushes={"a": {"force": [1, 2]}}
+    ),
     "push that is a number": lambda path: simulate("humanoid_dynamic", pushes={"a": 5}),
     "joints of a move": lambda path: Arm("irb120_dynamic").move_abs_j([1, 2, 3]),
 }
@@ -47,5 +53,7 @@ def test_a_mistake_of_a_user_has_one_traceback(tmp_path, mistake):
 
 
 def test_a_wrong_push_says_which_key_is_wrong():
-    with pytest.raises(SimrobError, match=r"pushes: a is .*as under forces: in a station \(force: .*3"):
+    with pytest.raises(
+        SimrobError, match=r"pushes: a is .*as under forces: in a station \(force: .*3"
+    ):
         simulate("humanoid_dynamic", pushes={"a": {"force": [1, 2]}})

@@ -27,11 +27,15 @@ def overloaded():
 
 def test_the_move_ends_where_the_torques_hold_it(moved):
     assert moved.ending == "completed"
-    assert moved["tau.joint_2"][-1] == pytest.approx(-20.8, abs=0.2)  # facts of the arm: -20.79 N·m at 30 deg
+    assert moved["tau.joint_2"][-1] == pytest.approx(
+        -20.8, abs=0.2
+    )  # facts of the arm: -20.79 N·m at 30 deg
     position, torque = moved.axes("q")[-1], moved.axes("tau")[-1]
     expected = holding_torque(moved.plant, moved.plant.robots["robot"], position)
     np.testing.assert_allclose(torque, expected, rtol=0.01, atol=1e-3)
-    np.testing.assert_allclose(moved.axes("q_ref")[-1] - position, torque / 1000, atol=1e-5)  # sag = torque / kp
+    np.testing.assert_allclose(
+        moved.axes("q_ref")[-1] - position, torque / 1000, atol=1e-5
+    )  # sag = torque / kp
 
 
 def test_the_move_is_within_3_mrad_of_a_tighter_one(moved):
@@ -60,7 +64,15 @@ def test_the_equations_of_motion_hold_against_scipy():
         bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
         return np.concatenate([v, np.linalg.solve(plant.CalcMassMatrix(context), torque - bias)])
 
-    solution = solve_ivp(derivative, (0, 0.5), np.zeros(12), method="Radau", rtol=1e-8, atol=1e-10, t_eval=result.times)
+    solution = solve_ivp(
+        derivative,
+        (0, 0.5),
+        np.zeros(12),
+        method="Radau",
+        rtol=1e-8,
+        atol=1e-10,
+        t_eval=result.times,
+    )
     np.testing.assert_allclose(result.axes("q"), solution.y[:6].T, atol=1e-4)
 
 
@@ -70,7 +82,9 @@ def first_time(result, degrees):
 
 @pytest.mark.long
 def test_a_weak_motor_lets_the_arm_fall_to_its_stop(overloaded):
-    tight = simulate(load_station("irb120_dynamic", {"servo.torque_limit": 10, "sample_rate": 1000, **TIGHT}))
+    tight = simulate(
+        load_station("irb120_dynamic", {"servo.torque_limit": 10, "sample_rate": 1000, **TIGHT})
+    )
     assert overloaded["tau.joint_2"][-1] == pytest.approx(-10)
     assert np.rad2deg(overloaded["q.joint_2"][-1]) == pytest.approx(110, abs=0.1)
     assert first_time(overloaded, 109.9) == pytest.approx(first_time(tight, 109.9), abs=0.03)
@@ -99,7 +113,13 @@ def test_without_damping_joint_2_keeps_swinging():
 
 
 def test_the_free_pendulum_loses_what_its_damping_takes():
-    free = {"servo.kp": 0, "servo.kd": 0, "reference.kind": "hold", "solver.accuracy": 1e-6, "sample_rate": 2000}
+    free = {
+        "servo.kp": 0,
+        "servo.kd": 0,
+        "reference.kind": "hold",
+        "solver.accuracy": 1e-6,
+        "sample_rate": 2000,
+    }
     result = simulate(load_station("double_pendulum", free), duration=1.0)
     plant = result.plant.plant
     context = plant.CreateDefaultContext()
@@ -117,7 +137,9 @@ def test_the_free_pendulum_loses_what_its_damping_takes():
 def test_the_pendulum_reaches_its_reference():
     result = simulate(load_station("double_pendulum"))
     expected = holding_torque(result.plant, result.plant.robots["robot"], result.axes("q")[-1])
-    np.testing.assert_allclose(result.axes("tau")[-1], expected, rtol=0.05, atol=1e-4)  # Kw/Kp: a lag of 1 s fades
+    np.testing.assert_allclose(
+        result.axes("tau")[-1], expected, rtol=0.05, atol=1e-4
+    )  # Kw/Kp: a lag of 1 s fades
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), [70, 60], atol=0.5)
 
 
@@ -138,7 +160,9 @@ def test_the_discrete_solver_comes_to_the_same_end(moved):
 
 
 def test_two_runs_are_equal_to_the_last_bit(moved):
-    again = simulate(load_station("irb120_dynamic"), progress=False, on_step=lambda time, positions: None)
+    again = simulate(
+        load_station("irb120_dynamic"), progress=False, on_step=lambda time, positions: None
+    )
     np.testing.assert_array_equal(again.values, moved.values)
 
 
@@ -150,7 +174,11 @@ def test_the_sample_rate_does_not_change_the_samples(moved):
 
 def test_on_step_sees_every_step(moved):
     seen = []
-    result = simulate(load_station("irb120_dynamic"), duration=0.5, on_step=lambda time, q: seen.append((time, q[1])))
+    result = simulate(
+        load_station("irb120_dynamic"),
+        duration=0.5,
+        on_step=lambda time, q: seen.append((time, q[1])),
+    )
     times, joint_2 = np.array(sorted(dict(seen).items())).T
     np.testing.assert_array_equal(times[1:], result.step_times[1:])
     np.testing.assert_allclose(joint_2[-1], result["q.joint_2"][-1])
@@ -161,16 +189,22 @@ class TestReferences:
     positions = np.outer(times, np.full(6, 0.2))
 
     def test_an_array_with_its_times_in_front(self):
-        pair = simulate(load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5)
+        pair = simulate(
+            load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5
+        )
         array = np.column_stack([self.times, self.positions])
         rows = simulate(load_station("irb120_dynamic"), reference=array, duration=0.5)
         np.testing.assert_array_equal(pair.values, rows.values)
-        np.testing.assert_allclose(pair.axes("q_ref"), np.outer(pair.times, np.full(6, 0.2)), atol=1e-15)
+        np.testing.assert_allclose(
+            pair.axes("q_ref"), np.outer(pair.times, np.full(6, 0.2)), atol=1e-15
+        )
 
     def test_a_trajectory(self):
         trajectory = PiecewisePolynomial.FirstOrderHold(self.times, self.positions.T)
         result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.5)
-        pair = simulate(load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5)
+        pair = simulate(
+            load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5
+        )
         np.testing.assert_array_equal(result.values, pair.values)
 
     def test_samples_are_joined_smoothly_where_the_torque_needs_an_acceleration(self):
@@ -203,20 +237,32 @@ class TestReferences:
 
 class TestMonitors:
     def test_a_joint_limit_ends_the_run_at_its_crossing(self, overloaded):
-        config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
+        config = load_station(
+            "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
+        )
         result = simulate(config)
         assert (result.ending, result.stopped_by) == ("monitor", "joint_limit")
-        assert result.message == f"joint_2 reached its upper limit of 110.0 deg, at {result.stop_time:.4g} s"
-        assert result.stop_time == pytest.approx(first_time(overloaded, 110.0), abs=1.5e-3)  # sampled at 1 kHz
+        assert (
+            result.message
+            == f"joint_2 reached its upper limit of 110.0 deg, at {result.stop_time:.4g} s"
+        )
+        assert result.stop_time == pytest.approx(
+            first_time(overloaded, 110.0), abs=1.5e-3
+        )  # sampled at 1 kHz
         assert result["q.joint_2"][-1] == pytest.approx(np.deg2rad(110), abs=1e-3)
         assert result.step_times[-1] == result.stop_time
 
     def test_a_torque_limit_held_too_long(self, overloaded):
-        config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"torque_limit": {"hold": 0.2}}})
+        config = load_station(
+            "irb120_dynamic",
+            {"servo.torque_limit": 10, "monitors": {"torque_limit": {"hold": 0.2}}},
+        )
         result = simulate(config)
         free = np.abs(overloaded.axes("tau")).max(axis=1) < 10 - 1e-6
         free_times = overloaded.times[free]
-        held = np.flatnonzero(np.diff(free_times) > 0.2)  # the first stretch that long; joint 2 lets go once before
+        held = np.flatnonzero(
+            np.diff(free_times) > 0.2
+        )  # the first stretch that long; joint 2 lets go once before
         onset = free_times[held[0]] if len(held) else free_times[-1]
         assert result.stop_time == pytest.approx(onset + 0.2, abs=2e-3)
         assert "joint_2 stayed at its torque limit of 10 N·m for 0.2 s" in result.message
@@ -240,7 +286,9 @@ class TestMonitors:
         assert "joint_3" in result.message
 
     @pytest.mark.parametrize("failure", [RuntimeError, SystemExit])
-    def test_a_run_whose_end_cannot_be_stepped_again_stays_as_it_was_recorded(self, monkeypatch, failure):
+    def test_a_run_whose_end_cannot_be_stepped_again_stays_as_it_was_recorded(
+        self, monkeypatch, failure
+    ):
         seen, calls, again = [], [], Stepper.step
 
         def fails_at_second(*arguments):
@@ -250,37 +298,62 @@ class TestMonitors:
             return again(*arguments)
 
         monkeypatch.setattr(Stepper, "step", fails_at_second)
-        config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
+        config = load_station(
+            "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
+        )
         result = simulate(config, on_step=lambda time, _: seen.append(time))
         assert (result.ending, result.stopped_by, len(calls)) == ("monitor", "joint_limit", 2)
         steps = sorted(set(seen))  # monitors look a few steps late
         np.testing.assert_array_equal(result.step_times, steps[: len(result.step_times)])
 
     def test_discrete_runs_end_at_the_step_that_saw_it(self):
-        overrides = {"solver.kind": "discrete", "servo.realization": "implicit", "servo.torque_limit": 10}
-        result = simulate(load_station("irb120_dynamic", {**overrides, "monitors": {"joint_limit": {"margin_deg": 5}}}))
+        overrides = {
+            "solver.kind": "discrete",
+            "servo.realization": "implicit",
+            "servo.torque_limit": 10,
+        }
+        result = simulate(
+            load_station(
+                "irb120_dynamic", {**overrides, "monitors": {"joint_limit": {"margin_deg": 5}}}
+            )
+        )
         assert result.stopped_by == "joint_limit"
         position = np.rad2deg(result["q.joint_2"])
         assert position[-1] >= 105 > position[-2]
         assert result.stop_time == pytest.approx(round(result.stop_time, 3))
 
     @pytest.mark.parametrize(
-        ("margins", "stopped_by"), [({"margin_deg": 2}, None), ({"margin_deg": 2, "margin_m": 0.4}, "joint_limit")]
+        ("margins", "stopped_by"),
+        [({"margin_deg": 2}, None), ({"margin_deg": 2, "margin_m": 0.4}, "joint_limit")],
     )
     def test_margins_in_degrees_are_none_in_metres(self, margins, stopped_by):
         """The carriage goes from 0.5 to 1.2 m of the belt's 1.5 m."""
-        there = {"robot.initial_deg": {"belt": 0.5}, "reference": {"kind": "move", "target_deg": {"belt": 1.2}}}
-        result = simulate(load_station("irb120_on_belt", {**there, "monitors": {"joint_limit": margins}}))
+        there = {
+            "robot.initial_deg": {"belt": 0.5},
+            "reference": {"kind": "move", "target_deg": {"belt": 1.2}},
+        }
+        result = simulate(
+            load_station("irb120_on_belt", {**there, "monitors": {"joint_limit": margins}})
+        )
         assert result.stopped_by == stopped_by
         assert result["q.belt"][-1] == pytest.approx(1.1 if stopped_by else 1.2, abs=1e-3)
 
     @pytest.mark.parametrize(
         ("bounds", "settles"),
-        [({}, True), ({"error_deg": 5}, True), ({"error_m": 0.2}, True), ({"error_m": 0.05}, False)],
+        [
+            ({}, True),
+            ({"error_deg": 5}, True),
+            ({"error_m": 0.2}, True),
+            ({"error_m": 0.05}, False),
+        ],
     )
     def test_axes_that_slide_settle_by_metres(self, bounds, settles):
         """A carriage without force stays where it is, 0.1 m from where it should be."""
-        weak = {"mode": "dynamic", "servo.torque_limit": {"belt": 1e-3}, "robot.initial_deg": {"belt": 0.5}}
+        weak = {
+            "mode": "dynamic",
+            "servo.torque_limit": {"belt": 1e-3},
+            "robot.initial_deg": {"belt": 0.5},
+        }
         there = {
             "reference": {"kind": "hold", "target_deg": {"belt": 0.6}},
             "monitors": {"settled": {"speed_deg": 5, "speed_m": 0.05, **bounds}},
@@ -303,7 +376,11 @@ class TestMonitors:
 
 class TestDivergence:
     def test_what_was_recorded_is_kept_with_the_likely_cause(self):
-        overrides = {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}
+        overrides = {
+            "solver.scheme": "explicit_euler",
+            "solver.max_step": 0.01,
+            "servo.torque_limit": 1e12,
+        }
         result = simulate(load_station("irb120_dynamic", overrides))
         assert (result.ending, result.stopped_by) == ("diverged", "diverged")
         assert 0 < result.stop_time < 1
@@ -344,7 +421,10 @@ class TestDivergence:
 
 def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
     overrides = {"servo.torque_limit": 12, "floor": {"size": 2}, "duration": 2.0}
-    overrides |= {"servo.realization": "implicit", "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}}
+    overrides |= {
+        "servo.realization": "implicit",
+        "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3},
+    }
     through = simulate(load_station("irb120_dynamic", overrides))
     onto = simulate(load_station("irb120_dynamic", {**overrides, "contact": {"model": "point"}}))
     assert through.pose("tcp")[-1, 2] < -0.05
@@ -353,7 +433,10 @@ def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
 
 @pytest.mark.parametrize("station", ["double_pendulum", diagrams_root() / "double_pendulum.yaml"])
 def test_a_station_goes_by_its_name_or_file_too(station):
-    assert simulate(station, duration=0.1).config == simulate(load_station(station), duration=0.1).config
+    assert (
+        simulate(station, duration=0.1).config
+        == simulate(load_station(station), duration=0.1).config
+    )
     assert build_station(station).config == load_station(station)
 
 

@@ -39,7 +39,9 @@ def test_norms_of_quaternions():
     assert has_wrong_norm(np.array([1.0, 1.0, 0.0, 0.0]))
     assert has_wrong_norm(np.array([0.998, 0.0, 0.0, 0.0]))
     assert has_wrong_norm(np.zeros(4))
-    np.testing.assert_allclose(rotation_of(np.array([2.0, 2.0, 0.0, 0.0])).matrix()[1], [0.0, 0.0, -1.0], atol=1e-15)
+    np.testing.assert_allclose(
+        rotation_of(np.array([2.0, 2.0, 0.0, 0.0])).matrix()[1], [0.0, 0.0, -1.0], atol=1e-15
+    )
 
 
 def test_shares_of_points_by_height():

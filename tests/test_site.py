@@ -21,12 +21,16 @@ ROOT = Path(__file__).parent.parent
 @pytest.fixture(scope="module")
 def texts():
     """Return the pages of reference by their paths."""
-    return {page.path: page.text for maker in (keys, commands, parts, api) for page in maker.pages()}
+    return {
+        page.path: page.text for maker in (keys, commands, parts, api) for page in maker.pages()
+    }
 
 
 def test_every_key_of_every_file_has_a_row(texts):
     for file, schema in keys.schemas().items():
-        pages = "\n".join(text for path, text in texts.items() if path.startswith(f"reference/keys/{file}"))
+        pages = "\n".join(
+            text for path, text in texts.items() if path.startswith(f"reference/keys/{file}")
+        )
         sections = [schema, *schema.get("$defs", {}).values()]
         for key in {key for section in sections for key in section.get("properties", {})}:
             assert re.search(rf"^\| \[?`{key}`", pages, re.MULTILINE), f"{file}: {key}"
@@ -34,8 +38,13 @@ def test_every_key_of_every_file_has_a_row(texts):
 
 def test_a_row_of_a_key_says_what_it_may_be(texts):
     rows = texts["reference/keys/station/servo.md"].splitlines()
-    assert any(row.startswith("| `law` | `pid`, `cascade`, `computed_torque` | `pid` | PID; a cascade") for row in rows)
-    assert any(row.startswith("| `kp` | number, a list, or by axis |  | Proportional gain") for row in rows)
+    assert any(
+        row.startswith("| `law` | `pid`, `cascade`, `computed_torque` | `pid` | PID; a cascade")
+        for row in rows
+    )
+    assert any(
+        row.startswith("| `kp` | number, a list, or by axis |  | Proportional gain") for row in rows
+    )
 
 
 def test_every_option_of_every_command_has_a_row(texts):
@@ -43,7 +52,11 @@ def test_every_option_of_every_command_has_a_row(texts):
     for name in commands.commands():
         page = texts[f"reference/commands/{name}.md"]
         for parameter in whole_command(name).params:
-            shown = parameter.opts if parameter.param_type_name == "option" and parameter.name != "help" else []
+            shown = (
+                parameter.opts
+                if parameter.param_type_name == "option" and parameter.name != "help"
+                else []
+            )
             assert all(f"`{option}`" in page for option in shown), f"{name}: {shown}"
 
 
@@ -62,7 +75,9 @@ def test_every_public_name_and_every_module_of_blocks_has_a_page(texts):
 
 
 def test_formulas_and_roles_of_docstrings_become_markdown():
-    text = markdown("Speed :math:`v` of :class:`Arm`, by :func:`simrob_drake.simulate`:\n\n.. math:: a = b\n\nEnd.")
+    text = markdown(
+        "Speed :math:`v` of :class:`Arm`, by :func:`simrob_drake.simulate`:\n\n.. math:: a = b\n\nEnd."
+    )
     assert "<math" in text
     assert 'display="block"' in text
     assert "<code>Arm</code>, by <autoref" in text
@@ -104,9 +119,13 @@ def test_pages_of_both_languages_know_each_other(page, twin):
 
 
 def test_the_links_of_a_finished_site_are_looked_at(tmp_path):
-    (tmp_path / "a.html").write_text('<a href="b.html#here">x</a><a href="b.html#gone">x</a><a href="c.html">x</a>')
+    (tmp_path / "a.html").write_text(
+        '<a href="b.html#here">x</a><a href="b.html#gone">x</a><a href="c.html">x</a>'
+    )
     (tmp_path / "d.html").write_text('<html lang="en"><a href="d.html" hreflang="es">x</a>')
-    (tmp_path / "b.html").write_text('<p id="here"></p><a href="https://drake.mit.edu">x</a><script src="//cdn/x.js">')
+    (tmp_path / "b.html").write_text(
+        '<p id="here"></p><a href="https://drake.mit.edu">x</a><script src="//cdn/x.js">'
+    )
     assert list(links.findings(tmp_path)) == [
         "a.html: b.html#gone: there is no such place on that page",
         "a.html: c.html leads nowhere",
@@ -119,15 +138,23 @@ def test_every_page_stands_in_the_navigation():
     lines = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     named = set(re.findall(r"^ +- ([\w/-]+\.md)$", lines, re.MULTILINE))
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").glob("**/*.md")}
-    assert {page for page in pages if page.split("/")[0] not in ("es", "lessons", "course")} <= named
+    assert {
+        page for page in pages if page.split("/")[0] not in ("es", "lessons", "course")
+    } <= named
 
 
 def test_the_spanish_site_is_built_as_the_english_one():
     spanish = yaml.safe_load((ROOT / "mkdocs.es.yml").read_text(encoding="utf-8"))
-    assert (spanish["INHERIT"], spanish["docs_dir"], spanish["theme"]["language"]) == ("mkdocs.yml", "docs/es", "es")
+    assert (spanish["INHERIT"], spanish["docs_dir"], spanish["theme"]["language"]) == (
+        "mkdocs.yml",
+        "docs/es",
+        "es",
+    )
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "results").glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "results").glob("*.md")), ids=lambda page: page.stem
+)
 def test_every_table_of_results_says_its_command(page):
     whole, *sections = re.split(r"^#{2,} ", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     command = re.compile(r"`(simrob|python|make) [^`]+`")
@@ -146,11 +173,17 @@ def test_the_page_of_walking_names_keys_that_there_are(page, start, end):
     text = (ROOT / page).read_text(encoding="utf-8")
     part = text[text.index(start) : text.index(end)]
     sections = keys.schemas()["gaits"]["$defs"]
-    known = {key for name in ("WalkingParameters", "Feedback") for key in sections[name]["properties"]}
-    assert {*re.findall(r"`([a-z_]+)`", part)} - known - {"walk", "reacting"} <= set(station_names())
+    known = {
+        key for name in ("WalkingParameters", "Feedback") for key in sections[name]["properties"]
+    }
+    assert {*re.findall(r"`([a-z_]+)`", part)} - known - {"walk", "reacting"} <= set(
+        station_names()
+    )
 
 
 def test_lists_within_lists_are_indented_as_the_site_needs_it():
     for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
-        prose = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        prose = re.sub(
+            r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+        )
         assert not re.search(r"^ {1,3}(?:[-*]|\d+\.) ", prose, re.MULTILINE), page

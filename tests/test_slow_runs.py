@@ -25,7 +25,12 @@ def pallet(**overrides):
         "parcel": {"free": True, "pose": [0, 0, 0.087, 0.1, 0.02, 0.01]},
         "ball": {"free": True, "pose": [3, 0, 5, 0, 0, 0]},
     }
-    given = {"solver": RADAU, "pieces": pieces, "contact": {"model": "point", "corners": False}, "sensors": {}}
+    given = {
+        "solver": RADAU,
+        "pieces": pieces,
+        "contact": {"model": "point", "corners": False},
+        "sensors": {},
+    }
     return load_station("box_on_floor", {**given, **overrides})
 
 
@@ -43,7 +48,9 @@ def finger(tmp_path, monkeypatch):
     (tmp_path / "finger.urdf").write_text(FINGER)
     file = tmp_path / "finger.yaml"
     file.write_text(draft_station(tmp_path / "finger.urdf", folder=tmp_path))
-    return load_station(file, {"solver": RADAU, "servo.realization": "per_joint", "servo.feedforward": "none"})
+    return load_station(
+        file, {"solver": RADAU, "servo.realization": "per_joint", "servo.feedforward": "none"}
+    )
 
 
 @pytest.fixture
@@ -51,7 +58,9 @@ def impatient(monkeypatch):
     """Runs are looked at after each step, and must be faster than any is."""
     monkeypatch.setattr(pace, "_PATIENCE", 0.0)
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
-    monkeypatch.setattr(pace, "_OFTEN", 0.0)  # the shortest of these runs ends before a quick machine has looked once
+    monkeypatch.setattr(
+        pace, "_OFTEN", 0.0
+    )  # the shortest of these runs ends before a quick machine has looked once
     monkeypatch.setattr(pace, "_BUSY", 0.0)
     monkeypatch.setattr(pace, "_TRIAL", 0.1)
 
@@ -81,13 +90,18 @@ def test_a_released_piece_that_creeps_is_blamed_with_what_it_lies_on(impatient):
 def test_a_stop_that_is_too_stiff_is_blamed_with_its_figures(impatient, finger):
     """The link has m r² = 2e-4 · 0.01² and 3e-9 kg m² of its own about its joint."""
     (said,), _ = said_of(finger)
-    assert "bend moves 2.3e-08 kg m², for which its stop (joint_stops.stiffness) of 5.7e+05 N·m/rad" in said
+    assert (
+        "bend moves 2.3e-08 kg m², for which its stop (joint_stops.stiffness) of 5.7e+05 N·m/rad"
+        in said
+    )
     assert "take solver.kind discrete and servo.realization implicit (" in said
 
 
 def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
     monkeypatch.setattr(pace, "_HALF", 0.0)  # the largest part, however large
-    monkeypatch.setattr(pace.Slow, "_find_contacts", lambda *_: None)  # which may cost as much, on some machines
+    monkeypatch.setattr(
+        pace.Slow, "_find_contacts", lambda *_: None
+    )  # which may cost as much, on some machines
     (said,), _ = said_of(load_station("roid1_walking", {"duration": 1.0}))
     assert "each step of 0.0" in said
     assert "of it the block controller.walk " in said
@@ -95,7 +109,9 @@ def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
 
 
 def test_steps_of_one_length_can_be_longer(impatient):
-    (said,), _ = said_of(load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}}))
+    (said,), _ = said_of(
+        load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
+    )
     assert said.endswith("take longer ones (solver.time_step)")
 
 
@@ -108,17 +124,23 @@ def test_looking_for_the_cause_changes_nothing(impatient, monkeypatch):
 
 
 @pytest.mark.parametrize(("slowest", "busy"), [(1e-12, True), (1e6, False)])
-def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(impatient, monkeypatch, slowest, busy):
+def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(
+    impatient, monkeypatch, slowest, busy
+):
     """The run gets 1 % of a processor. What it would make of a whole one decides on the cause; both rates are told."""
     monkeypatch.setattr(pace, "_BUSY", 0.5)
     config = load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
-    watch = pace.PaceWatch(config, lambda: closed_station(resolve(config)), own_blocks=False, show=None)
+    watch = pace.PaceWatch(
+        config, lambda: closed_station(resolve(config)), own_blocks=False, show=None
+    )
     monkeypatch.setattr(pace, "_SLOWEST", slowest)
     context = watch._built().diagram.CreateDefaultContext()
     context.SetTime(0.01)
     watch._waited, watch._worked, watch._steps = 10.0, 0.1, 10
     complaint = watch._slow_run_message(context)
-    assert complaint.startswith("irb120_dynamic makes 0.001 × real time on 1 % of a processor (0.1 × on a whole")
+    assert complaint.startswith(
+        "irb120_dynamic makes 0.001 × real time on 1 % of a processor (0.1 × on a whole"
+    )
     assert ("the machine is busy with other work" in complaint) == busy
     assert ("each step of 0.001 s takes 0.01 s" in complaint) != busy
 
@@ -136,14 +158,21 @@ def test_a_pause_does_not_count(impatient, monkeypatch):
 def test_a_command_warns_once(impatient, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pace, "_BUSY", 1e9)
-    assert run_command(["run", "irb120_dynamic", "--duration", "0.3", "--no-recording", "--plots", "svg"]) == 0
+    assert (
+        run_command(
+            ["run", "irb120_dynamic", "--duration", "0.3", "--no-recording", "--plots", "svg"]
+        )
+        == 0
+    )
     said = " ".join(capsys.readouterr().err.split())
     assert "warning irb120_dynamic makes " in said
     assert said.count("warning") == 1, said
 
 
 def test_a_command_leaves_the_warnings_of_others_to_python(monkeypatch, capsys):
-    monkeypatch.setattr("simrob_drake.cli.app.app", lambda *_, **__: warnings.warn("of another", stacklevel=1))
+    monkeypatch.setattr(
+        "simrob_drake.cli.app.app", lambda *_, **__: warnings.warn("of another", stacklevel=1)
+    )
     with pytest.warns(UserWarning, match="of another"):
         assert run_command([]) == 0
     assert capsys.readouterr().err == ""

@@ -13,7 +13,10 @@ ENGLISH = [
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
     if not page.is_relative_to(ROOT / "docs" / "es")
 ]
-SPANISH = [page.relative_to(ROOT).as_posix() for page in [ROOT / "README.es.md", *sorted(ROOT.glob("docs/es/**/*.md"))]]
+SPANISH = [
+    page.relative_to(ROOT).as_posix()
+    for page in [ROOT / "README.es.md", *sorted(ROOT.glob("docs/es/**/*.md"))]
+]
 ENGLISH_ALONE = {"docs/gallery.md", "docs/results/verdicts.md"}
 """Pages that are made of the package's own words, which are English."""
 SPANISH_ALONE = {"docs/es/simrob.md"}
@@ -41,7 +44,9 @@ def prose(page):
 
 def tables(page):
     """Return how many rows each table of a page has."""
-    return [len(table.splitlines()) for table in re.findall(r"(?:^\|.*\n)+", prose(page), re.MULTILINE)]
+    return [
+        len(table.splitlines()) for table in re.findall(r"(?:^\|.*\n)+", prose(page), re.MULTILINE)
+    ]
 
 
 def sections(page):
@@ -55,7 +60,12 @@ def commands(page):
     lines = [line for line in shown if re.match(r"(simrob|make|python|pip) ", line)]
     lines += re.findall(r"`(simrob [^`]+)`", prose(page))
     words = [(line.split()[:2], re.findall(r" (--[\w-]+)", line)) for line in lines]
-    return {(*called, option) for called, options in words for option in ("", *options) if option != "--language"}
+    return {
+        (*called, option)
+        for called, options in words
+        for option in ("", *options)
+        if option != "--language"
+    }
 
 
 def test_every_page_is_in_both_languages():
@@ -75,7 +85,9 @@ def test_both_have_the_same_tables(page):
 
 @each_pair
 def test_both_have_the_same_blocks_of_code(page):
-    assert [language for language, _ in code(twin(page))] == [language for language, _ in code(page)]
+    assert [language for language, _ in code(twin(page))] == [
+        language for language, _ in code(page)
+    ]
 
 
 @each_pair
@@ -84,7 +96,9 @@ def test_both_name_the_same_commands(page):
 
 
 NAMES = "Drake|Python|MuJoCo|FMI|MATLAB|ssik|arXiv|OpenModelica|versión|version"
-PLAIN = rf"(?m)`[^`]*`|\b3\.1[1-4]\b|\]\([^)]*\)|https?://\S+|(?:{NAMES})\s[\d.]+|^#.*$|\d+\.\d+\.\d+"
+PLAIN = (
+    rf"(?m)`[^`]*`|\b3\.1[1-4]\b|\]\([^)]*\)|https?://\S+|(?:{NAMES})\s[\d.]+|^#.*$|\d+\.\d+\.\d+"
+)
 """What has points that are no decimal marks: code, links, versions."""
 
 
@@ -101,5 +115,7 @@ def test_english_pages_write_decimals_with_a_point(page):
 
 def test_the_folders_of_lessons_are_known():
     assert all(
-        (ROOT / "docs" / "es" / there).is_dir() for here, there in FOLDERS.items() if (ROOT / "docs" / here).is_dir()
+        (ROOT / "docs" / "es" / there).is_dir()
+        for here, there in FOLDERS.items()
+        if (ROOT / "docs" / here).is_dir()
     )

@@ -41,14 +41,20 @@ CLAUSE = r"(?:^|[;:.] |, or |, |\b(?:o|y|or|and) )"
 
 def prose(page: Path) -> str:
     """Text of a page without code."""
-    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(
+        r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
     return re.sub(r"`[^`]*`", "", text)
 
 
 def spanish_values(content: object, is_spanish: bool = False) -> list[str]:
     """Texts below a key ``es`` in the content of a YAML file, or all of them if the file is Spanish."""
     if isinstance(content, dict):
-        return [text for key, value in content.items() for text in spanish_values(value, is_spanish or key == "es")]
+        return [
+            text
+            for key, value in content.items()
+            for text in spanish_values(value, is_spanish or key == "es")
+        ]
     if isinstance(content, list):
         return [text for value in content for text in spanish_values(value, is_spanish)]
     return [str(content)] if is_spanish else []
@@ -66,7 +72,10 @@ def spanish_texts() -> dict[str, str]:
         found[page.relative_to(ROOT).as_posix()] = prose(page)
     for template in (ROOT / "course").glob("*/template_es.py"):
         found[template.relative_to(ROOT).as_posix()] = template.read_text(encoding="utf-8")
-    catalogues = [*PACKAGE.glob("base/languages/es/*.yaml"), *PACKAGE.glob("extensions/*/languages/es.yaml")]
+    catalogues = [
+        *PACKAGE.glob("base/languages/es/*.yaml"),
+        *PACKAGE.glob("extensions/*/languages/es.yaml"),
+    ]
     page_texts = [*PACKAGE.glob("extensions/pendant/pages/strings/es.yaml")]
     for file in [*catalogues, *page_texts]:
         found[file.relative_to(ROOT).as_posix()] = yaml_texts(file, is_spanish=True)
@@ -80,7 +89,14 @@ TEXTS = spanish_texts()
 
 
 def test_all_sorts_of_texts_are_found():
-    for part in ("README.es.md", "docs/es/curso/", "/strings/es.yaml", "/lessons/", "exercise.yaml", "template_es.py"):
+    for part in (
+        "README.es.md",
+        "docs/es/curso/",
+        "/strings/es.yaml",
+        "/lessons/",
+        "exercise.yaml",
+        "template_es.py",
+    ):
         assert any(part in file for file in TEXTS), part
     assert sum(map(len, TEXTS.values())) > 500_000
 
@@ -97,7 +113,9 @@ def test_a_form_of_tu_is_found(text):
     assert OF_TU.search(text)
 
 
-@pytest.mark.parametrize("text", ["ponga servo.kp a 300", "quítelo", "su estación", "¿quería decir kp?", "se usa kp"])
+@pytest.mark.parametrize(
+    "text", ["ponga servo.kp a 300", "quítelo", "su estación", "¿quería decir kp?", "se usa kp"]
+)
 def test_a_form_of_usted_is_left_alone(text):
     assert OF_TU.search(text) is None
 

@@ -110,7 +110,9 @@ def test_torques_at_a_change_of_gains_are_those_of_the_new_gains() -> None:
             "pieces": {},
         },
     )
-    moves = [{"move_abs_j": {"targets": np.deg2rad([30, 20, -30, 10, 20, 30]).tolist(), "duration": 0.4}}]
+    moves = [
+        {"move_abs_j": {"targets": np.deg2rad([30, 20, -30, 10, 20, 30]).tolist(), "duration": 0.4}}
+    ]
     change = {"time": RESTART, "set": {"servo.kp": 1000.001}}
     with_change = Program.model_validate({"moves": moves, "grid": 0.05, "changes": [change]})
     without = Program.model_validate({"moves": moves, "grid": 0.05})

@@ -22,7 +22,12 @@ CASES: list[tuple[Any, Any, str, str]] = [
     (Annotated[float, Field(ge=0.5)], 0, "must be at least 0.5", "debe ser 0,5 como mínimo"),
     (Annotated[float, Field(lt=2)], 2, "must be less than 2", "debe ser menor que 2"),
     (Annotated[float, Field(le=1e4)], 1e6, "must be at most 10000", "debe ser 10000 como máximo"),
-    (Annotated[int, Field(multiple_of=5)], 7, "must be a multiple of 5", "debe ser un múltiplo de 5"),
+    (
+        Annotated[int, Field(multiple_of=5)],
+        7,
+        "must be a multiple of 5",
+        "debe ser un múltiplo de 5",
+    ),
     (
         Annotated[float, Field(allow_inf_nan=False)],
         float("nan"),
@@ -42,18 +47,38 @@ CASES: list[tuple[Any, Any, str, str]] = [
         "needs at least 2 values, not 1",
         "necesita al menos 2 valores, no 1",
     ),
-    (Annotated[list[int], Field(max_length=1)], [1, 2], "takes at most 1 value", "admite como mucho 1 valor"),
-    (Annotated[str, Field(min_length=1)], "", "must have at least 1 character", "debe tener al menos 1 carácter"),
+    (
+        Annotated[list[int], Field(max_length=1)],
+        [1, 2],
+        "takes at most 1 value",
+        "admite como mucho 1 valor",
+    ),
+    (
+        Annotated[str, Field(min_length=1)],
+        "",
+        "must have at least 1 character",
+        "debe tener al menos 1 carácter",
+    ),
     (
         Annotated[str, Field(max_length=2)],
         "abc",
         "must have at most 2 characters",
         "debe tener como mucho 2 caracteres",
     ),
-    (Annotated[str, Field(pattern="^a")], "b", "must match the pattern ^a", "debe seguir el patrón ^a"),
+    (
+        Annotated[str, Field(pattern="^a")],
+        "b",
+        "must match the pattern ^a",
+        "debe seguir el patrón ^a",
+    ),
     (Literal["a", "b"], "c", "must be one of 'a', 'b'", "debe ser uno de 'a', 'b'"),
     (None, 3, "must be null", "debe ser null"),
-    (dict[str, int], 3, "must be a mapping of keys to values", "debe ser un conjunto de claves con sus valores"),
+    (
+        dict[str, int],
+        3,
+        "must be a mapping of keys to values",
+        "debe ser un conjunto de claves con sus valores",
+    ),
 ]
 
 
@@ -65,7 +90,9 @@ def first_finding(kind: Any, value: Any) -> Any:
 
 
 @pytest.mark.parametrize(("kind", "value", "english", "spanish"), CASES)
-def test_a_problem_has_a_message_by_its_type(kind: Any, value: Any, english: str, spanish: str) -> None:
+def test_a_problem_has_a_message_by_its_type(
+    kind: Any, value: Any, english: str, spanish: str
+) -> None:
     problem = value_problem(first_finding(kind, value))
     assert problem == english
     assert in_language(problem, "es") == spanish
@@ -96,7 +123,12 @@ def test_a_message_of_a_validator_goes_first() -> None:
 def test_a_section_and_a_station_have_them() -> None:
     with pytest.raises(InvalidConfig) as raised:
         validated(ContinuousSolver, {"kind": "continuous", "accuracy": "high"}, "a.yaml")
-    assert in_language(raised.value.message, "es") == "a.yaml: accuracy: debe ser un número (es 'high')"
+    assert (
+        in_language(raised.value.message, "es")
+        == "a.yaml: accuracy: debe ser un número (es 'high')"
+    )
     with pytest.raises(InvalidConfig) as raised:
         load_station("double_pendulum", {"duration": -1})
-    assert in_language(raised.value.message, "es").endswith("duration: debe ser mayor que 0 (es -1)")
+    assert in_language(raised.value.message, "es").endswith(
+        "duration: debe ser mayor que 0 (es -1)"
+    )

@@ -28,7 +28,11 @@ def test_the_guards_fit_their_robots_and_move_both_sides_alike(robot):
 @pytest.mark.parametrize(("robot", "force"), [("zjudancer", 27), ("roid1", 10)])
 def test_a_robot_that_curls_up_as_it_falls_keeps_its_head_off_the_floor(robot, force):
     motion, turn = replace(walk(robot, 4), falls=True), np.deg2rad(load_gaits(robot).facing_deg)
-    push = {"kind": "push", "start": PUSHED, "force": [force * np.cos(turn), force * np.sin(turn), 0.0]}
+    push = {
+        "kind": "push",
+        "start": PUSHED,
+        "force": [force * np.cos(turn), force * np.sin(turn), 0.0],
+    }
     lowest = {}
     for guarded in (False, True):
         config = motion.station(

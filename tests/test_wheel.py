@@ -32,7 +32,9 @@ WRONG = "simulate(load_station(3), durations=2.0)\n"
 def built(folder, **environment):
     """Build the wheel into a folder."""
     command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(TOP)]
-    subprocess.run(command, check=True, capture_output=True, timeout=300, env={**os.environ, **environment})
+    subprocess.run(
+        command, check=True, capture_output=True, timeout=300, env={**os.environ, **environment}
+    )
     return next(folder.glob("*.whl"))
 
 
@@ -70,8 +72,18 @@ def test_a_script_of_a_user_is_checked_strictly(installed, tmp_path):
 
     def check(text):
         script.write_text(text)
-        command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", str(python), "script.py"]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+        command = [
+            sys.executable,
+            "-m",
+            "mypy",
+            "--strict",
+            "--python-executable",
+            str(python),
+            "script.py",
+        ]
+        return subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+        )
 
     assert check(SCRIPT).stdout.startswith("Success")
     wrong = check(SCRIPT + WRONG).stdout
@@ -81,7 +93,9 @@ def test_a_script_of_a_user_is_checked_strictly(installed, tmp_path):
 
 def test_each_robot_and_piece_has_its_licence_and_its_source():
     notice = (TOP / "NOTICE").read_text()
-    files = sorted((TOP / "models").glob("**/robot.yaml")) + sorted((TOP / "models").glob("**/piece.yaml"))
+    files = sorted((TOP / "models").glob("**/robot.yaml")) + sorted(
+        (TOP / "models").glob("**/piece.yaml")
+    )
     assert len(files) > 40
     for file in files:
         assert "# SPDX-License-Identifier: BSD-3-Clause\n" in file.read_text(), file

@@ -37,7 +37,10 @@ OF_EQUAL_NAME = 3
 
 @cache
 def modules() -> dict[str, ast.Module]:
-    return {str(file.relative_to(PACKAGE)): ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
+    return {
+        str(file.relative_to(PACKAGE)): ast.parse(file.read_text())
+        for file in sorted(PACKAGE.rglob("*.py"))
+    }
 
 
 def names(tree: ast.AST) -> Iterator[tuple[str, int]]:
@@ -58,8 +61,15 @@ def words(name: str) -> frozenset[str]:
 def found(module: str) -> list[str]:
     """Return the names of a module that are to be others, and what they may be."""
     own = {(Path(module).stem, 0), *names(modules()[module])}
-    bad = {(line, name, word) for name, line in own for word in words(name) if (module, word) not in PUBLIC}
-    bad = {(line, name, word) for line, name, word in bad if word != "figures" or module not in FIGURES}
+    bad = {
+        (line, name, word)
+        for name, line in own
+        for word in words(name)
+        if (module, word) not in PUBLIC
+    }
+    bad = {
+        (line, name, word) for line, name, word in bad if word != "figures" or module not in FIGURES
+    }
     return [f"{module}:{line}: {name}; {word}: {INSTEAD[word]}" for line, name, word in sorted(bad)]
 
 

@@ -43,7 +43,8 @@ def finding(text: str) -> str:
 
 def test_a_good_text_is_read_whole() -> None:
     content = parse_yaml(
-        "{name: m, speed: {a: 1e-3}, drive: {kind: fast, rate: 2}, parts: {arm: {size: [1, 2, 3]}}}", "m.yaml"
+        "{name: m, speed: {a: 1e-3}, drive: {kind: fast, rate: 2}, parts: {arm: {size: [1, 2, 3]}}}",
+        "m.yaml",
     )
     machine = validated(Machine, content, "m.yaml")
     assert machine.speed == {"a": 1e-3}
@@ -53,7 +54,15 @@ def test_a_good_text_is_read_whole() -> None:
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("1e-3", 1e-3), ("1E5", 1e5), ("-2e+1", -20.0), (".5e1", 5.0), ("1.0e-3", 1e-3), ("7", 7), ("1e", "1e")],
+    [
+        ("1e-3", 1e-3),
+        ("1E5", 1e5),
+        ("-2e+1", -20.0),
+        (".5e1", 5.0),
+        ("1.0e-3", 1e-3),
+        ("7", 7),
+        ("1e", "1e"),
+    ],
 )
 def test_numbers_are_those_of_yaml_1_2(text: str, value: float | str) -> None:
     assert parse_yaml(text, "here") == value
@@ -96,7 +105,10 @@ def test_a_number_is_finite(value: str) -> None:
 
 
 def test_a_number_out_of_its_range_is_named_with_its_range() -> None:
-    assert finding("parts: {arm: {mass: -1}}") == "m.yaml: parts.arm.mass: must be greater than 0 (it is -1)"
+    assert (
+        finding("parts: {arm: {mass: -1}}")
+        == "m.yaml: parts.arm.mass: must be greater than 0 (it is -1)"
+    )
 
 
 def test_a_finding_in_a_union_is_of_the_branch_that_was_meant() -> None:
@@ -118,7 +130,9 @@ def test_a_wrong_choice_brings_the_choices(text: str, expected: str) -> None:
 
 @pytest.mark.parametrize("size", ["[]", "[1, 2]"])
 def test_a_list_that_is_too_short_tells_its_length(size: str) -> None:
-    assert finding(f"parts: {{arm: {{size: {size}}}}}").startswith("m.yaml: parts.arm.size: needs 3 values")
+    assert finding(f"parts: {{arm: {{size: {size}}}}}").startswith(
+        "m.yaml: parts.arm.size: needs 3 values"
+    )
 
 
 def test_a_list_that_is_too_long_is_an_error() -> None:

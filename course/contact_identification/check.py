@@ -14,7 +14,9 @@ FLOORS = ((1400.0, 0.09), (5500.0, 0.22))  # N/m, s/m
 SAMPLES, RATE, NOISE = 150, 250, 5e-4  # Hz, m
 
 
-def bounce(stiffness: float, dissipation: float, seconds: float, height: float = 0.1) -> SimulationResult:
+def bounce(
+    stiffness: float, dissipation: float, seconds: float, height: float = 0.1
+) -> SimulationResult:
     """Drop the ball."""
     changes = {
         "contact": {"model": "point", "stiffness": stiffness, "dissipation": dissipation},
@@ -56,7 +58,9 @@ def measured(floor: int) -> tuple[np.ndarray, np.ndarray]:
 @cache
 def found(answer: ModuleType) -> np.ndarray:
     """Return what the answer finds of each floor, shape (2, 2)."""
-    return np.array([numbers(answer, "identify", *measured(floor), shape=(2,)) for floor in range(len(FLOORS))])
+    return np.array(
+        [numbers(answer, "identify", *measured(floor), shape=(2,)) for floor in range(len(FLOORS))]
+    )
 
 
 def stiffness(answer: ModuleType) -> Reading:

@@ -31,4 +31,10 @@ def dissipation_for(height):
 
 
 if __name__ == "__main__":
-    print("on 1000 N/m the ball sinks by", sink(1000), "m and touches the floor for", contact_time(1000), "s")
+    print(
+        "on 1000 N/m the ball sinks by",
+        sink(1000),
+        "m and touches the floor for",
+        contact_time(1000),
+        "s",
+    )

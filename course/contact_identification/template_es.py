@@ -31,4 +31,10 @@ def dissipation_for(height):
 
 
 if __name__ == "__main__":
-    print("con 1000 N/m la pelota se hunde", sink(1000), "m y toca el suelo durante", contact_time(1000), "s")
+    print(
+        "con 1000 N/m la pelota se hunde",
+        sink(1000),
+        "m y toca el suelo durante",
+        contact_time(1000),
+        "s",
+    )

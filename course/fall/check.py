@@ -18,7 +18,9 @@ ACTS = np.deg2rad(5)  # that a guard asks for
 
 def run(force: float, blocks: Any = ()) -> SimulationResult:
     """Push the trunk for 0.2 s."""
-    station = load_station("humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]})
+    station = load_station(
+        "humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]}
+    )
     return simulate(station, blocks=blocks, duration=3.0, progress=False)
 
 
@@ -48,7 +50,10 @@ def foreseen(answer: ModuleType) -> Reading:
 def head(answer: ModuleType, forces: tuple[float, ...]) -> float:
     """Return how near the head comes to the floor [mm]; a run that ends early counts as zero."""
     results = [guarded(answer, force) for force in forces]
-    return min(1e3 * float(result["distance.head"].min()) * (result.ending == "completed") for result in results)
+    return min(
+        1e3 * float(result["distance.head"].min()) * (result.ending == "completed")
+        for result in results
+    )
 
 
 def ahead(answer: ModuleType) -> Reading:

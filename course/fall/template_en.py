@@ -16,7 +16,9 @@ MASS, GRAVITY, COM_HEIGHT, TOES, INERTIA = 2.292, 9.80665, 0.228, 0.079, 0.037  
 
 def run(force, blocks=()):
     """Push the trunk with a force [N] along y for 0.2 s (ahead is negative); the station's own guards are left out."""
-    station = load_station("humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]})
+    station = load_station(
+        "humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]}
+    )
     return simulate(station, blocks=blocks, duration=3.0, progress=False)
 
 

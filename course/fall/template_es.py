@@ -11,12 +11,20 @@ from simrob_drake.robots.catalog import load_robot
 
 AXES = list(load_robot("humanoid").axes)  # en el orden de todos los vectores
 ARMS = [AXES.index(name) for name in ("right_shoulder_pitch", "left_shoulder_pitch")]
-MASS, GRAVITY, COM_HEIGHT, TOES, INERTIA = 2.292, 9.80665, 0.228, 0.079, 0.037  # como en el ejercicio 7
+MASS, GRAVITY, COM_HEIGHT, TOES, INERTIA = (
+    2.292,
+    9.80665,
+    0.228,
+    0.079,
+    0.037,
+)  # como en el ejercicio 7
 
 
 def run(force, blocks=()):
     """Empuja el tronco con una fuerza [N] en y durante 0,2 s (delante es negativo), sin los guardas de la estación."""
-    station = load_station("humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]})
+    station = load_station(
+        "humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]}
+    )
     return simulate(station, blocks=blocks, duration=3.0, progress=False)
 
 

@@ -12,7 +12,11 @@ from simrob_drake import Arm, SimulationResult, load_station, simulate
 from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, value_of
 
 STATION = "irb120_force_stop"
-STRONG = {"servo.torque_limit": 500, "servo.kd": 50, "contact.friction": {"static": 0, "dynamic": 0}}
+STRONG = {
+    "servo.torque_limit": 500,
+    "servo.kd": 50,
+    "contact.friction": {"static": 0, "dynamic": 0},
+}
 FINE = {"sample_rate": 5000, "solver.accuracy": 1e-4, "solver.max_step": 0.01}
 HOME = np.deg2rad([0, 0, 26.1, 0, 63.9, 0])
 RADIUS = 0.01  # m, of the ball

@@ -5,7 +5,11 @@ import numpy as np
 from simrob_drake import Arm, load_station, simulate
 
 STATION = "irb120_force_stop"
-STRONG = {"servo.torque_limit": 500, "servo.kd": 50, "contact.friction": {"static": 0, "dynamic": 0}}
+STRONG = {
+    "servo.torque_limit": 500,
+    "servo.kd": 50,
+    "contact.friction": {"static": 0, "dynamic": 0},
+}
 FLOOR = 1e5  # N/m, and 1 s/m of dissipation
 HOME = np.deg2rad([0, 0, 26.1, 0, 63.9, 0])
 RADIUS = 0.01  # m, of the ball

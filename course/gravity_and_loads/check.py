@@ -9,7 +9,14 @@ import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, near, number, numbers
+from simrob_drake.extensions.course.measuring import (
+    Reading,
+    at_least,
+    at_most,
+    near,
+    number,
+    numbers,
+)
 
 LOAD = 3.0  # kg
 STRETCHED = np.deg2rad([90.0, -70.0])
@@ -35,7 +42,9 @@ class Feedforward(SampledBlock):
 def held(q2: float, q3: float, load: float, blocks: Any = (), **servo: Any) -> SimulationResult:
     """Let the servos hold a posture with a load."""
     posture = {"joint_2": float(np.rad2deg(q2)), "joint_3": float(np.rad2deg(q3))}
-    carried = {"model": "pencil", "parent": "robot", "mass": load, "com": [0, 0, 0.05]} if load else None
+    carried = (
+        {"model": "pencil", "parent": "robot", "mass": load, "com": [0, 0, 0.05]} if load else None
+    )
     changes = {
         "pieces.gripper": None,
         "pieces.load": carried,
@@ -43,13 +52,22 @@ def held(q2: float, q3: float, load: float, blocks: Any = (), **servo: Any) -> S
         "reference": {"kind": "hold", "target_deg": posture},
         **{f"servo.{key}": value for key, value in servo.items()},
     }
-    return simulate(load_station("irb120_dynamic", changes), blocks=blocks, duration=1.5, progress=False)
+    return simulate(
+        load_station("irb120_dynamic", changes), blocks=blocks, duration=1.5, progress=False
+    )
 
 
 def torques(answer: ModuleType) -> Reading:
     """Hold with stiff servos, and compare."""
     missed = []
-    for q2, q3, load in ((0, 0, 0), (30, 0, 0), (60, -50, 0), (30, 20, 2), (-40, 10, 2), (80, -60, 4)):
+    for q2, q3, load in (
+        (0, 0, 0),
+        (30, 0, 0),
+        (60, -50, 0),
+        (30, 20, 2),
+        (-40, 10, 2),
+        (80, -60, 4),
+    ):
         q = np.deg2rad([q2, q3])
         measured = held(*q, load, kp=20000, kd=200).axes("tau")[-1, 1:3]
         missed.append(numbers(answer, "gravity", *q, load, shape=(2,)) - measured)
@@ -89,9 +107,15 @@ def dropped(answer: ModuleType, part: float) -> list[float]:
     errors = []
     for limit in (30.0, 60.0):
         result = held(
-            *STRETCHED, part * number(answer, "payload", limit), kp=20000, kd=200, torque_limit={"joint_2": limit}
+            *STRETCHED,
+            part * number(answer, "payload", limit),
+            kp=20000,
+            kd=200,
+            torque_limit={"joint_2": limit},
         )
-        errors.append(float(np.rad2deg(np.abs(result["q.joint_2"] - result["q_ref.joint_2"]).max())))
+        errors.append(
+            float(np.rad2deg(np.abs(result["q.joint_2"] - result["q_ref.joint_2"]).max()))
+        )
     return errors
 
 

@@ -7,7 +7,12 @@ forearm points ahead; both joints turn about y, so that a positive angle lowers 
 GRAVITY = 9.80665  # m/s^2
 # mass [kg], and centre of mass ahead of and above the joint that carries the part, at zero [m]
 UPPER_ARM = (3.909, 0.00078, 0.10124)  # of joint 2; joint 3 is 0.270 above joint 2
-FOREARM = [(2.944, 0.02281, 0.05791), (1.328, 0.2247, 0.07041), (0.546, 0.30091, 0.07006), (0.137, 0.36694, 0.07)]
+FOREARM = [
+    (2.944, 0.02281, 0.05791),
+    (1.328, 0.2247, 0.07041),
+    (0.546, 0.30091, 0.07006),
+    (0.137, 0.36694, 0.07),
+]
 FLANGE = (0.374, 0.07)  # of joint 3
 
 
@@ -32,4 +37,8 @@ def payload(limit):
 
 
 if __name__ == "__main__":
-    print("at 30 degrees without a load:", gravity(0.5236, 0, 0), "and it should be about -14.98 and -6.46 N·m")
+    print(
+        "at 30 degrees without a load:",
+        gravity(0.5236, 0, 0),
+        "and it should be about -14.98 and -6.46 N·m",
+    )

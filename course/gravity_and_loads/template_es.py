@@ -7,7 +7,12 @@ apunta hacia delante; ambas giran en y, de modo que un ángulo positivo baja lo 
 GRAVITY = 9.80665  # m/s^2
 # masa [kg], y centro de masas por delante y por encima de la articulación que lleva la parte, en cero [m]
 UPPER_ARM = (3.909, 0.00078, 0.10124)  # de la articulación 2; la 3 está 0,270 por encima de la 2
-FOREARM = [(2.944, 0.02281, 0.05791), (1.328, 0.2247, 0.07041), (0.546, 0.30091, 0.07006), (0.137, 0.36694, 0.07)]
+FOREARM = [
+    (2.944, 0.02281, 0.05791),
+    (1.328, 0.2247, 0.07041),
+    (0.546, 0.30091, 0.07006),
+    (0.137, 0.36694, 0.07),
+]
 FLANGE = (0.374, 0.07)  # de la articulación 3
 
 

@@ -7,7 +7,14 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, as_transform, load_station, simulate
-from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, near, number, numbers
+from simrob_drake.extensions.course.measuring import (
+    Reading,
+    at_least,
+    at_most,
+    near,
+    number,
+    numbers,
+)
 
 STATION = "irb120_cobot"
 HOME = [0, 0, 0, 0, 90, 0]  # deg
@@ -15,11 +22,15 @@ FINE = {"solver.accuracy": 1e-3, "solver.max_step": 0.02}
 RATE = 100  # Hz
 
 
-def run(gain: float, force: list[float], seconds: float, kd: float = 10, rest: float = 0.0) -> SimulationResult:
+def run(
+    gain: float, force: list[float], seconds: float, kd: float = 10, rest: float = 0.0
+) -> SimulationResult:
     """Push the tool from 0.5 s on."""
     push = {"kind": "push", "start": 0.5, "duration": seconds, "force": force}
     servo = {"servo.admittance_gain": gain, "servo.kd": kd}
-    station = load_station(STATION, {**FINE, **servo, "forces": {"hand": push}, "sample_rate": RATE})
+    station = load_station(
+        STATION, {**FINE, **servo, "forces": {"hand": push}, "sample_rate": RATE}
+    )
     return simulate(station, duration=0.5 + seconds + rest, progress=False)
 
 
@@ -57,7 +68,10 @@ def chosen(answer: ModuleType) -> Reading:
 def stiffest(answer: ModuleType) -> Reading:
     """Push along the answer's direction, and along the one that is the right one."""
     arm = Arm(load_station(STATION))
-    axes, jacobian = as_transform(arm.pose(np.deg2rad(HOME))).rotation().matrix(), arm.jacobian(np.deg2rad(HOME))[:3]
+    axes, jacobian = (
+        as_transform(arm.pose(np.deg2rad(HOME))).rotation().matrix(),
+        arm.jacobian(np.deg2rad(HOME))[:3],
+    )
     least = axes.T @ np.linalg.eigh(jacobian @ jacobian.T).eigenvectors[:, 0]
     direction = numbers(answer, "stiffest", shape=(3,))
     ways = (direction / np.linalg.norm(direction), least)
@@ -69,7 +83,9 @@ def pushed(answer: ModuleType) -> tuple[float, float]:
     """Return the ways [mm] during a push and in the two seconds after it."""
     gain, kd = numbers(answer, "settings", shape=(2,))
     tool = run(float(gain), [0, 2.0, 0], 0.5, float(kd), rest=2.0).pose("tcp")[:, :3]
-    return float(1e3 * np.linalg.norm(tool[100] - tool[50])), float(1e3 * np.linalg.norm(tool[-1] - tool[100]))
+    return float(1e3 * np.linalg.norm(tool[100] - tool[50])), float(
+        1e3 * np.linalg.norm(tool[-1] - tool[100])
+    )
 
 
 def moved(answer: ModuleType) -> Reading:

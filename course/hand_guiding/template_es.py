@@ -12,7 +12,9 @@ STATION = "irb120_cobot"
 HOME = np.deg2rad([0, 0, 0, 0, 90, 0])
 FINE = {"solver.accuracy": 1e-3, "solver.max_step": 0.02}
 
-arm = Arm(load_station(STATION))  # arm.jacobian(q), arm.pose(q), arm.dynamics.gravity(q): lo que hace falta está
+arm = Arm(
+    load_station(STATION)
+)  # arm.jacobian(q), arm.pose(q), arm.dynamics.gravity(q): lo que hace falta está
 axes = as_transform(arm.pose(HOME)).rotation().matrix()  # los de la herramienta, en HOME
 
 
@@ -52,4 +54,9 @@ def settings():
 if __name__ == "__main__":
     result = run(300, [0, 2, 0], 0.5)
     tool = result.pose("tcp")[:, :3]
-    print("el empujón movió la herramienta", 1e3 * (tool[100] - tool[50]), "mm, y luego", 1e3 * (tool[-1] - tool[100]))
+    print(
+        "el empujón movió la herramienta",
+        1e3 * (tool[100] - tool[50]),
+        "mm, y luego",
+        1e3 * (tool[-1] - tool[100]),
+    )

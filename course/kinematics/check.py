@@ -30,14 +30,21 @@ def postures(count: int, seed: int) -> np.ndarray:
 
 def tool_position(answer: ModuleType) -> Reading:
     """Compare places with the robot's."""
-    misses = [numbers(answer, "tool_position", q, shape=(3,)) - arm().pose(q)[:3] for q in postures(20, 1)]
+    misses = [
+        numbers(answer, "tool_position", q, shape=(3,)) - arm().pose(q)[:3] for q in postures(20, 1)
+    ]
     return at_most(1e3 * np.linalg.norm(misses, axis=1).max(), 0.01, "mm")
 
 
 def velocity(answer: ModuleType) -> Reading:
     """Move all joints in the station, and compare speeds."""
     start, end = postures(2, 2)
-    run = simulate(load_station("irb120_kinematic", BARE), reference=([0, 2], [start, end]), duration=2, progress=False)
+    run = simulate(
+        load_station("irb120_kinematic", BARE),
+        reference=([0, 2], [start, end]),
+        duration=2,
+        progress=False,
+    )
     places = run.pose("tcp")[:, :3]
     measured = (places[2:] - places[:-2]) / (run.times[2:] - run.times[:-2])[:, None]
     chosen = range(20, len(measured), 30)

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, numbers, value_of
+from simrob_drake.extensions.course.measuring import (
+    Reading,
+    at_least,
+    at_most,
+    number,
+    numbers,
+    value_of,
+)
 
 STEPS = 4
 RIGHT = [
@@ -23,14 +30,18 @@ RIGHT = [
 
 def mirror(answer: ModuleType) -> Reading:
     """Compare moves."""
-    return at_least(sum(value_of(answer, "mirrored", move) == other for move, other in RIGHT), len(RIGHT))
+    return at_least(
+        sum(value_of(answer, "mirrored", move) == other for move, other in RIGHT), len(RIGHT)
+    )
 
 
 def march(moves: Sequence[Any], seconds: float, kd: float) -> SimulationResult:
     """Let the humanoid go through moves."""
     targets = [{"time": (k + 1) * seconds, "target_deg": move} for k, move in enumerate(moves)]
     changes = {"reference": {"kind": "sequence", "targets": targets}, "servo.kd": kd}
-    return simulate(load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False)
+    return simulate(
+        load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False
+    )
 
 
 @cache
@@ -67,8 +78,16 @@ def lagging(answer: ModuleType) -> Reading:
     missed = []
     for kp, kd in ((100.0, 30.0), (200.0, 20.0), (50.0, 25.0)):
         ramp = {"kind": "ramp", "target_deg": {"neck_yaw": 60}, "duration": 4.0}
-        servo = {"servo.kp": kp, "servo.kd": kd, "solver.max_step": 0.002}  # references stand still over a step
-        result = simulate(load_station("humanoid_dynamic", {"reference": ramp, **servo}), duration=4.0, progress=False)
+        servo = {
+            "servo.kp": kp,
+            "servo.kd": kd,
+            "solver.max_step": 0.002,
+        }  # references stand still over a step
+        result = simulate(
+            load_station("humanoid_dynamic", {"reference": ramp, **servo}),
+            duration=4.0,
+            progress=False,
+        )
         behind = (result["q_ref.neck_yaw"][-1] - result["q.neck_yaw"][-1]) / np.deg2rad(15)
         missed.append(number(answer, "lag", kp, kd) / behind - 1)
     return at_most(100 * np.abs(missed).max(), 10, "%")

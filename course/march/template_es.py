@@ -17,7 +17,9 @@ def march(moves, seconds=1.0, kd=100):
     """Hace pasar al humanoide por los movimientos, cada uno en esos segundos; kp es 100 N·m/rad."""
     targets = [{"time": (k + 1) * seconds, "target_deg": move} for k, move in enumerate(moves)]
     changes = {"reference": {"kind": "sequence", "targets": targets}, "servo.kd": kd}
-    return simulate(load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False)
+    return simulate(
+        load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False
+    )
 
 
 def mirrored(move):

@@ -21,7 +21,9 @@ def crouched(answer: ModuleType, height: float, trunk: float = 1.0) -> Simulatio
     """Let the answer's loop bring the hip to a height; the trunk may be heavier by a factor."""
     changes = {} if trunk == 1 else {"robot.mass_factors": {load_robot("humanoid").root: trunk}}
     station = load_station("humanoid_dynamic", changes)
-    return simulate(station, blocks=[value_of(answer, "Height", height)], duration=SECONDS, progress=False)
+    return simulate(
+        station, blocks=[value_of(answer, "Height", height)], duration=SECONDS, progress=False
+    )
 
 
 def whole(result: SimulationResult, value: float) -> float:
@@ -67,7 +69,9 @@ def heavier(answer: ModuleType) -> Reading:
 def then(answer: ModuleType) -> Reading:
     """Look where the arms end."""
     result = crouched(answer, HEIGHTS[0])
-    return at_least(whole(result, np.rad2deg(min(result[f"q.{arm}"][-1] for arm in ARMS))), 60, "deg")
+    return at_least(
+        whole(result, np.rad2deg(min(result[f"q.{arm}"][-1] for arm in ARMS))), 60, "deg"
+    )
 
 
 def before(answer: ModuleType) -> Reading:

@@ -8,14 +8,23 @@ import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.base.errors import one_of
-from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, numbers, value_of
+from simrob_drake.extensions.course.measuring import (
+    Reading,
+    at_least,
+    at_most,
+    number,
+    numbers,
+    value_of,
+)
 
 TARGET = 30.0  # deg
 
 
 def run(**settings: object) -> SimulationResult:
     """Run the move with settings of the servos."""
-    station = load_station("irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()})
+    station = load_station(
+        "irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()}
+    )
     return simulate(station, duration=3.0, progress=False)
 
 
@@ -70,6 +79,8 @@ def disturbed(answer: ModuleType) -> Reading:
     """Look how far each joint strays from its reference."""
     weak = run(torque_limit=10.0)
     strayed = np.abs(weak.axes("q") - weak.axes("q_ref")).max(axis=0)
-    others = {f"joint_{index + 1}": float(value) for index, value in enumerate(strayed) if index != 1}
+    others = {
+        f"joint_{index + 1}": float(value) for index, value in enumerate(strayed) if index != 1
+    }
     name = one_of("joint besides joint_2", value_of(answer, "disturbed"), others)
     return at_least(others[name] / max(others.values()), 1)

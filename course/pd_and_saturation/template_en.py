@@ -8,7 +8,9 @@ from simrob_drake import load_station, simulate
 
 def run(**settings):
     """Let the arm move with settings, such as kp=500, kd=20 or torque_limit={"joint_2": 30}."""
-    station = load_station("irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()})
+    station = load_station(
+        "irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()}
+    )
     return simulate(station, duration=3.0, progress=False)
 
 
@@ -34,4 +36,10 @@ def disturbed():
 
 if __name__ == "__main__":
     result = run(kp=1000, kd=10)
-    print("joint 2 ends at", result["q.joint_2"][-1], "rad and gives", result["tau.joint_2"][-1], "N·m")
+    print(
+        "joint 2 ends at",
+        result["q.joint_2"][-1],
+        "rad and gives",
+        result["tau.joint_2"][-1],
+        "N·m",
+    )

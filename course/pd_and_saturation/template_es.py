@@ -8,7 +8,9 @@ from simrob_drake import load_station, simulate
 
 def run(**settings):
     """Mueve el brazo con ajustes, como kp=500, kd=20 o torque_limit={"joint_2": 30}."""
-    station = load_station("irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()})
+    station = load_station(
+        "irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()}
+    )
     return simulate(station, duration=3.0, progress=False)
 
 
@@ -34,4 +36,10 @@ def disturbed():
 
 if __name__ == "__main__":
     result = run(kp=1000, kd=10)
-    print("la articulación 2 acaba en", result["q.joint_2"][-1], "rad y da", result["tau.joint_2"][-1], "N·m")
+    print(
+        "la articulación 2 acaba en",
+        result["q.joint_2"][-1],
+        "rad y da",
+        result["tau.joint_2"][-1],
+        "N·m",
+    )

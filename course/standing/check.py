@@ -14,7 +14,10 @@ def stands(force: float, seconds: float, feet: str, lean: float = 0.0) -> bool:
     """Tell whether the robot stands after a push along y [N], with its ankles turned [deg]."""
     ankles = {"right_ankle_pitch": lean, "left_ankle_pitch": lean}
     push = {"kind": "push", "start": 2.0, "duration": seconds, "force": [0, force, 0]}
-    changes = {"robot.feet": feet, "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0}}
+    changes = {
+        "robot.feet": feet,
+        "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0},
+    }
     station = load_station("humanoid_dynamic", {**changes, "forces.push": push})
     return simulate(station, duration=4.0 + seconds, progress=False).ending == "completed"
 
@@ -38,7 +41,11 @@ def short(answer: ModuleType) -> Reading:
     """Push back for a moment."""
     cases = ((0.1, "spheres_B"), (0.2, "spheres_C"))
     return at_least(
-        sum(brackets(abs(number(answer, "short_push", time, feet)), 0.12, time, feet) for time, feet in cases), 4
+        sum(
+            brackets(abs(number(answer, "short_push", time, feet)), 0.12, time, feet)
+            for time, feet in cases
+        ),
+        4,
     )
 
 

@@ -8,7 +8,10 @@ from simrob_drake import load_station, simulate
 MASS, GRAVITY = 2.292, 9.80665  # kg, m/s^2
 COM_HEIGHT, PUSH_HEIGHT, ANKLE_HEIGHT = 0.228, 0.319, 0.030  # m over the floor
 INERTIA = 0.037  # kg m^2 about the centre of mass, for tipping ahead or back
-TOES = {"spheres_B": 0.079, "spheres_C": 0.132}  # m, from the centre of mass to the front of the feet
+TOES = {
+    "spheres_B": 0.079,
+    "spheres_C": 0.132,
+}  # m, from the centre of mass to the front of the feet
 HEELS = {"spheres_B": 0.030, "spheres_C": 0.049}  # m, to their back
 
 
@@ -16,7 +19,10 @@ def stands(force, seconds, feet="spheres_B", lean=0.0):
     """Tell whether the robot stands after a push: force [N] along y (ahead is negative), with ankles turned [deg]."""
     ankles = {"right_ankle_pitch": lean, "left_ankle_pitch": lean}
     push = {"kind": "push", "start": 2.0, "duration": seconds, "force": [0, force, 0]}
-    changes = {"robot.feet": feet, "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0}}
+    changes = {
+        "robot.feet": feet,
+        "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0},
+    }
     station = load_station("humanoid_dynamic", {**changes, "forces.push": push})
     return simulate(station, duration=2.0 + seconds + 2.0, progress=False).ending == "completed"
 

@@ -16,7 +16,10 @@ def stands(force, seconds, feet="spheres_B", lean=0.0):
     """Dice si sigue en pie tras un empujón [N] en y (delante es negativo), con los tobillos girados [deg]."""
     ankles = {"right_ankle_pitch": lean, "left_ankle_pitch": lean}
     push = {"kind": "push", "start": 2.0, "duration": seconds, "force": [0, force, 0]}
-    changes = {"robot.feet": feet, "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0}}
+    changes = {
+        "robot.feet": feet,
+        "reference": {"kind": "move", "target_deg": ankles, "duration": 1.0},
+    }
     station = load_station("humanoid_dynamic", {**changes, "forces.push": push})
     return simulate(station, duration=2.0 + seconds + 2.0, progress=False).ending == "completed"
 

@@ -17,7 +17,9 @@ TYPES = {"int": "whole number", "float": "number", "str": "text", "Path": "path"
 def commands() -> dict[str, str]:
     """Return the title of the group in which the help has each command, by its name."""
     group: Any = get_command(app)
-    return {name: group.get_command(None, name).rich_help_panel for name in group.list_commands(None)}
+    return {
+        name: group.get_command(None, name).rich_help_panel for name in group.list_commands(None)
+    }
 
 
 def _values(annotation: Any) -> str:
@@ -25,7 +27,11 @@ def _values(annotation: Any) -> str:
         return ", ".join(_values(each) for each in inner)
     if isclass(annotation) and issubclass(annotation, Enum):
         return ", ".join(f"`{choice.value}`" for choice in annotation)
-    return TYPES.get(annotation.__name__, annotation.__name__) if isclass(annotation) else f"`{annotation}`"
+    return (
+        TYPES.get(annotation.__name__, annotation.__name__)
+        if isclass(annotation)
+        else f"`{annotation}`"
+    )
 
 
 def _shown(parameter: Any) -> str:
@@ -36,16 +42,31 @@ def _shown(parameter: Any) -> str:
 def _row(parameter: Any, *, is_option: bool) -> list[str]:
     names = [*parameter.opts, *parameter.secondary_opts] if is_option else [_shown(parameter)]
     flag = getattr(parameter, "is_flag", False)
-    value = _shown(parameter) if is_option and parameter.metavar else _values(parameter.type_descriptor.annotation)
-    default = parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
-    given = "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
-    return [", ".join(f"`{name}`" for name in names), "" if flag else value, given, cell(parameter.help or "")]
+    value = (
+        _shown(parameter)
+        if is_option and parameter.metavar
+        else _values(parameter.type_descriptor.annotation)
+    )
+    default = (
+        parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
+    )
+    given = (
+        "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
+    )
+    return [
+        ", ".join(f"`{name}`" for name in names),
+        "" if flag else value,
+        given,
+        cell(parameter.help or ""),
+    ]
 
 
 def _description(command: Any, name: str) -> list[str]:
     """Return what a command does, how it is called, and its arguments and options."""
     arguments = [each for each in command.params if each.param_type_name == "argument"]
-    options = [each for each in command.params if each.param_type_name == "option" and each.name != "help"]
+    options = [
+        each for each in command.params if each.param_type_name == "option" and each.name != "help"
+    ]
     words = [
         "simrob",
         name,
@@ -57,7 +78,10 @@ def _description(command: Any, name: str) -> list[str]:
     for kind, parameters in (("argument", arguments), ("option", options)):
         if parameters:
             rows = [_row(each, is_option=kind == "option") for each in parameters]
-            parts += [f"**{kind.capitalize()}s**", table([kind, "value", "default", "what it is"], rows)]
+            parts += [
+                f"**{kind.capitalize()}s**",
+                table([kind, "value", "default", "what it is"], rows),
+            ]
     return parts
 
 
@@ -76,4 +100,6 @@ def pages() -> Iterator[Page]:
     for name, title in commands().items():
         rows.append([f"[`simrob {name}`]({name}.md)", title, sentence(whole_command(name).help)])
         yield command_page(name, title)
-    yield Page(f"{FOLDER}/index.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows))
+    yield Page(
+        f"{FOLDER}/index.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows)
+    )

@@ -18,7 +18,13 @@ TOP = {False: ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"), True: ("README.e
 """Pages at the top of the repository that stand on each site; the second is the Spanish one."""
 
 
-TITLES = {"Start": "Inicio", "Lessons": "Lecciones", "Course": "Curso", "How to": "Guías", "Results": "Resultados"}
+TITLES = {
+    "Start": "Inicio",
+    "Lessons": "Lecciones",
+    "Course": "Curso",
+    "How to": "Guías",
+    "Results": "Resultados",
+}
 """Those of the navigation in Spanish."""
 ENGLISH_ALONE = ("Reference", "Decisions")
 """Sections of the navigation whose pages are in English alone: made from the code, or written for developers."""
@@ -41,8 +47,13 @@ def reference() -> list[Page]:
 def made(config: MkDocsConfig) -> Iterator[Page]:
     """Yield the pages that are in no file below the site's folder."""
     for name in TOP[is_spanish(config)]:
-        title = "---\ntitle: README\n---\n\n" if name.startswith("README") else ""  # else it is called as the start
-        yield Page(f"{name.split('.')[0].lower()}.md", title + (places.ROOT / name).read_text(encoding="utf-8"))
+        title = (
+            "---\ntitle: README\n---\n\n" if name.startswith("README") else ""
+        )  # else it is called as the start
+        yield Page(
+            f"{name.split('.')[0].lower()}.md",
+            title + (places.ROOT / name).read_text(encoding="utf-8"),
+        )
     if not is_spanish(config):
         yield from reference()
         yield from places.shown_files()
@@ -53,7 +64,9 @@ def with_pages_below(entry: Any) -> Any:
     if isinstance(entry, dict):
         return {title: [with_pages_below(page) for page in pages] for title, pages in entry.items()}
     folder = entry.removesuffix("index.md")
-    below = [page.path for page in reference() if page.path.startswith(folder) and page.path != entry]
+    below = [
+        page.path for page in reference() if page.path.startswith(folder) and page.path != entry
+    ]
     title = next((page.text.partition("\n")[0] for page in reference() if page.path == entry), "")
     return {title.strip("# `"): [entry, *below]} if entry.endswith("index.md") else entry
 
@@ -64,12 +77,18 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     for name in reversed(places.FOLDERS):
         below = folder / (places.FOLDERS[name] if is_spanish(config) else name)
         if found := sorted(below.glob("*.md"), key=lambda page: (page.stem != "README", page.stem)):
-            entries.insert(1, {name.capitalize(): [page.relative_to(folder).as_posix() for page in found]})
+            entries.insert(
+                1, {name.capitalize(): [page.relative_to(folder).as_posix() for page in found]}
+            )
     if not is_spanish(config):
         entries = [with_pages_below(entry) for entry in entries]
     else:
         entries = [
-            {TITLES[title]: [page for page in pages if (folder / page).is_file() or page == "readme.md"]}
+            {
+                TITLES[title]: [
+                    page for page in pages if (folder / page).is_file() or page == "readme.md"
+                ]
+            }
             for entry in entries
             for title, pages in entry.items()
             if title not in ENGLISH_ALONE
@@ -92,14 +111,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: SitePage, config: MkDocsConfig, **_: Any) -> str:
     """Let links lead to where on the site things are."""
-    return places.rewritten(markdown, places.repository_path(page.file.src_uri, spanish=is_spanish(config)))
+    return places.rewritten(
+        markdown, places.repository_path(page.file.src_uri, spanish=is_spanish(config))
+    )
 
 
-def on_page_context(context: dict[str, Any], page: SitePage, config: MkDocsConfig, **_: Any) -> dict[str, Any]:
+def on_page_context(
+    context: dict[str, Any], page: SitePage, config: MkDocsConfig, **_: Any
+) -> dict[str, Any]:
     """Let the choice of a language lead to the same page in it, where there is one."""
     spanish = is_spanish(config)
     source = places.repository_path(page.file.src_uri, spanish=spanish)
-    other = places.place(places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md"))
+    other = places.place(
+        places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md")
+    )
     for entry in config.extra["alternate"]:
         own = (entry["lang"] == "es") == spanish
         entry["link"] = f"{FROM_TOP}{place_of(page, config) if own else other}"
@@ -114,4 +139,8 @@ def place_of(page: SitePage, config: MkDocsConfig) -> str:
 def on_post_page(output: str, page: SitePage, config: MkDocsConfig) -> str:
     """Make links from the top of the site relative; mkdocs leads out of no folder of a site that is in another."""
     here = os.path.dirname(place_of(page, config)) or "."
-    return re.sub(rf'href="{FROM_TOP}([^"]+)"', lambda link: f'href="{os.path.relpath(link[1], here)}"', output)
+    return re.sub(
+        rf'href="{FROM_TOP}([^"]+)"',
+        lambda link: f'href="{os.path.relpath(link[1], here)}"',
+        output,
+    )

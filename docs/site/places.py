@@ -29,7 +29,11 @@ def repository_path(source: str, *, spanish: bool = False) -> str:
     """
     if spanish:
         return "README.es.md" if source == "readme.md" else f"{SPANISH}{source}"
-    top = {"readme.md": "README.md", "changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
+    top = {
+        "readme.md": "README.md",
+        "changelog.md": "CHANGELOG.md",
+        "contributing.md": "CONTRIBUTING.md",
+    }
     return top.get(source, f"docs/{source}")
 
 
@@ -41,7 +45,11 @@ def place(path: str) -> str:
     if path.startswith("docs/"):
         inside = PurePosixPath(path).relative_to("docs")
         if inside.suffix == ".md":
-            return str(inside.with_name("index.html" if inside.name == "README.md" else f"{inside.stem}.html"))
+            return str(
+                inside.with_name(
+                    "index.html" if inside.name == "README.md" else f"{inside.stem}.html"
+                )
+            )
         return str(inside / "index.html" if file.is_dir() else inside)
     if "/" not in path and file.suffix == ".md":
         return f"{file.stem.lower()}.html"
@@ -62,9 +70,15 @@ def twin(path: str) -> str | None:
     spanish = path.startswith(SPANISH)
     inside = PurePosixPath(path).relative_to(SPANISH if spanish else "docs")
     names = {there: here for here, there in FOLDERS.items()} if spanish else FOLDERS
-    folder = ROOT / ("docs" if spanish else SPANISH) / Path(*(names.get(part, part) for part in inside.parent.parts))
+    folder = (
+        ROOT
+        / ("docs" if spanish else SPANISH)
+        / Path(*(names.get(part, part) for part in inside.parent.parts))
+    )
     number = re.match(r"\d+-", inside.name)
-    others = sorted(folder.glob(f"{number[0]}*.md" if number else ALIKE.get(inside.name, inside.name)))
+    others = sorted(
+        folder.glob(f"{number[0]}*.md" if number else ALIKE.get(inside.name, inside.name))
+    )
     return others[0].relative_to(ROOT).as_posix() if others else None
 
 
@@ -117,7 +131,10 @@ def shown_files() -> Iterator[Page]:
     for path in sorted(_linked()):
         file = ROOT / path
         if file.is_dir() or file.suffix not in AS_THEY_ARE:
-            yield Page(place(path).removesuffix("html") + "md", _listing(file) if file.is_dir() else _shown(file))
+            yield Page(
+                place(path).removesuffix("html") + "md",
+                _listing(file) if file.is_dir() else _shown(file),
+            )
 
 
 def copied_files() -> Iterator[tuple[str, Path]]:

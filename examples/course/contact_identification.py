@@ -27,7 +27,9 @@ def bounced(times: Vector, k: float, d: float) -> Vector:
         pressed = max(-height, 0.0)
         return [speed, max(k * pressed * (1 - d * speed), 0.0) / MASS - GRAVITY]
 
-    found = solve_ivp(rates, (0, times[-1]), [DROP, 0], t_eval=times, max_step=0.002, rtol=1e-6, atol=1e-8)
+    found = solve_ivp(
+        rates, (0, times[-1]), [DROP, 0], t_eval=times, max_step=0.002, rtol=1e-6, atol=1e-8
+    )
     return np.asarray(found.y[0])
 
 
@@ -52,7 +54,10 @@ def identify(times: Vector, heights: Vector) -> tuple[float, float]:
     k = 2 * MASS * GRAVITY * (DROP + deepest) / deepest**2  # all energy in the spring
     fits = [
         least_squares(
-            lambda x: bounced(times, *np.exp(x)) - heights, np.log([k * part, d]), diff_step=1e-4, x_scale=[0.1, 1]
+            lambda x: bounced(times, *np.exp(x)) - heights,
+            np.log([k * part, d]),
+            diff_step=1e-4,
+            x_scale=[0.1, 1],
         )
         for part in (0.7, 1.0)
         for d in (0.05, 0.3)
@@ -75,8 +80,12 @@ def dissipation_for(height: float) -> float:
 def measured() -> tuple[Vector, Vector]:
     """Return times and heights of a run of the station, with noise."""
     contact = {"model": "point", "stiffness": FLOOR[0], "dissipation": FLOOR[1]}
-    result = simulate(load_station("bouncing_ball", {"contact": contact, "sample_rate": 250}), duration=0.6)
-    return result.times, result["distance.gap"] + np.random.default_rng(0).normal(0, NOISE, len(result.times))
+    result = simulate(
+        load_station("bouncing_ball", {"contact": contact, "sample_rate": 250}), duration=0.6
+    )
+    return result.times, result["distance.gap"] + np.random.default_rng(0).normal(
+        0, NOISE, len(result.times)
+    )
 
 
 def picture(file: Path, times: Vector, heights: Vector, k: float, d: float) -> Path:
@@ -94,7 +103,9 @@ def main() -> None:
     times, heights = measured()
     k, d = identify(times, heights)
     print(f"found {k:.0f} N/m and {d:.4f} s/m, the floor's are {FLOOR[0]:.0f} and {FLOOR[1]}")
-    print(f"at rest it sinks by {1e3 * sink(k):.1f} mm; it touches for {1e3 * contact_time(k):.0f} ms")
+    print(
+        f"at rest it sinks by {1e3 * sink(k):.1f} mm; it touches for {1e3 * contact_time(k):.0f} ms"
+    )
     print(f"to rise to 50 mm: {dissipation_for(0.05):.3f} s/m")
     print(picture(Path("runs/course/contact_identification.png"), times, heights, k, d))
 

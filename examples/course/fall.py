@@ -21,7 +21,9 @@ CATCH = {1: np.deg2rad(110), -1: np.deg2rad(-90)}  # where the arms go, ahead an
 
 def run(force: float, blocks: Any = ()) -> SimulationResult:
     """Push the trunk with a force [N] along y for 0.2 s."""
-    station = load_station("humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]})
+    station = load_station(
+        "humanoid_fall_forward", {"controllers": {}, "forces.shove.force": [0, force, 0]}
+    )
     return simulate(station, blocks=blocks, duration=3.0, progress=False)
 
 
@@ -72,7 +74,9 @@ def main() -> None:
     """Print how near the head comes to the floor, and draw."""
     for force in (-12.0, -6.0, 8.0):
         near = [1e3 * run(force, blocks)["distance.head"].min() for blocks in ([], [Guard()])]
-        print(f"pushed by {force:g} N along y: {near[0]:.0f} mm without, {near[1]:.0f} mm with the guard")
+        print(
+            f"pushed by {force:g} N along y: {near[0]:.0f} mm without, {near[1]:.0f} mm with the guard"
+        )
     print(picture(Path("runs/course/fall.png")))
 
 

@@ -11,7 +11,11 @@ from simrob_drake import Arm, SimulationResult, load_station, simulate
 from simrob_drake.results.plots.own import panels, save_figure
 
 STATION = "irb120_force_stop"
-STRONG = {"servo.torque_limit": 500, "servo.kd": 50, "contact.friction": {"static": 0, "dynamic": 0}}
+STRONG = {
+    "servo.torque_limit": 500,
+    "servo.kd": 50,
+    "contact.friction": {"static": 0, "dynamic": 0},
+}
 FLOOR, DISSIPATION = 1e5, 1.0  # N/m, s/m
 HOME = np.deg2rad([0, 0, 26.1, 0, 63.9, 0])
 RADIUS = 0.01  # m, of the ball

@@ -11,7 +11,12 @@ from simrob_drake.results.plots.own import panels, save_figure
 
 GRAVITY = 9.80665  # m/s^2
 UPPER_ARM = (3.909, 0.00078, 0.10124)
-FOREARM = [(2.944, 0.02281, 0.05791), (1.328, 0.2247, 0.07041), (0.546, 0.30091, 0.07006), (0.137, 0.36694, 0.07)]
+FOREARM = [
+    (2.944, 0.02281, 0.05791),
+    (1.328, 0.2247, 0.07041),
+    (0.546, 0.30091, 0.07006),
+    (0.137, 0.36694, 0.07),
+]
 FLANGE = (0.374, 0.07)
 LENGTH = 0.270  # m, of the upper arm
 BEFORE = 0.05  # m, of the load before the flange
@@ -41,7 +46,9 @@ def aware(load: float) -> float:
 
 def weakest(load: float) -> tuple[float, float]:
     """Return where the torque of joint 2 is largest: all of the arm on a level line."""
-    found = minimize(lambda q: gravity(q[0], q[1], load)[0], [1.5, -1.2], bounds=[(-1.9, 1.9), (-1.9, 1.2)])
+    found = minimize(
+        lambda q: gravity(q[0], q[1], load)[0], [1.5, -1.2], bounds=[(-1.9, 1.9), (-1.9, 1.2)]
+    )
     return float(found.x[0]), float(found.x[1])
 
 
@@ -54,7 +61,9 @@ def payload(limit: float) -> float:
 
 def picture(file: Path) -> Path:
     """Draw the torque of joint 2 over its angle, with the forearm stretched, and the payload over the limit."""
-    figure, ((torque, carried),) = panels("What the shoulder of an IRB120 carries", 1, 2, size=(8, 3.5))
+    figure, ((torque, carried),) = panels(
+        "What the shoulder of an IRB120 carries", 1, 2, size=(8, 3.5)
+    )
     angles = np.linspace(-90, 100, 100)
     for load in (0, 2, 4):
         stretched = [gravity(q2, np.deg2rad(-70), load)[0] for q2 in np.deg2rad(angles)]
@@ -72,8 +81,12 @@ def main() -> None:
     """Print what the functions give, and draw."""
     print("at 30 degrees:", np.round(gravity(np.deg2rad(30), 0, 0), 2), "N·m")
     q2, q3 = weakest(2.0)
-    print(f"weakest with 2 kg at {np.rad2deg([q2, q3]).round(1)} degrees: {gravity(q2, q3, 2.0)[0]:.2f} N·m")
-    print(f"payload at 30 N·m {payload(30):.2f} kg, at 60 N·m {payload(60):.2f} kg; belief {aware(3.0):.2f} kg")
+    print(
+        f"weakest with 2 kg at {np.rad2deg([q2, q3]).round(1)} degrees: {gravity(q2, q3, 2.0)[0]:.2f} N·m"
+    )
+    print(
+        f"payload at 30 N·m {payload(30):.2f} kg, at 60 N·m {payload(60):.2f} kg; belief {aware(3.0):.2f} kg"
+    )
     print(picture(Path("runs/course/gravity_and_loads.png")))
 
 

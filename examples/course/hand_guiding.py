@@ -77,7 +77,9 @@ def main() -> None:
     at = round(2.4 * result.config.sample_rate)
     print("felt:", np.round(hand_force(result.axes("q")[at], result.axes("tau")[at]), 2), "N")
     print("gain 300: 2 N along y give", np.round(speed(300.0, np.array([0, 2.0, 0])), 3), "m/s")
-    print(f"0.1 m/s under 3 N: gain {gain_for(0.1):.0f}; stiffest along {np.round(stiffest(), 3)} of the tool")
+    print(
+        f"0.1 m/s under 3 N: gain {gain_for(0.1):.0f}; stiffest along {np.round(stiffest(), 3)} of the tool"
+    )
     print(picture(Path("runs/course/hand_guiding.png")))
 
 

@@ -12,7 +12,9 @@ from simrob_drake.results.plots.own import panels, save_figure
 
 Vector = NDArray[np.float64]
 AXES = "zyyxyx"  # that joints turn about, at zero
-OFFSETS = np.array([[0, 0, 0], [0, 0, 0.29], [0, 0, 0.27], [0, 0, 0.07], [0.302, 0, 0], [0.072, 0, 0]])  # m
+OFFSETS = np.array(
+    [[0, 0, 0], [0, 0, 0.29], [0, 0, 0.27], [0, 0, 0.07], [0.302, 0, 0], [0.072, 0, 0]]
+)  # m
 LIMITS = np.deg2rad([[-165, -110, -110, -160, -120, -400], [165, 110, 70, 160, 120, 400]])
 ELBOW = np.arctan2(0.070, 0.302)  # rad, between the forearm and the line from joint 3 to joint 5
 
@@ -52,7 +54,9 @@ def jacobian(q: Vector) -> Vector:
 def posture(place: Vector, q: Vector) -> Vector:
     """Return a posture by least squares, near the start."""
     start = np.clip(q, *(LIMITS * 0.999))
-    return np.asarray(least_squares(lambda q: tool_position(q) - place, start, jac=jacobian, bounds=LIMITS).x)
+    return np.asarray(
+        least_squares(lambda q: tool_position(q) - place, start, jac=jacobian, bounds=LIMITS).x
+    )
 
 
 def flipped(q: Vector) -> Vector:
@@ -70,8 +74,14 @@ def picture(file: Path) -> Path:
     """Draw the least singular value over joint 3, stretched and with a bent wrist."""
     figure, ((axes,),) = panels("How near the arm is to losing a direction", size=(7, 3.5))
     angles = np.linspace(*LIMITS[:, 2], 200)
-    for wrist, words in ((-ELBOW, "flange on the line of the forearm"), (np.pi / 2, "wrist bent by 90°")):
-        values = [np.linalg.svd(jacobian(np.array([0, 0, q3, 0, wrist, 0])), compute_uv=False) for q3 in angles]
+    for wrist, words in (
+        (-ELBOW, "flange on the line of the forearm"),
+        (np.pi / 2, "wrist bent by 90°"),
+    ):
+        values = [
+            np.linalg.svd(jacobian(np.array([0, 0, q3, 0, wrist, 0])), compute_uv=False)
+            for q3 in angles
+        ]
         axes.plot(np.rad2deg(angles), [value[-1] / value[0] for value in values], label=words)
     axes.set_xlabel("joint 3 [°]")
     axes.set_ylabel("least over largest singular value")

@@ -21,7 +21,9 @@ def march(moves: list[Move], seconds: float = 1.0, kd: float = 100.0) -> Simulat
     """Let the humanoid go through moves, each in so many seconds."""
     targets = [{"time": (k + 1) * seconds, "target_deg": move} for k, move in enumerate(moves)]
     changes = {"reference": {"kind": "sequence", "targets": targets}, "servo.kd": kd}
-    return simulate(load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False)
+    return simulate(
+        load_station("humanoid_dynamic", changes), duration=len(moves) * seconds + 1, progress=False
+    )
 
 
 def mirrored(move: Move) -> Move:
@@ -50,7 +52,9 @@ def picture(file: Path) -> Path:
     for kd, seconds in ((100.0, 1.0), (100.0, 0.35), (30.0, 1.0), (30.0, 0.35)):
         result = march(moves(4), seconds, kd)
         axes.plot(
-            result.times, 1e3 * (result["base.y"][0] - result["base.y"]), label=f"kd {kd:g}, {seconds:g} s a move"
+            result.times,
+            1e3 * (result["base.y"][0] - result["base.y"]),
+            label=f"kd {kd:g}, {seconds:g} s a move",
         )
     axes.set_xlabel("time [s]")
     axes.set_ylabel("way ahead [mm]")

@@ -17,7 +17,10 @@ ARMS = [AXES.index(name) for name in ("right_shoulder_pitch", "left_shoulder_pit
 PERIOD = 0.01  # s
 START = 0.446  # m
 SPEED = 0.03  # m/s, of what is asked for
-PROPORTIONAL, INTEGRAL = 20.0, 20.0  # rad/m, rad/(m·s): their ratio is the lag of the joints, kd / kp = 1 s
+PROPORTIONAL, INTEGRAL = (
+    20.0,
+    20.0,
+)  # rad/m, rad/(m·s): their ratio is the lag of the joints, kd / kp = 1 s
 THERE = 0.005  # m
 
 
@@ -72,7 +75,9 @@ def picture(file: Path) -> Path:
     for height in (0.40, 0.37):
         result = run(height)
         (line,) = axes.plot(result.times, result["base.z"], label=f"to {height:g} m")
-        axes.plot(result.times, result["height.asked"], "--", color=line.get_color(), label="asked for")
+        axes.plot(
+            result.times, result["height.asked"], "--", color=line.get_color(), label="asked for"
+        )
     axes.set_xlabel("time [s]")
     axes.set_ylabel("height of the hip [m]")
     return save_figure(figure, file)
@@ -83,7 +88,9 @@ def main() -> None:
     for height in (0.40, 0.37):
         result = run(height)
         low = 1e3 * (height - result["base.z"].min())
-        print(f"asked for {height} m: ends at {result['base.z'][-1]:.4f} m, at most {low:.1f} mm too low")
+        print(
+            f"asked for {height} m: ends at {result['base.z'][-1]:.4f} m, at most {low:.1f} mm too low"
+        )
     print(picture(Path("runs/course/outer_loops.png")))
 
 

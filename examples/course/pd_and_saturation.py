@@ -14,7 +14,9 @@ HOLDING = 20.8  # N·m that joint 2 gives at 30 degrees; it changes by 1 % with 
 
 def run(**settings: object) -> SimulationResult:
     """Run the move with settings of the servos."""
-    station = load_station("irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()})
+    station = load_station(
+        "irb120_dynamic", {f"servo.{key}": value for key, value in settings.items()}
+    )
     return simulate(station, duration=3.0, progress=False)
 
 
@@ -40,7 +42,9 @@ def disturbed() -> str:
 
 def picture(file: Path) -> Path:
     """Draw joint 2 and its torque with four limits."""
-    figure, ((angle,), (torque,)) = panels("Joint 2 with limits of its torque", 2, size=(7, 5), sharex=True)
+    figure, ((angle,), (torque,)) = panels(
+        "Joint 2 with limits of its torque", 2, size=(7, 5), sharex=True
+    )
     for limit in (30.0, 23.0, 22.0, 10.0):
         result = run(torque_limit={"joint_2": limit})
         angle.plot(result.times, np.rad2deg(result["q.joint_2"]), label=f"{limit:g} N·m")
@@ -55,7 +59,9 @@ def main() -> None:
     """Print what the gains give, and draw."""
     kp, kd = gains()
     result = run(kp=kp, kd=kd)
-    print(f"joint 2 ends {np.rad2deg(result['q.joint_2'][-1]) - 30:.3f} degrees beyond; foreseen {sag(kp):.3f}")
+    print(
+        f"joint 2 ends {np.rad2deg(result['q.joint_2'][-1]) - 30:.3f} degrees beyond; foreseen {sag(kp):.3f}"
+    )
     print(f"and gives up to {np.abs(result['tau.joint_2']).max():.1f} N·m")
     print(picture(Path("runs/course/pd_and_saturation.png")))
 

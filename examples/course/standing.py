@@ -14,7 +14,10 @@ INERTIA = 0.037  # kg m^2
 TOES = {"spheres_B": 0.079, "spheres_C": 0.132}  # m
 HEELS = {"spheres_B": 0.030, "spheres_C": 0.049}
 STEP = 1e-3  # s
-MEASURED = {"spheres_B": {0.1: 4.7, 0.2: 2.9, 2.0: 1.8}, "spheres_C": {0.1: 8.1, 0.2: 5.2, 2.0: 3.3}}  # N, back
+MEASURED = {
+    "spheres_B": {0.1: 4.7, 0.2: 2.9, 2.0: 1.8},
+    "spheres_C": {0.1: 8.1, 0.2: 5.2, 2.0: 3.3},
+}  # N, back
 
 
 def steady_push(ahead: bool, feet: str) -> float:
@@ -58,7 +61,9 @@ def picture(file: Path) -> Path:
     figure, ((axes,),) = panels("Pushes back that fell the humanoid", size=(7, 3.5))
     times = np.geomspace(0.05, 2, 16)
     for feet, found in MEASURED.items():
-        (line,) = axes.plot(times, [short_push(time, feet) for time in times], label=f"a rigid body on {feet}")
+        (line,) = axes.plot(
+            times, [short_push(time, feet) for time in times], label=f"a rigid body on {feet}"
+        )
         axes.plot(list(found), list(found.values()), "o", color=line.get_color(), label="runs")
     axes.set_xscale("log")
     axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1, 2], ["0.05", "0.1", "0.2", "0.5", "1", "2"])
@@ -70,7 +75,10 @@ def picture(file: Path) -> Path:
 def main() -> None:
     """Print what the functions give, and draw."""
     for feet in TOES:
-        print(f"{feet}: steady {steady_push(True, feet):.2f} N ahead, {steady_push(False, feet):.2f} N back;", end=" ")
+        print(
+            f"{feet}: steady {steady_push(True, feet):.2f} N ahead, {steady_push(False, feet):.2f} N back;",
+            end=" ",
+        )
         print(f"0.1 s {short_push(0.1, feet):.2f} N back")
     print(f"even on both sides with ankles at {lean():.1f} degrees")
     print(picture(Path("runs/course/standing.png")))

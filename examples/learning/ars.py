@@ -44,7 +44,15 @@ def tried(
 
 
 def search(
-    name: str, folder: Path, *, iterations: int, directions: int, best: int, step: float, noise: float, seed: int
+    name: str,
+    folder: Path,
+    *,
+    iterations: int,
+    directions: int,
+    best: int,
+    step: float,
+    noise: float,
+    seed: int,
 ) -> tuple[Vector, Vector]:
     """Return weights and biases of the policy that was found; the curve goes to the folder."""
     kind = {"vectorization_mode": "vector_entry_point"}
@@ -67,9 +75,20 @@ def search(
             pairs = totals.reshape(2, directions).T
             chosen = np.argsort(-pairs.max(axis=1))[:best]
             moved = (pairs[chosen, 0] - pairs[chosen, 1]) @ deltas[chosen].reshape(best, -1)
-            weights = weights + step / (best * max(float(pairs[chosen].std()), 1e-9)) * moved.reshape(shape)
-            count, sums, squares = count + len(rows), sums + rows.sum(axis=0), squares + (rows**2).sum(axis=0)
-            row = [iteration, (time.perf_counter() - began) / 60, float(pairs.mean()), float(pairs.max())]
+            weights = weights + step / (
+                best * max(float(pairs[chosen].std()), 1e-9)
+            ) * moved.reshape(shape)
+            count, sums, squares = (
+                count + len(rows),
+                sums + rows.sum(axis=0),
+                squares + (rows**2).sum(axis=0),
+            )
+            row = [
+                iteration,
+                (time.perf_counter() - began) / 60,
+                float(pairs.mean()),
+                float(pairs.max()),
+            ]
             curve.writerow([f"{value:.5g}" for value in row])
             file.flush()
     mean = sums / count

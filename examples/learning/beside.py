@@ -26,8 +26,25 @@ from simrob_drake.stations.config import StationConfig
 
 FIRST, MANY = 920_000, 100  # seeds: nothing was chosen by these
 LONG, STARTED = 10.0, 2.0  # a walk, and when its speed begins to count [s]
-TOLD = ("walker", "condition", "seed", "asked", "speed", "aside", "turn", "turned", "lasted", "ended")
-CENIC = {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.01, "error_control": False}
+TOLD = (
+    "walker",
+    "condition",
+    "seed",
+    "asked",
+    "speed",
+    "aside",
+    "turn",
+    "turned",
+    "lasted",
+    "ended",
+)
+CENIC = {
+    "kind": "continuous",
+    "scheme": "cenic",
+    "accuracy": 1e-3,
+    "max_step": 0.01,
+    "error_control": False,
+}
 
 
 @dataclass(frozen=True)
@@ -84,7 +101,11 @@ def walked(walk: Walk) -> Walk:
     facing = np.unwrap(headings(result.plant, robot, base))
     ahead = np.diff(base[:, :2], axis=0) * np.stack([np.cos(facing), np.sin(facing)], axis=1)[:-1]
     time = max(lasted - STARTED, 0.01)
-    found = {"speed": ahead.sum() / time, "turned": (facing[-1] - facing[0]) / time, "aside": told.drift}
+    found = {
+        "speed": ahead.sum() / time,
+        "turned": (facing[-1] - facing[0]) / time,
+        "aside": told.drift,
+    }
     rounded: Any = {name: round(float(value), 3) for name, value in found.items()}
     ending = "" if result.ending == "completed" else result.ending
     return replace(walk, **rounded, lasted=round(lasted, 2), ended=ending)
@@ -99,7 +120,11 @@ def interval(done: int, many: int) -> tuple[int, int]:
 
 def walks(given: argparse.Namespace) -> Iterable[Walk]:
     """Return what is asked of all walkers: of the same seed the same."""
-    conditions: dict[str, dict[str, Any]] = {"as it is": {}, "friction 0.6": {"friction": 0.6}, "turning": {}}
+    conditions: dict[str, dict[str, Any]] = {
+        "as it is": {},
+        "friction 0.6": {"friction": 0.6},
+        "turning": {},
+    }
     conditions |= {f"a push of {push:g} N": {"push": push} for push in given.pushes}
     conditions |= {f"{push:g} N at the head": {"push": push, "head": True} for push in given.heads}
     conditions |= {"cenic, 10 ms": {"solver": CENIC}}
@@ -107,7 +132,10 @@ def walks(given: argparse.Namespace) -> Iterable[Walk]:
         for condition in given.only or conditions:
             for seed in range(given.first, given.first + given.many):
                 draw = np.random.default_rng([seed, 1])
-                asked, turn = round(float(draw.uniform(*given.speeds)), 3), round(float(draw.uniform(-0.4, 0.4)), 3)
+                asked, turn = (
+                    round(float(draw.uniform(*given.speeds)), 3),
+                    round(float(draw.uniform(-0.4, 0.4)), 3),
+                )
                 turns = {"turn": turn} if condition == "turning" else {}
                 yield Walk(walker, condition, seed, asked, **turns, **conditions[condition])
 
@@ -115,29 +143,39 @@ def walks(given: argparse.Namespace) -> Iterable[Walk]:
 def main() -> None:
     """Walk under all conditions with all seeds, and print what became of it."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("walkers", nargs="+", help="stations; STATION+FILE with the changes of a file")
+    options.add_argument(
+        "walkers", nargs="+", help="stations; STATION+FILE with the changes of a file"
+    )
     options.add_argument("--out", type=Path, default=Path("runs/beside.csv"))
     options.add_argument("--speeds", type=float, nargs=2, default=[0.05, 0.3], help="ahead [m/s]")
     options.add_argument("--pushes", type=float, nargs="*", default=[10, 20], help="[N]")
-    options.add_argument("--heads", type=float, nargs="*", default=[], help="pushes at the head [N]")
+    options.add_argument(
+        "--heads", type=float, nargs="*", default=[], help="pushes at the head [N]"
+    )
     options.add_argument("--only", nargs="*", help="these conditions")
     options.add_argument("--first", type=int, default=FIRST, help="the first seed")
     options.add_argument("--many", type=int, default=MANY, help="how many")
-    options.add_argument("--processes", type=int, help="as many as there are processors unless given")
+    options.add_argument(
+        "--processes", type=int, help="as many as there are processors unless given"
+    )
     given = options.parse_args()
     given.out.parent.mkdir(parents=True, exist_ok=True)
     found: dict[tuple[str, str], list[Walk]] = {}
     with Processes(given.processes) as processes, given.out.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow([*TOLD])
-        for walk in processes.outcomes(walked, walks(given), lambda walk: replace(walk, ended="its process died")):
+        for walk in processes.outcomes(
+            walked, walks(given), lambda walk: replace(walk, ended="its process died")
+        ):
             found.setdefault((walk.walker, walk.condition), []).append(walk)
             table.writerow([getattr(walk, name) for name in TOLD])
             file.flush()
     for (walker, condition), own in found.items():
         up = [walk for walk in own if not walk.ended]
         low, high = interval(len(up), len(own))
-        off = [[walk.speed - walk.asked, walk.turned - walk.turn, walk.aside] for walk in up] or [[np.nan] * 3]
+        off = [[walk.speed - walk.asked, walk.turned - walk.turn, walk.aside] for walk in up] or [
+            [np.nan] * 3
+        ]
         speed, turn, aside = np.median(np.abs(off), axis=0)
         print(
             f"{walker}, {condition}: {len(up)} of {len(own)} upright ({low} to {high} %); medians of errors: speed"

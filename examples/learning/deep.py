@@ -23,7 +23,11 @@ from simrob_drake.extensions.learning.writing import write_network
 
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
 SETTINGS: dict[str, dict[str, Any]] = {
-    "ppo": {"n_steps": 512, "batch_size": 128, "policy_kwargs": {"net_arch": [64, 64], "log_std_init": -1.0}},
+    "ppo": {
+        "n_steps": 512,
+        "batch_size": 128,
+        "policy_kwargs": {"net_arch": [64, 64], "log_std_init": -1.0},
+    },
     "sac": {"learning_starts": 1000, "policy_kwargs": {"net_arch": [64, 64]}},
 }
 
@@ -32,15 +36,24 @@ def learn(env: str, folder: Path, *, algorithm: str, steps: int, seed: int, work
     """Learn on environments side by side, and return the model; the returns of all episodes go to ``curve.csv``."""
     folder.mkdir(parents=True, exist_ok=True)
     set_num_threads(1)
-    given = {"n_envs": workers, "seed": seed, "monitor_dir": str(folder / "monitors"), "vec_env_cls": SubprocVecEnv}
+    given = {
+        "n_envs": workers,
+        "seed": seed,
+        "monitor_dir": str(folder / "monitors"),
+        "vec_env_cls": SubprocVecEnv,
+    }
     envs = make_vec_env(f"simrob_drake.extensions.learning:simrob/{env}-v0", **given)
     try:
-        model = ALGORITHMS[algorithm]("MlpPolicy", envs, seed=seed, device="cpu", **SETTINGS[algorithm])
+        model = ALGORITHMS[algorithm](
+            "MlpPolicy", envs, seed=seed, device="cpu", **SETTINGS[algorithm]
+        )
         model.learn(steps)
     finally:
         envs.close()
     tables = [file.read_text().splitlines()[1:] for file in (folder / "monitors").glob("*.csv")]
-    episodes = sorted((row for table in tables for row in csv.DictReader(table)), key=lambda row: float(row["t"]))
+    episodes = sorted(
+        (row for table in tables for row in csv.DictReader(table)), key=lambda row: float(row["t"])
+    )
     with (folder / "curve.csv").open("w", newline="") as file:
         curve = csv.writer(file)
         curve.writerow(["wall_minutes", "steps", "return"])
@@ -56,7 +69,11 @@ def layers(model: Any) -> tuple[list[tuple[Vector, Vector]], str, str]:
         parts, last = [*model.actor.latent_pi, model.actor.mu], "Tanh"
     activation = type(parts[1]).__name__.capitalize()  # as ONNX calls it: Tanh, Relu, Elu
     linear = [part for part in parts if isinstance(part, nn.Linear)]
-    return [(part.weight.detach().numpy(), part.bias.detach().numpy()) for part in linear], activation, last
+    return (
+        [(part.weight.detach().numpy(), part.bias.detach().numpy()) for part in linear],
+        activation,
+        last,
+    )
 
 
 def main() -> None:

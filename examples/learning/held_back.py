@@ -20,7 +20,11 @@ def returns(env: str, network: Network | None) -> Vector:
         seen, _ = made.reset(seed=seed)
         total, done = 0.0, False
         while not done:
-            action = np.zeros(made.action_space.shape) if network is None else np.clip(network(seen), -1, 1)
+            action = (
+                np.zeros(made.action_space.shape)
+                if network is None
+                else np.clip(network(seen), -1, 1)
+            )
             seen, reward, ended, cut, _ = made.step(action.astype(np.float32))
             total, done = total + float(reward), ended or cut
         totals.append(total)
@@ -31,4 +35,6 @@ def compare(env: str, file: Path) -> None:
     """Print both."""
     for name, network in (("nothing", None), (file.name, Network(file, "policy"))):
         found = returns(env, network)
-        print(f"{name}: return {found.mean():.4g} ± {found.std():.2g} on {len(found)} seeds that were held back")
+        print(
+            f"{name}: return {found.mean():.4g} ± {found.std():.2g} on {len(found)} seeds that were held back"
+        )

@@ -59,7 +59,12 @@ class Body:
     def size(self) -> int:
         """Number of figures that the search has to find."""
         joints, legs = len(self.joints), len(self.legs)
-        return 1 + (legs - 1) + joints * (1 + 2 * HARMONICS) + joints * 6 * (1 + ("front" in str(self.legs)))
+        return (
+            1
+            + (legs - 1)
+            + joints * (1 + 2 * HARMONICS)
+            + joints * 6 * (1 + ("front" in str(self.legs)))
+        )
 
     def policy(self, figures: Vector) -> tuple[float, Vector, Vector]:
         """Return frequency [Hz], weights (m, 6 + 2 harmonics) on attitude, rates and clock, and biases (m,)."""
@@ -81,7 +86,9 @@ class Body:
             joint, leg = joints.index(_kind(axis)), _leg(axis)
             bias[row] = biases[joint]
             side = np.where(MIRRORED < 0, 1.0 if "left" in leg else -1.0, 1.0)
-            gain = gains[joint, 0] + (gains[joint, 1] * (1.0 if "front" in leg else -1.0) if ends == 2 else 0.0)
+            gain = gains[joint, 0] + (
+                gains[joint, 1] * (1.0 if "front" in leg else -1.0) if ends == 2 else 0.0
+            )
             weights[row, :6] = side * gain * [1, 1, 1, 0.2, 0.2, 0.2]
             for harmonic in range(HARMONICS):
                 turn = (harmonic + 1) * phases[legs.index(leg)]
@@ -92,7 +99,9 @@ class Body:
 
 
 def _kind(axis: str) -> str:
-    return "_".join(part for part in axis.split("_") if part not in ("left", "right", "front", "rear"))
+    return "_".join(
+        part for part in axis.split("_") if part not in ("left", "right", "front", "rear")
+    )
 
 
 def _leg(axis: str) -> str:
@@ -102,7 +111,9 @@ def _leg(axis: str) -> str:
 @lru_cache(maxsize=1)
 def environment(station: str, fast: bool = False) -> StationEnvironment:
     """Return the environment of this process, built once."""
-    made = gymnasium.make("simrob/Walk-v0", task=TASK, station=station, overrides=FAST if fast else {}).unwrapped
+    made = gymnasium.make(
+        "simrob/Walk-v0", task=TASK, station=station, overrides=FAST if fast else {}
+    ).unwrapped
     assert isinstance(made, StationEnvironment)
     return made
 
@@ -131,7 +142,13 @@ def tried(trial: Trial) -> tuple[int, float, float, float, float]:
     while not ended and env.episode.time < trial.duration - 1e-6:
         seen, reward, ended, _, info = env.step(weights @ seen + bias)
         total += reward
-    return trial.number, total, float(info["place"][0]), env.episode.time, time.process_time() - began
+    return (
+        trial.number,
+        total,
+        float(info["place"][0]),
+        env.episode.time,
+        time.process_time() - began,
+    )
 
 
 def died(trial: Trial) -> tuple[int, float, float, float, float]:
@@ -160,7 +177,9 @@ def search(
     folder.mkdir(parents=True, exist_ok=True)
     with Processes(workers) as processes, (folder / "curve.csv").open("w", newline="") as file:
         curve = csv.writer(file)
-        curve.writerow(["generation", "wall_minutes", "processor_minutes", "best", "mean", "ahead", "lasted"])
+        curve.writerow(
+            ["generation", "wall_minutes", "processor_minutes", "best", "mean", "ahead", "lasted"]
+        )
         for generation in range(generations):
             asked = [strategy.ask() for _ in range(strategy.population_size)]
             trials = [
@@ -172,11 +191,19 @@ def search(
             best = max(found, key=lambda row: row[1])
             used += sum(row[4] for row in found)
             times = [(time.perf_counter() - began) / 60, used / 60]
-            row = [generation, *times, best[1], float(np.mean([each[1] for each in found])), *best[2:4]]
+            row = [
+                generation,
+                *times,
+                best[1],
+                float(np.mean([each[1] for each in found])),
+                *best[2:4],
+            ]
             curve.writerow([f"{value:.5g}" for value in row])
             file.flush()
             (folder / "figures.json").write_text(json.dumps(strategy.mean.tolist()))
-    print(f"{generations} generations of {population} in {(time.perf_counter() - began) / 60:.1f} min")
+    print(
+        f"{generations} generations of {population} in {(time.perf_counter() - began) / 60:.1f} min"
+    )
     return np.array(strategy.mean)
 
 
@@ -184,9 +211,14 @@ def save(station: str, figures: Vector, folder: Path, *, fast: bool) -> Path:
     """Write the policy as ONNX, and a station with it; return its file."""
     frequency, weights, bias = Body(environment(station).policy_axes).policy(figures)
     network = write_network(folder / "policy.onnx", [(weights, bias)])
-    learnt = {"network": str(network.resolve()), "clock": [frequency * (number + 1) for number in range(HARMONICS)]}
+    learnt = {
+        "network": str(network.resolve()),
+        "clock": [frequency * (number + 1) for number in range(HARMONICS)],
+    }
     overrides = {**load_task(TASK)[0].overrides, **(FAST if fast else {})}
-    config = load_station(station, {**overrides, **{f"controllers.policy.{key}": learnt[key] for key in learnt}})
+    config = load_station(
+        station, {**overrides, **{f"controllers.policy.{key}": learnt[key] for key in learnt}}
+    )
     file = folder / "station.yaml"
     file.write_text(station_yaml(config.model_copy(update={"name": "walker", "duration": 20.0})))
     return file
@@ -198,13 +230,17 @@ def main() -> None:
     options.add_argument("--station", default="yobotics_dynamic")
     options.add_argument("--out", type=Path, default=Path("runs/walker"))
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--start", type=Path, help="figures.json of an earlier search; from nothing unless given")
+    options.add_argument(
+        "--start", type=Path, help="figures.json of an earlier search; from nothing unless given"
+    )
     options.add_argument("--sigma", type=float, default=0.3)
     options.add_argument("--generations", type=int, default=20)
     options.add_argument("--duration", type=float, default=6.0)
     options.add_argument("--population", type=int, default=16)
     options.add_argument("--workers", type=int, default=2)
-    options.add_argument("--fast", action="store_true", help="steps of 5 ms, and not those of the station")
+    options.add_argument(
+        "--fast", action="store_true", help="steps of 5 ms, and not those of the station"
+    )
     given = vars(options.parse_args())
     station, folder = given.pop("station"), given.pop("out")
     print(save(station, search(station, folder, **given), folder, fast=given["fast"]))

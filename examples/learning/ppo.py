@@ -48,7 +48,9 @@ class Robots(VecEnv):
     def __init__(self, robots: StationVectorEnvironment) -> None:
         """Take the vector."""
         self.robots, self._actions = robots, np.zeros(0)
-        super().__init__(robots.num_envs, robots.single_observation_space, robots.single_action_space)
+        super().__init__(
+            robots.num_envs, robots.single_observation_space, robots.single_action_space
+        )
 
     def reset(self) -> Any:
         """Begin all episodes, from the seed that was given."""
@@ -63,7 +65,10 @@ class Robots(VecEnv):
         seen, rewards, ended, cut, info = self.robots.step(self._actions)
         told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for place in np.flatnonzero(ended | cut):
-            told[place] = {"terminal_observation": info["final_obs"][place], "TimeLimit.truncated": bool(cut[place])}
+            told[place] = {
+                "terminal_observation": info["final_obs"][place],
+                "TimeLimit.truncated": bool(cut[place]),
+            }
         return seen, rewards.astype(np.float32), ended | cut, told
 
     def close(self) -> None:
@@ -78,7 +83,9 @@ class Robots(VecEnv):
         """Set an attribute of all."""
         setattr(self.robots, attr_name, value)
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **options: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **options: Any
+    ) -> list[Any]:
         """Call a method of all."""
         return [getattr(self.robots, method_name)(*args, **options)] * self.num_envs
 
@@ -95,7 +102,9 @@ class Curve(BaseCallback):
         super().__init__()
         self._folder, self._minutes, self._began = folder, minutes, time.perf_counter()
         with (folder / "curve.csv").open("w", newline="") as file:
-            csv.writer(file).writerow(["wall_minutes", "processor_minutes", "steps", "return", "seconds"])
+            csv.writer(file).writerow(
+                ["wall_minutes", "processor_minutes", "steps", "return", "seconds"]
+            )
 
     def _on_step(self) -> bool:
         return (time.perf_counter() - self._began) / 60 < self._minutes
@@ -109,7 +118,9 @@ class Curve(BaseCallback):
         period = self.training_env.get_attr("period")[0]
         row = [wall, used, self.num_timesteps, np.mean(returns), np.mean(lasted) * period]
         with (self._folder / "curve.csv").open("a", newline="") as file:
-            csv.writer(file).writerow([f"{value:.5g}" if value < 1e5 else f"{value:.0f}" for value in row])
+            csv.writer(file).writerow(
+                [f"{value:.5g}" if value < 1e5 else f"{value:.0f}" for value in row]
+            )
         save(self.model, self._folder)
 
 
@@ -127,7 +138,9 @@ def begin_as(model: Any, file: Path) -> None:
     network, robots = Network(file, "policy"), model.get_vec_normalize_env()
     robots.reset()
     for _ in range(LOOKED_AT):
-        robots.step(np.array([network(seen) for seen in robots.get_original_obs().astype(np.float32)]))
+        robots.step(
+            np.array([network(seen) for seen in robots.get_original_obs().astype(np.float32)])
+        )
     stored = [numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer]
     (weights, biases), *others = zip(stored[::2], stored[1::2], strict=True)
     normal = robots.obs_rms
@@ -144,7 +157,9 @@ def main() -> None:
     options.add_argument("--robots", type=int, default=128)
     options.add_argument("--steps", type=int, default=1_800_000)
     options.add_argument("--step", type=float, default=0.005, help="of MuJoCo [s]")
-    options.add_argument("--deviation", type=float, default=0.13, help="of actions at the start, of their reach")
+    options.add_argument(
+        "--deviation", type=float, default=0.13, help="of actions at the start, of their reach"
+    )
     options.add_argument("--minutes", type=float, default=120)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--start", type=Path, help="a policy.onnx to begin as")
@@ -152,12 +167,16 @@ def main() -> None:
     given = options.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     set_num_threads(1)
-    robots: Any = VecMonitor(Robots(StationVectorEnvironment(given.robots, given.task, step=given.step)))
+    robots: Any = VecMonitor(
+        Robots(StationVectorEnvironment(given.robots, given.task, step=given.step))
+    )
     robots.seed(given.seed)
     robots = VecNormalize(robots, gamma=SETTINGS["gamma"])
     SETTINGS["policy_kwargs"]["log_std_init"] = float(np.log(given.deviation))
     board = str(given.out) if find_spec("tensorboard") else None
-    model = PPO("MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=board, **SETTINGS)
+    model = PPO(
+        "MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=board, **SETTINGS
+    )
     if given.start is not None:
         begin_as(model, given.start)
     model.learn(given.steps, Curve(given.out, given.minutes))

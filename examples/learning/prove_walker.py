@@ -21,9 +21,18 @@ from simrob_drake.extensions.tuning.processes import Processes
 CONDITIONS: dict[str, dict[str, Any]] = {
     "as it is": {},
     "friction 0.6": {"contact.friction": {"static": 0.6, "dynamic": 0.6}},
-    "1 kg on its back": {"pieces.load": {"model": "box", "parent": "robot", "mass": 1.0, "pose": [0, 0, 0.1, 0, 0, 0]}},
+    "1 kg on its back": {
+        "pieces.load": {
+            "model": "box",
+            "parent": "robot",
+            "mass": 1.0,
+            "pose": [0, 0, 0.1, 0, 0, 0],
+        }
+    },
     "steps of 2 ms": {"solver": {"kind": "discrete", "time_step": 2e-3}},
-    "cenic": {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02}},
+    "cenic": {
+        "solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02}
+    },
 }
 FIRST, MANY = 910_000, 100  # seeds: nothing was chosen by these
 NOISE_DEG = 1.0  # standard deviation of where each axis begins
@@ -72,18 +81,24 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("station", type=Path)
     options.add_argument("--out", type=Path, default=Path("runs/proof.csv"))
-    options.add_argument("--conditions", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS))
+    options.add_argument(
+        "--conditions", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS)
+    )
     options.add_argument("--first", type=int, default=FIRST, help="the first seed")
     options.add_argument("--many", type=int, default=MANY, help="how many")
     given = options.parse_args()
     seeds = range(given.first, given.first + given.many)
-    walks = [Walk(condition, seed, given.station) for condition in given.conditions for seed in seeds]
+    walks = [
+        Walk(condition, seed, given.station) for condition in given.conditions for seed in seeds
+    ]
     given.out.parent.mkdir(parents=True, exist_ok=True)
     found = []
     with Processes() as processes, given.out.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow([*TOLD])
-        for walk in processes.outcomes(walked, walks, lambda walk: replace(walk, ended="its process died")):
+        for walk in processes.outcomes(
+            walked, walks, lambda walk: replace(walk, ended="its process died")
+        ):
             found.append(walk)
             table.writerow([getattr(walk, name) for name in TOLD])
             file.flush()
@@ -91,7 +106,9 @@ def main() -> None:
         own = [walk for walk in found if walk.condition == condition]
         ways = np.array([walk.ahead for walk in own if not walk.ended] or [0.0])
         done = sum(walk.proven for walk in own)
-        print(f"{condition}: {done} of {len(own)} upright over {FAR:g} m in {LONG:g} s; median {np.median(ways):.2f} m")
+        print(
+            f"{condition}: {done} of {len(own)} upright over {FAR:g} m in {LONG:g} s; median {np.median(ways):.2f} m"
+        )
 
 
 if __name__ == "__main__":

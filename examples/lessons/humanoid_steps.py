@@ -13,7 +13,9 @@ def main() -> None:
     print(f"the step took it {-1e3 * robot.base_pose.translation()[1]:.0f} mm ahead")
     walk = LeggedRobot("roid1_dynamic").walk(4)
     print(f"four steps took roid1 {1e3 * walk.summary()['locomotion']['ahead']:.0f} mm ahead")
-    lifted = LeggedRobot("zjudancer_dynamic").test_move({"left_hip_pitch": 90, "left_knee": 90}, duration=2.0)
+    lifted = LeggedRobot("zjudancer_dynamic").test_move(
+        {"left_hip_pitch": 90, "left_knee": 90}, duration=2.0
+    )
     print(f"a leg up, without leaning first: {lifted.message}")
     walk.save("runs/lesson_4", force=True)
 

@@ -29,7 +29,9 @@ class Integral(SampledBlock):
     def sample(self, memory: Any, read: Any) -> dict[str, Any]:
         """Return what changes in the memory."""
         error = read["reference"] - read["position"]
-        return {"feedforward": memory["feedforward"] + self.period * self.parameters["gain"] * error}
+        return {
+            "feedforward": memory["feedforward"] + self.period * self.parameters["gain"] * error
+        }
 
 
 def main() -> None:

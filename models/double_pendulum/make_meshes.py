@@ -17,7 +17,12 @@ def prism() -> str:
     rim = np.stack([np.cos(turn), np.zeros(6), np.sin(turn)], axis=1)
     half = np.array([0.0, THICKNESS / 2, 0.0])
     points = np.round(np.concatenate([RADIUS * rim - half, RADIUS * rim + half]), 5) + 0.0
-    normals = np.round(np.concatenate([rim + np.roll(rim, -1, axis=0), [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]]), 4) + 0.0
+    normals = (
+        np.round(
+            np.concatenate([rim + np.roll(rim, -1, axis=0), [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]]), 4
+        )
+        + 0.0
+    )
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     lines = ["# made by make_meshes.py"]
     lines += ["v {:.5f} {:.5f} {:.5f}".format(*point) for point in points]
@@ -26,7 +31,9 @@ def prism() -> str:
     faces += [((side, side + 6, side % 6 + 7, side % 6 + 1), side) for side in range(1, 7)]
     for corners, normal in faces:
         for second, third in pairwise(corners[1:]):
-            lines.append("f " + " ".join(f"{corner}//{normal}" for corner in (corners[0], second, third)))
+            lines.append(
+                "f " + " ".join(f"{corner}//{normal}" for corner in (corners[0], second, third))
+            )
     return "\n".join(lines) + "\n"
 
 

@@ -21,12 +21,21 @@ PALM_MASS, FINGER_MASS = 0.9, 0.05  # kg
 NOTE = "\n  Made by make_urdf.py of irb120.urdf: an ABB IRB 120 with a gripper of two fingers.\n"
 
 
-def box(link: ET.Element, size: tuple[float, ...], place: tuple[float, ...], colour: str, *, collides: bool) -> None:
+def box(
+    link: ET.Element,
+    size: tuple[float, ...],
+    place: tuple[float, ...],
+    colour: str,
+    *,
+    collides: bool,
+) -> None:
     """Add a box to a link."""
     for tag in ("visual", "collision") if collides else ("visual",):
         shape = ET.SubElement(link, tag)
         ET.SubElement(shape, "origin", xyz=" ".join(f"{value:.6g}" for value in place))
-        ET.SubElement(ET.SubElement(shape, "geometry"), "box", size=" ".join(f"{value:g}" for value in size))
+        ET.SubElement(
+            ET.SubElement(shape, "geometry"), "box", size=" ".join(f"{value:g}" for value in size)
+        )
         if tag == "visual":
             ET.SubElement(shape, "material", name=colour)
 
@@ -42,7 +51,9 @@ def inertial(link: ET.Element, mass: float, size: tuple[float, ...], z: float) -
     ET.SubElement(own, "inertia", {**figures, "ixy": "0", "ixz": "0", "iyz": "0"})
 
 
-def joint(robot: ET.Element, name: str, kind: str, parent: str, child: str, **parts: dict[str, str]) -> None:
+def joint(
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, **parts: dict[str, str]
+) -> None:
     """Add a joint with its further elements."""
     made = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
@@ -59,7 +70,16 @@ def finger(robot: ET.Element, side: str, sign: int) -> None:
     inertial(link, FINGER_MASS, FINGER, FINGER[2] / 2)
     limit = {"lower": "0", "upper": f"{STROKE:g}", "effort": f"{FORCE:g}", "velocity": f"{SPEED:g}"}
     start, along = {"xyz": f"0 0 {PALM[2]:g}"}, {"xyz": f"0 {sign} 0"}
-    joint(robot, f"{side}_finger", "prismatic", "palm", f"{side}_finger", origin=start, axis=along, limit=limit)
+    joint(
+        robot,
+        f"{side}_finger",
+        "prismatic",
+        "palm",
+        f"{side}_finger",
+        origin=start,
+        axis=along,
+        limit=limit,
+    )
     motor = ET.SubElement(robot, "transmission", name=f"transmission_{side}_finger")
     ET.SubElement(motor, "type").text = "transmission_interface/SimpleTransmission"
     ET.SubElement(motor, "joint", name=f"{side}_finger")
@@ -78,12 +98,21 @@ def main(folder: Path = HERE) -> None:
     for side, sign in (("left", 1), ("right", -1)):
         finger(robot, side, sign)
     ET.SubElement(robot, "link", name="grasp")
-    joint(robot, "grasp", "fixed", "palm", "grasp", origin={"xyz": f"0 0 {PALM[2] + FINGER[2] - PAD[2] / 2:g}"})
+    joint(
+        robot,
+        "grasp",
+        "fixed",
+        "palm",
+        "grasp",
+        origin={"xyz": f"0 0 {PALM[2] + FINGER[2] - PAD[2] / 2:g}"},
+    )
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"../{ARM.parent.name}/{mesh.get('filename')}")
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
-    (folder / "irb120_gripper.urdf").write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
+    (folder / "irb120_gripper.urdf").write_text(
+        f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

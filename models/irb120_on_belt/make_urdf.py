@@ -31,7 +31,9 @@ def main(folder: Path = HERE) -> None:
         mesh.set("filename", f"../{ARM.parent.name}/{mesh.get('filename')}")
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
-    (folder / "irb120_on_belt.urdf").write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
+    (folder / "irb120_on_belt.urdf").write_text(
+        f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

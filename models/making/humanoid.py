@@ -38,8 +38,22 @@ COLOURS = {
 
 # name: parent, child, origin, yaw, axis, range [deg] in the joint's own sense.
 JOINTS = {
-    "right_shoulder_frontal": ("trunk", "right_shoulder", (-0.06413, 0, -0.0399), PI, "x", (-90, 180)),
-    "right_shoulder_sagittal": ("right_shoulder", "right_upper_arm", (0.01905, 0, 0), -PI / 2, "x", (-15, 180)),
+    "right_shoulder_frontal": (
+        "trunk",
+        "right_shoulder",
+        (-0.06413, 0, -0.0399),
+        PI,
+        "x",
+        (-90, 180),
+    ),
+    "right_shoulder_sagittal": (
+        "right_shoulder",
+        "right_upper_arm",
+        (0.01905, 0, 0),
+        -PI / 2,
+        "x",
+        (-15, 180),
+    ),
     "right_elbow": ("right_upper_arm", "right_lower_arm", (0, 0, -0.0889), 0, "x", (-130, 130)),
     "right_wrist": ("right_lower_arm", "right_hand", (0, 0, -0.0762), 0, "x", (-90, 90)),
     "right_hip_sagittal": ("trunk", "right_hip", (-0.01905, 0, -0.1849), 0, "y", (-45, 60)),
@@ -47,7 +61,14 @@ JOINTS = {
     "right_knee": ("right_upper_leg", "right_lower_leg", (-0.02537, 0, -0.1041), 0, "x", (-5, 150)),
     "right_ankle": ("right_lower_leg", "right_foot", (0, 0, -0.10414), 0, "x", (-90, 90)),
     "left_shoulder_frontal": ("trunk", "left_shoulder", (0.06413, 0, -0.0399), 0, "x", (-180, 90)),
-    "left_shoulder_sagittal": ("left_shoulder", "left_upper_arm", (0.01905, 0, 0), -PI / 2, "x", (-15, 180)),
+    "left_shoulder_sagittal": (
+        "left_shoulder",
+        "left_upper_arm",
+        (0.01905, 0, 0),
+        -PI / 2,
+        "x",
+        (-15, 180),
+    ),
     "left_elbow": ("left_upper_arm", "left_lower_arm", (0, 0, -0.0889), 0, "x", (-130, 130)),
     "left_wrist": ("left_lower_arm", "left_hand", (0, 0, -0.0762), 0, "x", (-90, 90)),
     "left_hip_sagittal": ("trunk", "left_hip", (0.01905, 0, -0.1849), PI, "y", (-45, 60)),
@@ -81,7 +102,12 @@ INERTIAS = {
     "lower_arm": (0.058, (0, 0, -0.041), (6.543e-05, 6.913e-05, 7.689e-06), ZERO),
     "hand": (0.052, (0, 0, -0.02), (1.981e-05, 2.229e-05, 9.561e-06), (0, 0, -2.684e-06)),
     "hip": (0.085, (-0.004, 0, -0.012), (3.38e-05, 2.674e-05, 1.953e-05), (0, -4.474e-06, 0)),
-    "upper_leg": (0.176, (-0.025, 0, -0.063), (0.0004075, 0.0004285, 4.997e-05), (0, -7.163e-06, 0)),
+    "upper_leg": (
+        0.176,
+        (-0.025, 0, -0.063),
+        (0.0004075, 0.0004285, 4.997e-05),
+        (0, -7.163e-06, 0),
+    ),
     "lower_leg": (0.161, (0, 0, -0.052), (0.0003775, 0.0003872, 3.398e-05), ZERO),
     "foot": (0.126, (0, -0.013, -0.011), (0.0001256, 3.787e-05, 0.0001145), (0, 0, -2.238e-05)),
 }
@@ -104,7 +130,13 @@ def trunk() -> Parts:
     corners = [(0.0641, y, z) for y in (-0.0254, 0.0254) for z in (-0.0145, -0.082)]
     shell = wedge([*corners, (0.040, -0.0225, -0.2014), (0.040, 0.0225, -0.2014)], 0.011)
     inlay = wedge(
-        [(0.036, -0.0268, -0.050), (0.036, -0.0268, -0.094), (0.020, -0.0268, -0.122), (0.03, 0, -0.06)], 0.003
+        [
+            (0.036, -0.0268, -0.050),
+            (0.036, -0.0268, -0.094),
+            (0.020, -0.0268, -0.122),
+            (0.03, 0, -0.06),
+        ],
+        0.003,
     )
     pack = block((-0.040, 0.0, -0.125), (0.040, 0.0285, -0.040), 0.006)
     lamp = drum(0.0065, (-0.0277, -0.0200), "y", (0, 0, -0.070), 0.001)
@@ -113,7 +145,9 @@ def trunk() -> Parts:
 
 def waistline() -> Parts:
     """Pelvis that carries both hips."""
-    low = [(0.0473, y, 0.0203) for y in (-0.0254, 0.0254)] + [(0.040, y, -0.0203) for y in (-0.0254, 0.0254)]
+    low = [(0.0473, y, 0.0203) for y in (-0.0254, 0.0254)] + [
+        (0.040, y, -0.0203) for y in (-0.0254, 0.0254)
+    ]
     return {"graphite": [wedge(low, 0.009)]}
 
 
@@ -141,7 +175,12 @@ def head() -> Parts:
 
 def cover() -> Parts:
     """Dark glass before the face."""
-    low = [(0.0215, -0.0246, 0.0165), (0.0215, -0.0246, -0.0105), (0.0215, -0.0215, 0.0165), (0.0215, -0.0215, -0.0105)]
+    low = [
+        (0.0215, -0.0246, 0.0165),
+        (0.0215, -0.0246, -0.0105),
+        (0.0215, -0.0215, 0.0165),
+        (0.0215, -0.0215, -0.0105),
+    ]
     return {"graphite": [wedge(low, 0.0012)]}
 
 
@@ -150,14 +189,19 @@ def shoulder() -> Parts:
     return {
         "graphite": [
             block((-0.0178, -0.0175, -0.0089), (0.0254, 0.0175, 0.0089), 0.004),
-            drum(0.0089, (-0.0203, 0.0203), "y", (0.0172, 0, 0)),  # its ends stand out of the arm, which is 38 mm thick
+            drum(
+                0.0089, (-0.0203, 0.0203), "y", (0.0172, 0, 0)
+            ),  # its ends stand out of the arm, which is 38 mm thick
         ]
     }
 
 
 def upper_arm() -> Parts:
     """Sleeve from shoulder to elbow."""
-    sleeve = hull([(x, y, z) for x in (-0.0085, 0.0085) for y in (-0.006, 0.006) for z in (0.006, -0.072)], 0.0105)
+    sleeve = hull(
+        [(x, y, z) for x in (-0.0085, 0.0085) for y in (-0.006, 0.006) for z in (0.006, -0.072)],
+        0.0105,
+    )
     joint = drum(0.0127, (-0.0165, 0.0165), "x", (0, 0, -0.0889))
     return {"shell_white": [sleeve], "graphite": [joint]}
 
@@ -166,7 +210,9 @@ def lower_arm() -> Parts:
     """Fore-arm that narrows to the wrist."""
     top = [(x, y, -0.020) for x in (-0.0088, 0.0088) for y in (-0.0037, 0.0037)]
     sleeve = hull([*top, (-0.0058, 0, -0.060), (0.0058, 0, -0.060)], 0.009)
-    cheek = block((0.0132, -0.0130, -0.030), (0.0186, 0.0130, 0.0115), 0.002)  # covers the ends of the elbow
+    cheek = block(
+        (0.0132, -0.0130, -0.030), (0.0186, 0.0130, 0.0115), 0.002
+    )  # covers the ends of the elbow
     joint = drum(0.0095, (-0.0125, 0.0125), "x", (0, 0, -0.0762))
     return {"shell_white": [sleeve, cheek, mirrored(cheek)], "graphite": [joint]}
 
@@ -212,13 +258,23 @@ def foot() -> Parts:
     """Shoe with a dark sole; the toes lie at -y."""
     low = [(0.0279, -0.066, -0.0215), (0.0279, 0.0328, -0.0215), (0.0215, -0.0802, -0.0215)]
     high = [(0.0235, -0.052, -0.006), (0.0235, 0.029, -0.006)]
-    shoe = hull([(s * (x - 0.005), y - 0.005 * np.sign(y), z) for x, y, z in [*low, *high] for s in (-1, 1)], 0.005)
+    shoe = hull(
+        [
+            (s * (x - 0.005), y - 0.005 * np.sign(y), z)
+            for x, y, z in [*low, *high]
+            for s in (-1, 1)
+        ],
+        0.005,
+    )
     sole = block((-0.0279, -0.0802, -0.02896), (0.0279, 0.0328, -0.0205), 0.003)
     cheek = block((0.0195, -0.0125, -0.010), (0.0240, 0.0125, 0.0165), 0.002)
     return {"shell_white": [shoe, cheek, mirrored(cheek)], "graphite": [sole]}
 
 
-FORMS = {f.__name__: f for f in (trunk, waistline, shoulder_line, neck, head, cover, shoulder, upper_arm, lower_arm)}
+FORMS = {
+    f.__name__: f
+    for f in (trunk, waistline, shoulder_line, neck, head, cover, shoulder, upper_arm, lower_arm)
+}
 FORMS |= {f.__name__: f for f in (hand, hip, upper_leg, lower_leg, foot)}
 
 
@@ -227,10 +283,21 @@ def make(folder: Path) -> None:
     visuals = {name: write_parts(folder, name, form()) for name, form in FORMS.items()}
     links = []
     for shape, (mass, com, moments, products) in INERTIAS.items():
-        for name in [f"{side}_{shape}" for side in ("right", "left")] if shape in PAIRED else [shape]:
+        for name in (
+            [f"{side}_{shape}" for side in ("right", "left")] if shape in PAIRED else [shape]
+        ):
             figures = {"mass": mass, "com": com, "moments": moments, "products": products}
-            links.append(Link(name=name, **figures, visuals=visuals[shape], collisions=COLLISIONS.get(shape, [])))
-    links += [Link(name=f"{side}_{frame}") for frame in ("hand_tcp", "sole") for side in ("right", "left")]
+            links.append(
+                Link(
+                    name=name,
+                    **figures,
+                    visuals=visuals[shape],
+                    collisions=COLLISIONS.get(shape, []),
+                )
+            )
+    links += [
+        Link(name=f"{side}_{frame}") for frame in ("hand_tcp", "sole") for side in ("right", "left")
+    ]
     joints = []
     for name, (parent, child, xyz, yaw, axis, (low, high)) in JOINTS.items():
         joints.append(
@@ -247,8 +314,12 @@ def make(folder: Path) -> None:
                 damping=0.05 if name == "trunk_shoulder" else DAMPING,
             )
         )
-    joints += [Joint(name=n, parent=p, child=c, xyz=xyz, rpy=rpy) for n, (p, c, xyz, rpy) in FIXED.items()]
-    write_urdf(folder / "humanoid.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints)
+    joints += [
+        Joint(name=n, parent=p, child=c, xyz=xyz, rpy=rpy) for n, (p, c, xyz, rpy) in FIXED.items()
+    ]
+    write_urdf(
+        folder / "humanoid.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints
+    )
 
 
 if __name__ == "__main__":

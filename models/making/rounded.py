@@ -22,7 +22,10 @@ Parts = Mapping[str, Sequence[trimesh.Trimesh]]
 """The convex parts of a link, by the name of their colour."""
 
 _CREASE = np.cos(np.deg2rad(38.0))  # faces that meet at a sharper edge than this are shaded apart
-_FINE = 0.03, 0.012  # spheres of at least these radii get sixteen and four times the faces of the smallest [m]
+_FINE = (
+    0.03,
+    0.012,
+)  # spheres of at least these radii get sixteen and four times the faces of the smallest [m]
 _SIDES = 32  # of a disc
 _DIGITS = 5  # of coordinates: 10 µm
 
@@ -30,7 +33,11 @@ _DIGITS = 5  # of coordinates: 10 µm
 def hull(points: npt.ArrayLike, radius: float) -> trimesh.Trimesh:
     """Return the convex hull of spheres of one radius about points, shape (k, 3)."""
     ball = trimesh.creation.icosphere(subdivisions=1 + sum(radius >= limit for limit in _FINE))
-    return solid((np.asarray(points, dtype=float)[:, np.newaxis] + radius * np.asarray(ball.vertices)).reshape(-1, 3))
+    return solid(
+        (
+            np.asarray(points, dtype=float)[:, np.newaxis] + radius * np.asarray(ball.vertices)
+        ).reshape(-1, 3)
+    )
 
 
 def solid(points: npt.ArrayLike) -> trimesh.Trimesh:
@@ -58,14 +65,25 @@ def wedge(low: Sequence[Triple], radius: float) -> trimesh.Trimesh:
 
 
 def drum(
-    radius: float, span: tuple[float, float], axis: str = "z", at: Triple = (0.0, 0.0, 0.0), fillet: float = 0.0015
+    radius: float,
+    span: tuple[float, float],
+    axis: str = "z",
+    at: Triple = (0.0, 0.0, 0.0),
+    fillet: float = 0.0015,
 ) -> trimesh.Trimesh:
     """Return a cylinder with bevelled edges along an axis; the span is measured from the point ``at``."""
     turn = 2 * np.pi * np.arange(_SIDES) / _SIDES
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     low, high = span
-    heights = [(low, radius - fillet), (low + fillet, radius), (high - fillet, radius), (high, radius - fillet)]
-    rings = np.concatenate([np.column_stack([r * ring, np.full(_SIDES, height)]) for height, r in heights])
+    heights = [
+        (low, radius - fillet),
+        (low + fillet, radius),
+        (high - fillet, radius),
+        (high, radius - fillet),
+    ]
+    rings = np.concatenate(
+        [np.column_stack([r * ring, np.full(_SIDES, height)]) for height, r in heights]
+    )
     order = {"z": [0, 1, 2], "x": [2, 0, 1], "y": [1, 2, 0]}[axis]
     return solid(rings[:, order] + np.asarray(at))
 
@@ -95,7 +113,11 @@ def write_obj(file: Path, parts: Sequence[trimesh.Trimesh]) -> None:
     lines = [f"# made by making/{file.parent.parent.name}.py"]
     lines += ["v " + " ".join(f"{value:.5g}" for value in point) for point in points]
     lines += ["vn " + " ".join(f"{value:.3g}" for value in normal) for normal in normals]
-    faces = (zip(*face, strict=True) for face in zip(corners, turns, strict=True) if len(set(face[0])) == 3)
+    faces = (
+        zip(*face, strict=True)
+        for face in zip(corners, turns, strict=True)
+        if len(set(face[0])) == 3
+    )
     lines += ["f " + " ".join(f"{point}//{normal}" for point, normal in face) for face in faces]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 

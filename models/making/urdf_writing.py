@@ -131,7 +131,9 @@ def write_urdf(
         if joint.axis is not None:
             _add_motor(robot, joint)
     ET.indent(robot)
-    file.write_text(f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n', encoding="utf-8")
+    file.write_text(
+        f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n', encoding="utf-8"
+    )
 
 
 def _add_link(robot: ET.Element, link: Link) -> None:

@@ -50,9 +50,15 @@ CARRIED = {  # on the trunk: place, mass, centre of mass, moments
 
 def trunk_body() -> Parts:
     """Slim body between two hip girdles."""
-    shell = hull([(x, y, z) for x in (-0.130, 0.130) for y in (-0.058, 0.058) for z in (-0.022, 0.020)], 0.022)
+    shell = hull(
+        [(x, y, z) for x in (-0.130, 0.130) for y in (-0.058, 0.058) for z in (-0.022, 0.020)],
+        0.022,
+    )
     back = hull([(x, y, 0.040) for x in (-0.105, 0.070) for y in (-0.036, 0.036)], 0.009)
-    girdles = [block((x - 0.0285, -0.049, -0.042), (x + 0.0285, 0.049, 0.040), 0.014) for x in (-0.160, 0.160)]
+    girdles = [
+        block((x - 0.0285, -0.049, -0.042), (x + 0.0285, 0.049, 0.040), 0.014)
+        for x in (-0.160, 0.160)
+    ]
     rails = [hull([(-0.150, y, -0.034), (0.150, y, -0.034)], 0.0105) for y in (-0.064, 0.064)]
     stripe = hull([(x, y, 0.0415) for x in (-0.085, 0.050) for y in (-0.006, 0.006)], 0.0085)
     return {"bone_white": [shell], "carbon": [*girdles, back, *rails], "gold": [stripe]}
@@ -60,15 +66,24 @@ def trunk_body() -> Parts:
 
 def hokuyo_frame() -> Parts:
     """Lidar on its foot."""
-    body = [block((-0.029, -0.029, -0.048), (0.029, 0.029, -0.012), 0.006), drum(0.0255, (-0.012, 0.004), fillet=0.003)]
-    return {"carbon": [*body, drum(0.0265, (0.012, 0.032), fillet=0.006)], "gold": [drum(0.0235, (0.003, 0.0125))]}
+    body = [
+        block((-0.029, -0.029, -0.048), (0.029, 0.029, -0.012), 0.006),
+        drum(0.0255, (-0.012, 0.004), fillet=0.003),
+    ]
+    return {
+        "carbon": [*body, drum(0.0265, (0.012, 0.032), fillet=0.006)],
+        "gold": [drum(0.0235, (0.003, 0.0125))],
+    }
 
 
 def camera_link() -> Parts:
     """Depth camera in front, under the body."""
     bar = hull([(0.0, y, 0.0) for y in (-0.072, 0.072)], 0.0145)
     eyes = [drum(0.0085, (0.0085, 0.0158), "x", (0, y, 0), 0.001) for y in (-0.046, 0.0, 0.046)]
-    return {"carbon": [bar, block((-0.022, -0.012, 0.0), (0.006, 0.012, 0.030), 0.004)], "lens": eyes}
+    return {
+        "carbon": [bar, block((-0.022, -0.012, 0.0), (0.006, 0.012, 0.030), 0.004)],
+        "lens": eyes,
+    }
 
 
 def hip() -> Parts:
@@ -84,7 +99,9 @@ def thigh() -> Parts:
     motor = drum(0.0425, (-0.0265, 0.0165), "y", (0, 0, 0), 0.006)
     cap = drum(0.027, (0.0165, 0.0205), "y", (0, 0, 0), 0.002)
     top = [(x, y, -0.010) for x in (-0.022, 0.022) for y in (-0.005, 0.005)]
-    shell = hull([*top, *((x, y, -THIGH) for x in (-0.004, 0.004) for y in (-0.004, 0.004))], 0.0125)
+    shell = hull(
+        [*top, *((x, y, -THIGH) for x in (-0.004, 0.004) for y in (-0.004, 0.004))], 0.0125
+    )
     knee = drum(0.0195, (-0.0185, 0.0185), "y", (0, 0, -THIGH), 0.002)
     return {"ice_blue": [shell], "carbon": [motor, knee], "gold": [cap]}
 
@@ -121,17 +138,30 @@ def make(folder: Path) -> None:
     for name, (xyz, pitch, mass, moments) in CARRIED.items():
         link = "trunk" if name == "trunk_body" else name
         links.append(
-            Link(name=link, mass=mass, moments=moments, visuals=carried[name], collisions=bumpers.get(name, []))
+            Link(
+                name=link,
+                mass=mass,
+                moments=moments,
+                visuals=carried[name],
+                collisions=bumpers.get(name, []),
+            )
         )
         if link != "trunk":
-            joints.append(Joint(name=f"{link}_fixed", parent="trunk", child=link, xyz=xyz, rpy=(0, pitch, 0)))
+            joints.append(
+                Joint(name=f"{link}_fixed", parent="trunk", child=link, xyz=xyz, rpy=(0, pitch, 0))
+            )
     forms = (hip, thigh, calf, foot)
-    drawn = {("left", form.__name__): write_parts(folder, f"left_{form.__name__}", form()) for form in forms[:2]}
+    drawn = {
+        ("left", form.__name__): write_parts(folder, f"left_{form.__name__}", form())
+        for form in forms[:2]
+    }
     for form in forms[:2]:
         parts = mirrored_parts(form(), "y")
         drawn["right", form.__name__] = write_parts(folder, f"right_{form.__name__}", parts)
     for form in forms[2:]:
-        drawn["left", form.__name__] = drawn["right", form.__name__] = write_parts(folder, form.__name__, form())
+        drawn["left", form.__name__] = drawn["right", form.__name__] = write_parts(
+            folder, form.__name__, form()
+        )
     for leg, (front, left) in LEGS.items():
         side = "left" if left > 0 else "right"
         for part, (mass, (x, y, z), moments) in INERTIAS.items():
@@ -143,9 +173,13 @@ def make(folder: Path) -> None:
             }
             inertia = {"mass": mass, "com": (x, left * y, z), "moments": moments}
             name = f"{leg}_{part}"
-            links.append(Link(name=name, **inertia, visuals=drawn[side, part], collisions=shapes[part]))
+            links.append(
+                Link(name=name, **inertia, visuals=drawn[side, part], collisions=shapes[part])
+            )
         joints += _leg_joints(leg, front, left)
-    write_urdf(folder / "yobotics.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints)
+    write_urdf(
+        folder / "yobotics.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints
+    )
 
 
 def _leg_joints(leg: str, front: int, left: int) -> list[Joint]:

@@ -71,7 +71,9 @@ INERTIAS = {
     "leg_ankle": (0.1739482, (0, -0.016, 0.0143), (6.153e-5, 6.577e-5, 3.883e-5)),
     "foot": (0.1434286, (0.0157, 0, -0.045), (1.4142e-4, 5.055e-5, 1.8366e-4)),
 }
-SCALE = 0.85 / sum(INERTIAS[link][0] for link in INERTIAS if link not in ("arm", "hand"))  # of all but the chest
+SCALE = 0.85 / sum(
+    INERTIAS[link][0] for link in INERTIAS if link not in ("arm", "hand")
+)  # of all but the chest
 CHEST = 3.0 - SCALE * sum(
     figures[0] * (2 if link in INERTIAS else 1)
     for link, figures in {**MIDDLE, **INERTIAS}.items()
@@ -94,16 +96,31 @@ COLLISIONS: dict[str, list[Shape]] = {
 def chest() -> Parts:
     """Blue shell that narrows to the waist, computer on the back, pelvis plate under it."""
     shell = wedge(
-        [(x, y, z) for x, z in ((0.061, 0.018), (0.061, -0.055), (0.044, -0.125)) for y in (-0.040, 0.046)], 0.012
+        [
+            (x, y, z)
+            for x, z in ((0.061, 0.018), (0.061, -0.055), (0.044, -0.125))
+            for y in (-0.040, 0.046)
+        ],
+        0.012,
     )
     axle = drum(0.0165, (-0.069, 0.069), "x", (0, MIDDLE_Y, 0))
     pack = block((-0.044, -0.058, -0.105), (0.044, -0.030, 0.008), 0.008)
     emblem = wedge(
-        [(0.030, 0.048, -0.015), (0.030, 0.048, -0.040), (0.008, 0.048, -0.075), (0.020, 0.03, -0.04)], 0.004
+        [
+            (0.030, 0.048, -0.015),
+            (0.030, 0.048, -0.040),
+            (0.008, 0.048, -0.075),
+            (0.020, 0.03, -0.04),
+        ],
+        0.004,
     )
     pelvis = block((-0.076, -0.026, -0.172), (0.076, 0.052, -0.160), 0.005)
     column = block((-0.034, -0.020, -0.168), (0.034, 0.040, -0.115), 0.006)
-    return {"racing_blue": [shell], "servo_black": [axle, pack, column], "aluminium": [emblem, pelvis]}
+    return {
+        "racing_blue": [shell],
+        "servo_black": [axle, pack, column],
+        "aluminium": [emblem, pelvis],
+    }
 
 
 def neck() -> Parts:
@@ -114,7 +131,10 @@ def neck() -> Parts:
 
 def head() -> Parts:
     """Helmet with a dark visor and one camera."""
-    helmet = hull([(x, y, z) for x in (-0.012, 0.012) for y in (-0.010, 0.006) for z in (0.045, 0.062)], 0.0305)
+    helmet = hull(
+        [(x, y, z) for x in (-0.012, 0.012) for y in (-0.010, 0.006) for z in (0.045, 0.062)],
+        0.0305,
+    )
     visor = hull([(x, 0.0185, z) for x in (-0.019, 0.019) for z in (0.047, 0.060)], 0.0195)
     camera = drum(0.0095, (0.034, 0.0405), "y", (0, 0, 0.054), 0.002)
     ears = drum(0.013, (-0.0445, 0.0445), "x", (0, 0, 0.0505), 0.003)
@@ -125,7 +145,10 @@ def arm() -> Parts:
     """Shoulder servo and sleeve; the elbow lies outside of the shoulder."""
     hub = drum(0.020, (0.0, 0.012), "x", (0, 0, 0))
     servo = block((0.010, -0.0205, -0.100), (0.044, 0.0165, -0.042), 0.005)
-    sleeve = hull([(0.0165, 0, 0), (0.0165, 0, 0.004), (0.0325, 0.004, -0.105), (0.0325, -0.006, -0.105)], 0.0155)
+    sleeve = hull(
+        [(0.0165, 0, 0), (0.0165, 0, 0.004), (0.0325, 0.004, -0.105), (0.0325, -0.006, -0.105)],
+        0.0155,
+    )
     elbow = drum(0.017, (-0.024, 0.0), "x", (0.05105, 0, -0.136))
     link = hull([(0.0335, 0, -0.100), (0.0390, 0, -0.136)], 0.012)
     return {"aluminium": [hub, link], "racing_blue": [sleeve], "servo_black": [servo, elbow]}
@@ -141,7 +164,9 @@ def hand() -> Parts:
 def leg_yaw() -> Parts:
     """Bracket that turns under the pelvis."""
     plate = drum(0.026, (-0.012, 0.0), "z", fillet=0.003)
-    arch = [block((-0.0215, y, -0.066), (0.0215, y + 0.005, -0.006), 0.002) for y in (-0.031, 0.030)]
+    arch = [
+        block((-0.0215, y, -0.066), (0.0215, y + 0.005, -0.006), 0.002) for y in (-0.031, 0.030)
+    ]
     bar = block((-0.0205, -0.031, -0.016), (0.0205, 0.035, -0.009), 0.003)
     return {"aluminium": [plate, *arch, bar]}
 
@@ -159,7 +184,10 @@ def leg_pitch() -> Parts:
     plate = block((0.0285, -0.0165, -0.135), (0.0335, 0.0165, 0.014), 0.0024)
     discs = [drum(0.0185, (0.0280, 0.0350), "x", (0, 0, z)) for z in (0.0, -0.123)]
     bridge = block((-0.0300, -0.0125, -0.082), (0.0300, 0.0190, -0.045), 0.006)
-    return {"aluminium": [side, plate, mirrored(plate), *discs, *(mirrored(d) for d in discs)], "racing_blue": [bridge]}
+    return {
+        "aluminium": [side, plate, mirrored(plate), *discs, *(mirrored(d) for d in discs)],
+        "racing_blue": [bridge],
+    }
 
 
 def leg_knee() -> Parts:
@@ -168,7 +196,11 @@ def leg_knee() -> Parts:
     plate = block((0.0275, -0.0160, -0.142), (0.0315, 0.0160, 0.0), 0.0019)
     shin = hull([(x, 0.0165, z) for x in (-0.0195, 0.0195) for z in (-0.040, -0.092)], 0.0085)
     disc = drum(0.0175, (0.0275, 0.0335), "x", (0, 0, -0.130))
-    return {"servo_black": [knee], "aluminium": [plate, mirrored(plate), disc, mirrored(disc)], "racing_blue": [shin]}
+    return {
+        "servo_black": [knee],
+        "aluminium": [plate, mirrored(plate), disc, mirrored(disc)],
+        "racing_blue": [shin],
+    }
 
 
 def leg_ankle() -> Parts:
@@ -182,7 +214,9 @@ def foot() -> Parts:
     """Wide sole, with an arch that holds the ankle in front and behind."""
     sole = block((-0.0275, -0.0735, -0.060), (0.0595, 0.0735, -0.053), 0.003)
     top = hull([(x, y, -0.0500) for x in (-0.018, 0.050) for y in (-0.062, 0.060)], 0.0075)
-    posts = [block((-0.0165, y, -0.054), (0.0165, y + 0.005, 0.014), 0.002) for y in (-0.0545, 0.0285)]
+    posts = [
+        block((-0.0165, y, -0.054), (0.0165, y + 0.005, 0.014), 0.002) for y in (-0.0545, 0.0285)
+    ]
     toe = hull([(x, 0.0640, -0.0505) for x in (-0.016, 0.048)], 0.0085)
     return {"servo_black": [sole], "aluminium": [top, *posts], "racing_blue": [toe]}
 
@@ -202,22 +236,38 @@ def make(folder: Path) -> None:
             if sign < 0:
                 parts = mirrored_parts(parts)
             name = f"{side}_{form.__name__}"
-            links.append(_link(name, write_parts(folder, name, parts), INERTIAS[form.__name__], SCALE, sign))
+            links.append(
+                _link(name, write_parts(folder, name, parts), INERTIAS[form.__name__], SCALE, sign)
+            )
         for name, figures in SIDE.items():
             joints.append(_joint(name, figures, side, sign))
-        for tool, link, (x, y, z) in (("tip", "hand", (0, 0, -0.1435)), ("sole", "foot", (0.016, 0, -0.060))):
+        for tool, link, (x, y, z) in (
+            ("tip", "hand", (0, 0, -0.1435)),
+            ("sole", "foot", (0.016, 0, -0.060)),
+        ):
             links.append(Link(name=f"{side}_{tool}"))
             place = (sign * x, y, z)
             joints.append(
-                Joint(name=f"{side}_{tool}_fixed", parent=f"{side}_{link}", child=f"{side}_{tool}", xyz=place)
+                Joint(
+                    name=f"{side}_{tool}_fixed",
+                    parent=f"{side}_{link}",
+                    child=f"{side}_{tool}",
+                    xyz=place,
+                )
             )
-    write_urdf(folder / "zjudancer.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints)
+    write_urdf(
+        folder / "zjudancer.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints
+    )
 
 
-def _link(name: str, visuals: list[tuple[Shape, str]], figures: tuple, scale: float, sign: int = 1) -> Link:
+def _link(
+    name: str, visuals: list[tuple[Shape, str]], figures: tuple, scale: float, sign: int = 1
+) -> Link:
     mass, (x, y, z), moments = figures
     shape = name.removeprefix("right_").removeprefix("left_")
-    collisions = [replace(each, xyz=(sign * each.xyz[0], *each.xyz[1:])) for each in COLLISIONS.get(shape, [])]
+    collisions = [
+        replace(each, xyz=(sign * each.xyz[0], *each.xyz[1:])) for each in COLLISIONS.get(shape, [])
+    ]
     inertia = {"mass": round(scale * mass, 9), "moments": [scale * moment for moment in moments]}
     return Link(name=name, com=(sign * x, y, z), visuals=visuals, collisions=collisions, **inertia)
 

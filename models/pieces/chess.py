@@ -8,7 +8,17 @@ from solids import Solid, ball, block, curve, lathe, plate, prism, together
 MM = 1e-3
 
 Profile = list[tuple[float, ...]]
-FOOT: Profile = [(0, -5), (21.5, -5), (22.5, -4), (22.5, -1.5), (21.5, 0), (20, 0.6), (19.6, 2), (18, 4.2), (15.5, 5.6)]
+FOOT: Profile = [
+    (0, -5),
+    (21.5, -5),
+    (22.5, -4),
+    (22.5, -1.5),
+    (21.5, 0),
+    (20, 0.6),
+    (19.6, 2),
+    (18, 4.2),
+    (15.5, 5.6),
+]
 
 
 def turned(*parts: Profile) -> Solid:
@@ -19,7 +29,12 @@ def turned(*parts: Profile) -> Solid:
 
 def collar(radius: float, height: float) -> Profile:
     """Return a thin round collar [mm]."""
-    return [(radius - 1.2, height), (radius, height + 0.9), (radius - 0.2, height + 1.9), (radius - 2, height + 2.6)]
+    return [
+        (radius - 1.2, height),
+        (radius, height + 0.9),
+        (radius - 0.2, height + 1.9),
+        (radius - 2, height + 2.6),
+    ]
 
 
 def pawn() -> Solid:
@@ -46,15 +61,49 @@ def rook() -> Solid:
 
 def knight() -> Solid:
     """Horse's head, its muzzle along x."""
-    chest: Profile = [(10.6, 8), (13.2, 15), (11.4, 22), (8.2, 29), (6.4, 33), (6.2, 35), (7, 36.4), (8.4, 36.9)]
+    chest: Profile = [
+        (10.6, 8),
+        (13.2, 15),
+        (11.4, 22),
+        (8.2, 29),
+        (6.4, 33),
+        (6.2, 35),
+        (7, 36.4),
+        (8.4, 36.9),
+    ]
     chin: Profile = [(10, 36.8), (12.4, 36), (15.2, 35.2), (18.4, 36.4)]
-    mane: Profile = [(-10.8, 8), (-14, 14), (-16, 23), (-16.6, 33), (-14.6, 43), (-10.4, 51.5), (-4, 58), (2.6, 61)]
+    mane: Profile = [
+        (-10.8, 8),
+        (-14, 14),
+        (-16, 23),
+        (-16.6, 33),
+        (-14.6, 43),
+        (-10.4, 51.5),
+        (-4, 58),
+        (2.6, 61),
+    ]
     face: Profile = [(6.4, 66), (9, 58.4), (14, 51), (19.2, 45.2)]
-    neck: Profile = [(0, 10), (-1, 15), (-2.2, 23), (-3.2, 32), (-2.8, 40), (-0.5, 46), (2.2, 50), (5, 52)]
+    neck: Profile = [
+        (0, 10),
+        (-1, 15),
+        (-2.2, 23),
+        (-3.2, 32),
+        (-2.8, 40),
+        (-0.5, 46),
+        (2.2, 50),
+        (5, 52),
+    ]
     head: Profile = [(7.5, 50.5), (10.5, 47), (13.5, 43.5), (16, 41)]
-    right, left, bone = (np.array(curve(line, 3)) for line in ([*chest, *chin], [*mane, *face], [*neck, *head]))
-    outline, spine = np.concatenate([right, [(20.6, 41)], left[::-1]]), np.concatenate([bone, bone[-1:], bone[::-1]])
-    along = np.concatenate([np.linspace(0.0, 1.0, len(bone)), [1.0], np.linspace(1.0, 0.0, len(bone))])
+    right, left, bone = (
+        np.array(curve(line, 3)) for line in ([*chest, *chin], [*mane, *face], [*neck, *head])
+    )
+    outline, spine = (
+        np.concatenate([right, [(20.6, 41)], left[::-1]]),
+        np.concatenate([bone, bone[-1:], bone[::-1]]),
+    )
+    along = np.concatenate(
+        [np.linspace(0.0, 1.0, len(bone)), [1.0], np.linspace(1.0, 0.0, len(bone))]
+    )
     width = np.interp(along, [0.0, 0.1, 0.3, 0.6, 1.0], [9.0, 10.8, 10.5, 9.0, 6.5])
     base = turned([(15, 7), (14.4, 8.4), (15.2, 10), (14.6, 11.4), (0, 11.6)])
     return together([base, plate(outline * MM, spine * MM, width * MM, 3.0 * MM)])

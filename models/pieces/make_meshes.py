@@ -47,14 +47,27 @@ def die(side: float) -> dict[str, Solid]:
     spots = {1: [(0, 0)], 2: [(-1, -1), (1, 1)], 4: [(x, y) for x in (-1, 1) for y in (-1, 1)]}
     spots |= {3: spots[1] + spots[2], 5: spots[1] + spots[4], 6: [*spots[4], (-1, 0), (1, 0)]}
     ups = {1: (0, 0, 1), 6: (0, 0, -1), 2: (1, 0, 0), 5: (-1, 0, 0), 3: (0, 1, 0), 4: (0, -1, 0)}
-    disc = lathe([(0, -0.01 * side), (0.085 * side, -0.01 * side), (0.085 * side, 0.001 * side), (0, 0.001 * side)], 14)
+    disc = lathe(
+        [
+            (0, -0.01 * side),
+            (0.085 * side, -0.01 * side),
+            (0.085 * side, 0.001 * side),
+            (0, 0.001 * side),
+        ],
+        14,
+    )
     pips = []
     for number, up in ups.items():
         side_axis = np.roll(up, 1)
         turn = np.stack([side_axis, np.cross(up, side_axis), up], axis=1)
-        pips += [disc.moved((third * x, third * y, half)).moved(turn=turn) for x, y in spots[number]]
+        pips += [
+            disc.moved((third * x, third * y, half)).moved(turn=turn) for x, y in spots[number]
+        ]
     up_half = (0, 0, half)
-    return {"body": rounded_cube(side, side / 9).moved(up_half), "pips": together(pips).moved(up_half)}
+    return {
+        "body": rounded_cube(side, side / 9).moved(up_half),
+        "pips": together(pips).moved(up_half),
+    }
 
 
 def squares(colour: int) -> Solid:
@@ -70,20 +83,31 @@ def table(upper: float, lower: float) -> Solid:
     The table is a wedge of 15 degrees with a right angle at its upper edge, 0.1 m high and 0.5 m wide.
     """
     slope, yaw = np.radians(15.0), np.radians(-120.0)
-    reach, start = 0.1 / np.sin(slope), 1 / np.tan(slope)  # the floor meets a layer at start times its depth
-    section = np.array([(start * lower, -lower), (reach, -lower), (reach, -upper), (start * upper, -upper)])
-    solid = prism(section @ [[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]], 0.0, 0.5)
+    reach, start = (
+        0.1 / np.sin(slope),
+        1 / np.tan(slope),
+    )  # the floor meets a layer at start times its depth
+    section = np.array(
+        [(start * lower, -lower), (reach, -lower), (reach, -upper), (start * upper, -upper)]
+    )
+    solid = prism(
+        section @ [[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]], 0.0, 0.5
+    )
     return Solid(solid.points[:, [2, 0, 1]], solid.faces).moved((0.4, 0.133, 0.0), about_z(yaw))
 
 
 def about_z(turn: float) -> Array:
     """Return the matrix of a rotation about z [rad]."""
-    return np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    return np.array(
+        [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
+    )
 
 
 def about_y(turn: float) -> Array:
     """Return the matrix of a rotation about y [rad]."""
-    return np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]])
+    return np.array(
+        [[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]]
+    )
 
 
 def around(low: tuple[float, float], high: tuple[float, float]) -> Array:
@@ -102,7 +126,9 @@ def cell(outer: Array, inner: Array, surface: Callable[[Array, float], Array]) -
         surface: heights of points of that plane on the outer face (depth 0) or the inner face (depth SHELL).
     """
     outside = pierced(outer, HOLE, lambda flat: surface(flat, 0.0), 2)[::-1]
-    return sheet(np.concatenate([outside, pierced(inner, HOLE, lambda flat: surface(flat, SHELL), 1)]))
+    return sheet(
+        np.concatenate([outside, pierced(inner, HOLE, lambda flat: surface(flat, SHELL), 1)])
+    )
 
 
 def half_sphere() -> Solid:
@@ -112,19 +138,31 @@ def half_sphere() -> Solid:
         return np.asarray(np.sqrt((SPHERE_RADIUS - depth) ** 2 - (flat**2).sum(axis=1)))
 
     def on_sphere(tilt: Array, turn: Array) -> Array:
-        return np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], axis=1)
+        return np.stack(
+            [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], axis=1
+        )
 
     inner = SPHERE_RADIUS - SHELL
-    edge = on_sphere(np.full(8 * CELL_STEPS, np.radians(15.0)), 2 * np.pi * np.arange(8 * CELL_STEPS) / 8 / CELL_STEPS)
+    edge = on_sphere(
+        np.full(8 * CELL_STEPS, np.radians(15.0)),
+        2 * np.pi * np.arange(8 * CELL_STEPS) / 8 / CELL_STEPS,
+    )
     parts = [cell(SPHERE_RADIUS * edge[:, :2], inner * edge[:, :2], surface)]
     for tilt in np.radians((30.0, 60.0)):
         corner = np.radians((15.0, 22.5))
-        rim = on_sphere(*np.add(around(tuple(-corner), tuple(corner)), (tilt, 0.0)).T) @ about_y(tilt)
+        rim = on_sphere(*np.add(around(tuple(-corner), tuple(corner)), (tilt, 0.0)).T) @ about_y(
+            tilt
+        )
         dome = cell(SPHERE_RADIUS * rim[:, :2], inner * rim[:, :2], surface)
-        parts += [dome.moved(turn=about_z(turn) @ about_y(tilt)) for turn in np.radians(45.0 * np.arange(8))]
+        parts += [
+            dome.moved(turn=about_z(turn) @ about_y(tilt))
+            for turn in np.radians(45.0 * np.arange(8))
+        ]
     tilts = np.radians((75.0, 82.5, 90.0))
     profile = [(inner, t) for t in tilts] + [(SPHERE_RADIUS, t) for t in tilts[::-1]]
-    parts.append(sheet(np.array([circle(r * np.sin(t), 8 * CELL_STEPS, r * np.cos(t)) for r, t in profile])))
+    parts.append(
+        sheet(np.array([circle(r * np.sin(t), 8 * CELL_STEPS, r * np.cos(t)) for r, t in profile]))
+    )
     return together(parts)
 
 
@@ -142,10 +180,17 @@ def cylinder() -> Solid:
     ]
     wall = cell(rims[0], rims[1], surface).moved(turn=about_y(np.pi / 2))
     turns = np.radians(45.0 * np.arange(8))
-    parts = [wall.moved((0, 0, height), about_z(turn)) for turn in turns for height in (-0.09, 0.0, 0.09)]
+    parts = [
+        wall.moved((0, 0, height), about_z(turn)) for turn in turns for height in (-0.09, 0.0, 0.09)
+    ]
     radii = CYLINDER_RADIUS - SHELL, CYLINDER_RADIUS
     for inside, outside in (((0.135, 0.15), 1), ((-0.135, -0.15), -1)):
-        profile = [(radii[0], inside[0]), (radii[0], inside[1]), (radii[1], inside[1]), (radii[1], inside[0])]
+        profile = [
+            (radii[0], inside[0]),
+            (radii[0], inside[1]),
+            (radii[1], inside[1]),
+            (radii[1], inside[0]),
+        ]
         rings = [circle(radius, 8 * CELL_STEPS, height) for radius, height in profile]
         parts.append(sheet(np.array(rings[::-outside])))
     return together(parts)
@@ -161,7 +206,9 @@ def holder_top() -> Solid:
     corners = size * (6, 2) / 2
     part = [np.arange(count * CELL_STEPS) / CELL_STEPS / count for count in (6, 2, 6, 2)]
     walk = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]) * corners
-    edge = np.concatenate([a + t[:, None] * (b - a) for a, b, t in zip(walk, walk[1:], part, strict=False)])
+    edge = np.concatenate(
+        [a + t[:, None] * (b - a) for a, b, t in zip(walk, walk[1:], part, strict=False)]
+    )
     side = sheet(np.array([np.column_stack([edge, np.full(len(edge), z)]) for z in (low, high)]))
     return together([*(hole.moved(centre) for centre in centres), side])
 
@@ -169,20 +216,37 @@ def holder_top() -> Solid:
 def bottle() -> dict[str, Solid]:
     """Return a bottle along y, its label and its cap."""
     body = [(0, 0.004), (0.030, 0), (0.0395, 0.001), (0.0433, 0.006), (0.0433, 0.17)]
-    body += curve([(0.0433, 0.17), (0.0405, 0.196), (0.029, 0.222), (0.0175, 0.243), (0.0142, 0.262)], 5)
+    body += curve(
+        [(0.0433, 0.17), (0.0405, 0.196), (0.029, 0.222), (0.0175, 0.243), (0.0142, 0.262)], 5
+    )
     body += [(0.0162, 0.263), (0.0162, 0.267), (0.013, 0.268), (0, 0.268)]
     label = [(0.0425, 0.05), (0.0435, 0.0502), (0.0435, 0.13), (0.0425, 0.1302), (0.0425, 0.05)]
-    cap = [(0, 0.2665), (0.0148, 0.2665), (0.0155, 0.268), (0.0155, 0.2945), (0.0142, 0.2958), (0, 0.2958)]
+    cap = [
+        (0, 0.2665),
+        (0.0148, 0.2665),
+        (0.0155, 0.268),
+        (0.0155, 0.2945),
+        (0.0142, 0.2958),
+        (0, 0.2958),
+    ]
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     rings = {"body": body, "label": label, "cap": cap}
-    return {key: lathe(profile, 40).moved((0.046, 0.0198, 0.0452), upright) for key, profile in rings.items()}
+    return {
+        key: lathe(profile, 40).moved((0.046, 0.0198, 0.0452), upright)
+        for key, profile in rings.items()
+    }
 
 
 def suction_cup() -> Solid:
     """Return bellows of rubber under a fitting."""
     folds = [(0, 0.014), (0.012, 0.014), (0.0125, 0.0185)]
     for height in (0.0205, 0.0265, 0.0325):
-        folds += [(0.0245, height), (0.0262, height + 0.0012), (0.0245, height + 0.0024), (0.0195, height + 0.0042)]
+        folds += [
+            (0.0245, height),
+            (0.0262, height + 0.0012),
+            (0.0245, height + 0.0024),
+            (0.0195, height + 0.0042),
+        ]
     lip = [(0.0295, 0.0412), (0.0308, 0.0426), (0.0288, 0.0426), (0.0185, 0.0385), (0, 0.0385)]
     return lathe([*folds, *lip], 40)
 
@@ -197,7 +261,10 @@ def meshes() -> dict[str, dict[str, Solid]]:
         "die": die(0.056),
         "half_die": die(0.028),
         "half_sphere": {"shell": half_sphere()},
-        "inclined_table": {"body": table(0.0015, 0.4 * float(np.sin(np.radians(15.0)))), "sheet": table(0.0, 0.0015)},
+        "inclined_table": {
+            "body": table(0.0015, 0.4 * float(np.sin(np.radians(15.0)))),
+            "sheet": table(0.0, 0.0015),
+        },
         "pencil": {"point": pencil_point()},
         "pencil_holder": {"top": holder_top()},
         "vacuum_cup": {"cup": suction_cup()},

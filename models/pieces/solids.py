@@ -25,7 +25,9 @@ class Solid(NamedTuple):
     points: Array
     faces: Faces
 
-    def moved(self, offset: npt.ArrayLike = (0.0, 0.0, 0.0), turn: npt.ArrayLike | None = None) -> Solid:
+    def moved(
+        self, offset: npt.ArrayLike = (0.0, 0.0, 0.0), turn: npt.ArrayLike | None = None
+    ) -> Solid:
         """Return the solid turned by a rotation matrix about the origin and then moved."""
         points = self.points if turn is None else self.points @ np.asarray(turn).T
         return Solid(points + np.asarray(offset), self.faces)
@@ -34,8 +36,12 @@ class Solid(NamedTuple):
 def together(solids: Sequence[Solid]) -> Solid:
     """Put solids into one; points that agree to the last written digit become one."""
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])
-    faces = np.concatenate([solid.faces + start for solid, start in zip(solids, starts[:-1], strict=True)])
-    points = np.round(np.concatenate([solid.points for solid in solids]), DIGITS) + 0.0  # + 0.0 turns -0 into 0
+    faces = np.concatenate(
+        [solid.faces + start for solid, start in zip(solids, starts[:-1], strict=True)]
+    )
+    points = (
+        np.round(np.concatenate([solid.points for solid in solids]), DIGITS) + 0.0
+    )  # + 0.0 turns -0 into 0
     points, number = np.unique(points, axis=0, return_inverse=True)
     faces = number[faces]
     a, b, c = faces.T
@@ -48,23 +54,31 @@ def sheet(rows: Array) -> Solid:
     index = np.arange(count * size).reshape(count, size)
     a, b = index[:-1], np.roll(index, -1, axis=1)[:-1]
     c, d = np.roll(index, -1, axis=1)[1:], index[1:]
-    faces = np.concatenate([np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)])
+    faces = np.concatenate(
+        [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
+    )
     return Solid(rows.reshape(-1, 3), faces)
 
 
 def circle(radius: npt.ArrayLike, sides: int, height: npt.ArrayLike = 0.0) -> Array:
     """Return a ring about z, shape (sides, 3); radius and height may differ from point to point."""
     turn = 2.0 * np.pi * np.arange(sides) / sides
-    ring = np.stack([np.cos(turn) * radius, np.sin(turn) * radius, np.broadcast_to(height, sides)], axis=1)
+    ring = np.stack(
+        [np.cos(turn) * radius, np.sin(turn) * radius, np.broadcast_to(height, sides)], axis=1
+    )
     return np.asarray(ring, dtype=float)
 
 
 def lathe(profile: Sequence[tuple[float, ...]], sides: int = 32) -> Solid:
     """Turn a profile of (radius, height), from the axis below to the axis above, about z."""
-    return together([sheet(np.array([circle(radius, sides, height) for radius, height in profile]))])
+    return together(
+        [sheet(np.array([circle(radius, sides, height) for radius, height in profile]))]
+    )
 
 
-def curve(points: Sequence[tuple[float, ...]], steps: int = 3, *, closed: bool = False) -> list[tuple[float, ...]]:
+def curve(
+    points: Sequence[tuple[float, ...]], steps: int = 3, *, closed: bool = False
+) -> list[tuple[float, ...]]:
     """Run a Catmull-Rom spline through points, with some steps from each to the next."""
     row = np.asarray(points, dtype=float)
     ends = (row[-1:], row[:2]) if closed else (2 * row[:1] - row[1:2], 2 * row[-1:] - row[-2:-1])
@@ -78,7 +92,9 @@ def curve(points: Sequence[tuple[float, ...]], steps: int = 3, *, closed: bool =
     return [tuple(point) for point in path.tolist()]
 
 
-def ball(radius: float, height: float, below: float = -90.0, rows: int = 9) -> list[tuple[float, ...]]:
+def ball(
+    radius: float, height: float, below: float = -90.0, rows: int = 9
+) -> list[tuple[float, ...]]:
     """Return the profile of a ball, from an angle below its middle [deg] to its top."""
     rise = np.radians(np.linspace(below, 90.0, rows))
     return [(float(radius * np.cos(t)), float(height + radius * np.sin(t))) for t in rise]
@@ -117,7 +133,9 @@ def prism(outline: Array, low: float, high: float) -> Solid:
     """Extrude an outline in x-y that is seen whole from its mean, counterclockwise, shape (n, 2), from z to z [m]."""
     middle = np.broadcast_to(outline.mean(axis=0), outline.shape)
     layers = [(middle, low), (outline, low), (outline, high), (middle, high)]
-    return together([sheet(np.array([np.column_stack([ring, np.full(len(ring), z)]) for ring, z in layers]))])
+    return together(
+        [sheet(np.array([np.column_stack([ring, np.full(len(ring), z)]) for ring, z in layers]))]
+    )
 
 
 def rounded_cube(side: float, edge: float, corner_points: int = 4) -> Solid:
@@ -128,8 +146,14 @@ def rounded_cube(side: float, edge: float, corner_points: int = 4) -> Solid:
     def ring(rise: float, height: float) -> Array:
         radius = edge * np.cos(rise)
         corners = [
-            (sx * inner + radius * np.cos(start + t), sy * inner + radius * np.sin(start + t), height)
-            for (sx, sy), start in zip(((1, 1), (-1, 1), (-1, -1), (1, -1)), np.pi / 2 * np.arange(4), strict=True)
+            (
+                sx * inner + radius * np.cos(start + t),
+                sy * inner + radius * np.sin(start + t),
+                height,
+            )
+            for (sx, sy), start in zip(
+                ((1, 1), (-1, 1), (-1, -1), (1, -1)), np.pi / 2 * np.arange(4), strict=True
+            )
             for t in turns
         ]
         return np.array(corners)
@@ -157,7 +181,9 @@ def pierced(rim: Array, radius: float, height: Callable[[Array], Array], rows: i
 def write_obj(path: Path, solid: Solid) -> None:
     """Write a solid as an OBJ file, with soft normals except across creases."""
     solid = together([solid])
-    normals, turns = np.unique(np.round(_corner_normals(solid), 3).reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
+    normals, turns = np.unique(
+        np.round(_corner_normals(solid), 3).reshape(-1, 3) + 0.0, axis=0, return_inverse=True
+    )
     lines = ["# made by make_meshes.py"]
     lines += ["v " + " ".join(f"{value:.{DIGITS}f}" for value in point) for point in solid.points]
     lines += ["vn " + " ".join(f"{value:.3f}" for value in normal) for normal in normals]
@@ -176,12 +202,16 @@ def _corner_normals(solid: Solid) -> Array:
     sides /= np.linalg.norm(sides, axis=2, keepdims=True)
     angles = np.arccos(np.clip(-(sides * np.roll(sides, 1, axis=1)).sum(axis=2), -1.0, 1.0))
     result = np.zeros_like(corners)
-    order = np.argsort(solid.faces, axis=None, kind="stable")  # all corners, those of one point together
+    order = np.argsort(
+        solid.faces, axis=None, kind="stable"
+    )  # all corners, those of one point together
     points = solid.faces.reshape(-1)[order]
     for group in np.split(order, np.flatnonzero(np.diff(points)) + 1):
         faces, places = group // 3, group % 3
         around = solid.faces[faces]
-        shared = (around[:, None, :, None] == around[None, :, None, :]).sum(axis=(2, 3)) >= 2  # an edge
+        shared = (around[:, None, :, None] == around[None, :, None, :]).sum(
+            axis=(2, 3)
+        ) >= 2  # an edge
         soft = shared & (normals[faces] @ normals[faces].T >= CREASE)
         for _ in range(len(group).bit_length()):
             soft = (soft.astype(int) @ soft) > 0

@@ -136,7 +136,9 @@ def whole(value: object, name: str, least: int, most: int) -> int:
     Raises:
         InvalidParameter: it is no integer, or outside of the bounds.
     """
-    expected = message("base.a_whole_number", "a whole number, {least} to {most}", least=least, most=most)
+    expected = message(
+        "base.a_whole_number", "a whole number, {least} to {most}", least=least, most=most
+    )
     # Python counts True and False as integers.
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise InvalidParameter(name, quoted(value), expected)
@@ -155,10 +157,14 @@ def truth(value: object, name: str) -> bool:
     Raises:
         InvalidParameter: it is neither True nor False.
     """
-    return bool(instance(value, name, (bool, np.bool_), message("base.true_or_false", "True or False")))
+    return bool(
+        instance(value, name, (bool, np.bool_), message("base.true_or_false", "True or False"))
+    )
 
 
-def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
+def instance(
+    value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str
+) -> Kind:
     """Check the class of an object.
 
     Args:
@@ -189,7 +195,9 @@ def as_path(value: object, name: str) -> Path:
         raise InvalidParameter(name, quoted(value), message("base.a_path", "a path"))
     path = Path(value)
     if not str(path).isprintable():
-        raise InvalidParameter(name, repr(str(path)), message("base.a_printable_path", "a path that can be printed"))
+        raise InvalidParameter(
+            name, repr(str(path)), message("base.a_printable_path", "a path that can be printed")
+        )
     return path
 
 

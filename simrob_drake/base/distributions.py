@@ -150,13 +150,20 @@ class Uniform(Distribution):
         if not self.low < self.high:
             raise ValueError(message("base.low_not_below_high", "low must be below high"))
         if self.log and self.low <= 0:
-            raise ValueError(message("base.low_not_positive", "low must be positive where it is logarithmic"))
+            raise ValueError(
+                message("base.low_not_positive", "low must be positive where it is logarithmic")
+            )
         if self.start is not None and not self.low <= self.start <= self.high:
-            raise ValueError(message("base.start_out_of_range", "start must lie between low and high"))
+            raise ValueError(
+                message("base.start_out_of_range", "start must lie between low and high")
+            )
         numbers = [end for end in (self.low, self.high, self.start) if end is not None]
         if self.integer and any(number % 1 for number in numbers):
             raise ValueError(
-                message("base.range_not_whole", "low, high and start must be whole numbers where integer is true")
+                message(
+                    "base.range_not_whole",
+                    "low, high and start must be whole numbers where integer is true",
+                )
             )
         return self
 
@@ -228,7 +235,9 @@ class Normal(Distribution):
     def _check(self) -> Self:
         """Check that the mean is within the bounds."""
         if not self._low <= self.mean <= self._high:
-            raise ValueError(message("base.mean_out_of_range", "mean must lie between low and high"))
+            raise ValueError(
+                message("base.mean_out_of_range", "mean must lie between low and high")
+            )
         return self
 
     @property
@@ -267,7 +276,11 @@ class Normal(Distribution):
         """Draw a value at random."""
         is_unbounded = self.low is None and self.high is None
         # NumPy's own draws, without the cut at _FAR.
-        return source.normal(self.mean, self.deviation) if is_unbounded else self.quantile(source.random())
+        return (
+            source.normal(self.mean, self.deviation)
+            if is_unbounded
+            else self.quantile(source.random())
+        )
 
     @property
     def _low(self) -> float:
@@ -325,7 +338,10 @@ TEXTS = (
 )
 """Forms of a line of text, for messages."""
 
-_GRIDS: Mapping[str, Callable[[float, float, int], Vector]] = {"lin": np.linspace, "log": np.geomspace}
+_GRIDS: Mapping[str, Callable[[float, float, int], Vector]] = {
+    "lin": np.linspace,
+    "log": np.geomspace,
+}
 """Functions that make the values of a line ``KIND:FIRST:LAST:COUNT``, by the kind."""
 
 _DRAWN: Mapping[str, Callable[[float, float], Values]] = {
@@ -371,7 +387,9 @@ def _section_of_range(kind: str, first: float, second: float) -> Values:
     """
     is_valid = second >= 0 if kind == "normal" else first < second
     if not is_valid:
-        raise ValueError(message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative"))
+        raise ValueError(
+            message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative")
+        )
     is_not_positive = kind == "loguniform" and first <= 0
     is_not_whole = kind == "integer" and bool(first % 1 or second % 1)
     if is_not_positive or is_not_whole:
@@ -401,11 +419,15 @@ def _values_of_grid(kind: str, first: float, last: float, count: float) -> list[
     if first == last or not is_count:
         raise ValueError(
             message(
-                "base.a_range_with_count", "a range of two ends that differ, and a count of 2 to {most}", most=_MOST
+                "base.a_range_with_count",
+                "a range of two ends that differ, and a count of 2 to {most}",
+                most=_MOST,
             )
         )
     if kind == "log" and min(first, last) <= 0:
-        raise ValueError(message("base.a_positive_range", "a range of positive numbers where it is logarithmic"))
+        raise ValueError(
+            message("base.a_positive_range", "a range of positive numbers where it is logarithmic")
+        )
     values: list[float] = _GRIDS[kind](first, last, int(count)).tolist()
     return values
 
@@ -459,7 +481,9 @@ def _kind(content: Any) -> str:
 
 
 AnyDistribution = Annotated[
-    Annotated[Uniform, Tag("Uniform")] | Annotated[Normal, Tag("Normal")] | Annotated[Choice, Tag("Choice")],
+    Annotated[Uniform, Tag("Uniform")]
+    | Annotated[Normal, Tag("Normal")]
+    | Annotated[Choice, Tag("Choice")],
     Discriminator(_kind),
     WrapValidator(_read, json_schema_input_type=Uniform | Normal | Choice | str),
 ]

@@ -32,9 +32,12 @@ class DrakeChange(NamedTuple):
         return self.since <= INSTALLED
 
 
-TENDONS = DrakeChange((1, 56), "constraints on the sum of more than two joints, AddTendonConstraint")
+TENDONS = DrakeChange(
+    (1, 56), "constraints on the sum of more than two joints, AddTendonConstraint"
+)
 SEARCH_FOR_DERIVATIVES = DrakeChange(
-    (1, 56), "it looks for DoCalcTimeDerivatives in a block's Python class, and finding none costs a C++ exception"
+    (1, 56),
+    "it looks for DoCalcTimeDerivatives in a block's Python class, and finding none costs a C++ exception",
 )
 
 KEEPS_PYTHON_BLOCKS = sys.version_info < (3, 12)

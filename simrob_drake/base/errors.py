@@ -33,7 +33,9 @@ class SimrobError(ValueError):
 
     def put_in_front(self, place: str) -> None:
         """Begin the message with the place to which the error belongs, such as the name of a move, and a colon."""
-        self.message = shortened(compound("{place}: {problem}", place=place, problem=self.message), _LONGEST)
+        self.message = shortened(
+            compound("{place}: {problem}", place=place, problem=self.message), _LONGEST
+        )
         self.args = (self.message,)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -41,7 +43,9 @@ class SimrobError(ValueError):
         return _restored_error, (type(self), self.args, self.__dict__)
 
 
-def _restored_error(kind: type[SimrobError], arguments: tuple[Any, ...], attributes: dict[str, Any]) -> SimrobError:
+def _restored_error(
+    kind: type[SimrobError], arguments: tuple[Any, ...], attributes: dict[str, Any]
+) -> SimrobError:
     """Create an error from a pickle.
 
     Args:
@@ -93,7 +97,10 @@ class Unsuitable(InvalidParameter):
         """
         # The base class would add "it must be": its initializer is left out.
         command = remedy or message("base.leave_out", "leave it out")
-        SimrobError.__init__(self, compound("{name}: {problem}; {remedy}", name=name, problem=problem, remedy=command))
+        SimrobError.__init__(
+            self,
+            compound("{name}: {problem}; {remedy}", name=name, problem=problem, remedy=command),
+        )
 
 
 class UnknownName(SimrobError):
@@ -131,7 +138,9 @@ class UnknownKey(UnknownName, KeyError):
             remedy: how to get an entry of this name, to be appended to the message; empty if there is no way.
         """
         super().__init__(kind, name, known)
-        self.message = shortened(compound("{problem}{remedy}", problem=self.message, remedy=remedy), _LONGEST)
+        self.message = shortened(
+            compound("{problem}{remedy}", problem=self.message, remedy=remedy), _LONGEST
+        )
         self.args = (self.message,)
 
     def __str__(self) -> str:
@@ -299,7 +308,12 @@ def quoted(value: object) -> str:
 
 def angle(value: float) -> str:
     """Format an angle [rad] in radians and degrees."""
-    return message("base.angle", "{radians:.3g} rad ({degrees:.3g} deg)", radians=value, degrees=math.degrees(value))
+    return message(
+        "base.angle",
+        "{radians:.3g} rad ({degrees:.3g} deg)",
+        radians=value,
+        degrees=math.degrees(value),
+    )
 
 
 def shortened(value: str, length: int = 80) -> str:
@@ -325,7 +339,9 @@ def counted(count: int, thing: str) -> str:
         return f"{count} {thing}"
     if thing.endswith("axis"):
         plural = f"{thing.removesuffix('is')}es"
-    elif thing.endswith("s"):  # it is plural already, or a name that has no plural, such as "PS Abs"
+    elif thing.endswith(
+        "s"
+    ):  # it is plural already, or a name that has no plural, such as "PS Abs"
         plural = thing
     elif thing.endswith(("dy", "ry", "ly")):
         plural = f"{thing[:-1]}ies"
@@ -344,4 +360,6 @@ def listed(names: Sequence[str], most: int = 3) -> str:
     first = join_texts(names[:most], ", ")
     if len(names) <= most:
         return first
-    return message("base.names_and_more", "{names} and {count} more", names=first, count=len(names) - most)
+    return message(
+        "base.names_and_more", "{names} and {count} more", names=first, count=len(names) - most
+    )

@@ -117,12 +117,16 @@ class Extension:
             raise TypeError(f"title is {self.title!r}; it must be a text")
         for key in ("needs", "uses"):
             names = getattr(self, key)
-            if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+            if not isinstance(names, list | tuple) or not all(
+                isinstance(name, str) for name in names
+            ):
                 raise TypeError(f"{key} is {names!r}; it must be a list of names of extensions")
         for point in POINTS:
             entries = getattr(self, point)
             if not isinstance(entries, Mapping):
-                raise TypeError(f"{point} is {entries!r}; it must be a mapping of names to import strings")
+                raise TypeError(
+                    f"{point} is {entries!r}; it must be a mapping of names to import strings"
+                )
 
 
 POINTS = {
@@ -135,7 +139,9 @@ POINTS = {
     "controllers": message("base.kind_of_controller", "kind of controller"),
     "moves": message("base.kind_of_move", "kind of move"),
     "gaits": message("base.kind_of_gait", "kind of gait"),
-    "inverse_kinematics": message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"),
+    "inverse_kinematics": message(
+        "base.solver_of_inverse_kinematics", "solver of inverse kinematics"
+    ),
     "plots": message("base.plot", "plot"),
     "measures": message("base.measure_of_verdict", "measure of the verdict"),
     "panels": message("base.panel_of_pendant", "panel of the pendant"),
@@ -237,7 +243,9 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
 
     The extensions of this package come first so that no other package can take their names.
     """
-    found = [_load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)]
+    found = [
+        _load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)
+    ]
     # The needs are checked before the names, since an extension that is left out takes no names from others. They are
     # checked once more at the end, since an extension that was left out because of its names may be needed by others.
     without_conflicts = list(_without_conflicts(_without_missing_needs(found)))
@@ -297,7 +305,10 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     found = load_addition(addition)
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = message(
-            "base.a_subclass_of", "a subclass of {module}.{name}", module=base.__module__, name=base.__name__
+            "base.a_subclass_of",
+            "a subclass of {module}.{name}",
+            module=base.__module__,
+            name=base.__name__,
         )
         raise BrokenExtension(
             message(
@@ -388,7 +399,10 @@ def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
     found = load_addition(addition)
     if not isinstance(found, base):
         expected = message(
-            "base.an_instance_of", "an instance of {module}.{name}", module=base.__module__, name=base.__name__
+            "base.an_instance_of",
+            "an instance of {module}.{name}",
+            module=base.__module__,
+            name=base.__name__,
         )
         raise BrokenExtension(
             message(
@@ -461,7 +475,9 @@ def load_addition(addition: Addition) -> Any:
     try:
         return getattr(import_module(module_name), name)
     except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
-        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+        reason = shortened(
+            compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
+        )
         raise BrokenExtension(
             message(
                 "base.addition_not_importable",
@@ -490,9 +506,17 @@ def code_of_extension(owner: str, name: str) -> Iterator[None]:
     except SimrobError:
         raise
     except (Exception, SystemExit) as problem:  # code of somebody else may raise anything
-        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+        reason = shortened(
+            compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
+        )
         raise BrokenExtension(
-            message("base.extension_fails", "{owner}: {name} fails ({reason})", owner=owner, name=name, reason=reason)
+            message(
+                "base.extension_fails",
+                "{owner}: {name} fails ({reason})",
+                owner=owner,
+                name=name,
+                reason=reason,
+            )
         ) from problem
 
 
@@ -504,7 +528,10 @@ def addition_path(addition: Addition) -> Path | None:
     package, _, name = addition.target.partition(":")
     try:
         spec = find_spec(package)
-    except (ImportError, ValueError):  # of a package in a package that is missing, or of an empty name
+    except (
+        ImportError,
+        ValueError,
+    ):  # of a package in a package that is missing, or of an empty name
         return None
     if spec is None or not spec.submodule_search_locations:
         return None
@@ -607,7 +634,10 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     )
     try:
         extension = entry.load()
-    except (Exception, SystemExit) as error:  # a broken package of somebody else must not stop anything here
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # a broken package of somebody else must not stop anything here
         return found.with_problem(_import_problem(entry, error))
     # The extensions of this package have its version, so there is nothing to compare.
     is_own = found.package == DISTRIBUTION
@@ -625,7 +655,9 @@ def _import_problem(entry: EntryPoint, error: BaseException) -> str:
     missing = error.name if isinstance(error, ModuleNotFoundError) else None
     # The extension's own module, or a package above it, is missing, and not a module that the extension imports.
     if missing and f"{entry.module}.".startswith(f"{missing}."):
-        return message("base.module_not_installed", "its module {module} is not installed", module=entry.module)
+        return message(
+            "base.module_not_installed", "its module {module} is not installed", module=entry.module
+        )
     return shortened(
         message(
             "base.entry_not_importable",
@@ -766,7 +798,11 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
                 )
             )
             continue
-        own = {(point, addition.name): addition for point in points for addition in installed.additions_at(point)}
+        own = {
+            (point, addition.name): addition
+            for point in points
+            for addition in installed.additions_at(point)
+        }
         taken = sorted(own.keys() & owners.keys())
         if taken:
             point, name = taken[0]

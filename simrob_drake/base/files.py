@@ -56,7 +56,9 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
             # One byte more than allowed: the file may have grown. The result is None if reading would block.
             content = stream.read(largest + 1) or b""
     if max(len(content), size) > largest:
-        raise TooLarge(message("base.larger_than", "it is larger than {largest:g} MB", largest=largest / 1e6))
+        raise TooLarge(
+            message("base.larger_than", "it is larger than {largest:g} MB", largest=largest / 1e6)
+        )
     return content
 
 
@@ -216,7 +218,9 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
                 ),
             )
     if not values:
-        raise InvalidConfig(file, "", message("base.empty_table", "is empty; it must hold lines of numbers"))
+        raise InvalidConfig(
+            file, "", message("base.empty_table", "is empty; it must hold lines of numbers")
+        )
     return np.array(values)
 
 
@@ -242,7 +246,8 @@ def _header(rows: Iterator[_Row], file: Path) -> _Row:
             file,
             "",
             message(
-                "base.empty_table_with_names", "is empty; it must hold a line of names, and lines of numbers below"
+                "base.empty_table_with_names",
+                "is empty; it must hold a line of names, and lines of numbers below",
             ),
         )
     return header._replace(cells=[name.strip() for name in header.cells])
@@ -302,7 +307,9 @@ def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
         raise InvalidConfig(file, line, lacking)
     twice = next((name for name in names if header.cells.count(name) > 1), None)
     if twice is not None:
-        raise InvalidConfig(file, line, message("base.column_twice", "names the column {twice} twice", twice=twice))
+        raise InvalidConfig(
+            file, line, message("base.column_twice", "names the column {twice} twice", twice=twice)
+        )
 
 
 def _separator_hint(names: Sequence[str]) -> str:
@@ -341,7 +348,9 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
         raise InvalidConfig(
             file,
             message("base.line", "line {line}", line=row.line),
-            message("base.no_number_in_table", "holds something that is no number: {found}", found=found),
+            message(
+                "base.no_number_in_table", "holds something that is no number: {found}", found=found
+            ),
         )
     return values
 
@@ -440,7 +449,11 @@ def _model_files(point: str) -> dict[str, Path]:
 
 def _own_folder(point: str) -> Path:
     """This package's own folder of stations, robots or pieces."""
-    folders = {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}
+    folders = {
+        "stations": diagrams_root(),
+        "robots": models_root(),
+        "pieces": models_root() / "pieces",
+    }
     return folders[point]
 
 

@@ -126,7 +126,9 @@ def check_new_file(file: Path, *, force: bool) -> None:
     if os.path.exists(file) and not force:
         raise OutputError(
             message(
-                "base.file_exists", "{file} exists already; choose another file or replace it with --force", file=file
+                "base.file_exists",
+                "{file} exists already; choose another file or replace it with --force",
+                file=file,
             )
         )
 
@@ -151,7 +153,9 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """
     # os.path.exists is false for names that no folder can have. These are refused with their reason below.
     if os.path.exists(folder):
-        is_replaceable = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
+        is_replaceable = folder.is_dir() and (
+            (folder / marker).is_file() or not any(folder.iterdir())
+        )
         if force and not is_replaceable:
             raise OutputError(
                 message(
@@ -181,7 +185,12 @@ def writing(target: Path) -> Iterator[None]:
     except OSError as problem:
         why = problem.strerror or str(problem).partition("\n")[0]
         raise OutputError(
-            message("base.cannot_be_written", "{target} cannot be written: {why}", target=target, why=why)
+            message(
+                "base.cannot_be_written",
+                "{target} cannot be written: {why}",
+                target=target,
+                why=why,
+            )
         ) from None
 
 
@@ -209,7 +218,9 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
         check_folder(folder, marker=marker, force=force)  # again, since the body may take long
         folder.parent.mkdir(parents=True, exist_ok=True)
         if not folder.exists():
-            work.rename(folder)  # fails if another process has made the folder and filled it at this moment
+            work.rename(
+                folder
+            )  # fails if another process has made the folder and filled it at this moment
         elif not _swap_at_once(folder, work):
             _exchange(folder, work, aside=workshop / _BEFORE)
 
@@ -257,7 +268,9 @@ def alone_in(folder: Path) -> Iterator[None]:
         yield
     except BlockingIOError as problem:
         raise OutputError(
-            message("base.folder_in_use", "{folder}: another process is at work in it", folder=folder)
+            message(
+                "base.folder_in_use", "{folder}: another process is at work in it", folder=folder
+            )
         ) from problem
     finally:
         os.close(lock)
@@ -284,10 +297,14 @@ def _workshop(folder: Path, name: str) -> Iterator[Path]:
     """
     _delete_abandoned_workshops(folder)
     prefix = f".{name[:100]}-"
-    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, folder, ignore_cleanup_errors=True) as workshop:
+    with tempfile.TemporaryDirectory(
+        _WORKSHOP, prefix, folder, ignore_cleanup_errors=True
+    ) as workshop:
         lock = os.open(workshop, os.O_RDONLY)
         try:
-            with suppress(OSError):  # on a disk without locks no workshop is ever deleted by another process
+            with suppress(
+                OSError
+            ):  # on a disk without locks no workshop is ever deleted by another process
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             yield Path(workshop)
         finally:

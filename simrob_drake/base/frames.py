@@ -102,7 +102,9 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
     along = second - first  # d in the equation above
     if np.linalg.norm(along) < _APART:
         raise InvalidParameter(
-            "x2", second.tolist(), message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist())
+            "x2",
+            second.tolist(),
+            message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist()),
         )
     origin = first + (third - first) @ along / (along @ along) * along
     to_x2 = second - origin
@@ -111,13 +113,18 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
         raise InvalidParameter(
             "y1",
             third.tolist(),
-            message("base.off_the_line", "off the line through x1 and x2: three collinear points fix no frame"),
+            message(
+                "base.off_the_line",
+                "off the line through x1 and x2: three collinear points fix no frame",
+            ),
         )
     if np.linalg.norm(to_x2) < _APART:
         raise InvalidParameter(
             "x2",
             second.tolist(),
-            message("base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"),
+            message(
+                "base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"
+            ),
         )
     x_axis = to_x2 / np.linalg.norm(to_x2)
     y_axis = to_y1 / np.linalg.norm(to_y1)
@@ -137,7 +144,9 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
     """
     place = finite(values)
     if place.shape != (3,):
-        raise InvalidParameter(name, values, message("base.a_place", "three finite numbers [x y z] in m"))
+        raise InvalidParameter(
+            name, values, message("base.a_place", "three finite numbers [x y z] in m")
+        )
     return place
 
 
@@ -149,7 +158,9 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
     """
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
-        raise InvalidParameter("pose", pose, message("base.a_pose", "six finite numbers [x y z Rz Ry Rx] in m and rad"))
+        raise InvalidParameter(
+            "pose", pose, message("base.a_pose", "six finite numbers [x y z Rz Ry Rx] in m and rad")
+        )
     # Drake's RollPitchYaw takes the same angles in the other order: Rx, Ry, Rz.
     roll_pitch_yaw = values[:2:-1]
     return RigidTransform(RollPitchYaw(roll_pitch_yaw), values[:3])
@@ -206,7 +217,10 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
         raise InvalidParameter(
             "pose",
             values,
-            message("base.a_quaternion_pose", "seven finite numbers [x y z qw qx qy qz], the last four not all zero"),
+            message(
+                "base.a_quaternion_pose",
+                "seven finite numbers [x y z qw qx qy qz], the last four not all zero",
+            ),
         )
     return RigidTransform(rotation_of(xyz_wxyz[3:]), xyz_wxyz[:3])
 
@@ -298,7 +312,8 @@ Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
 """One pose or many: pose vectors [x y z Rz Ry Rx], matrices (4, 4), or RigidTransforms."""
 
 _EXPECTED = message(
-    "base.poses", "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms"
+    "base.poses",
+    "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms",
 )
 """Expected forms of poses, for errors."""
 
@@ -327,12 +342,18 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])
-    if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
+    if isinstance(targets, Sequence) and any(
+        isinstance(target, RigidTransform) for target in targets
+    ):
         if not all(isinstance(target, RigidTransform) for target in targets):
             raise InvalidParameter(
-                name, targets, message("base.all_of_one_form", "{expected}, all of one form", expected=_EXPECTED)
+                name,
+                targets,
+                message("base.all_of_one_form", "{expected}, all of one form", expected=_EXPECTED),
             )
-        return np.array([target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)])
+        return np.array(
+            [target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)]
+        )
     values = numbers(targets)
     if not values.size:
         raise InvalidParameter(name, targets, _EXPECTED)
@@ -341,7 +362,12 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         value = values[tuple(index)]
         raise InvalidParameter(
             name,
-            message("base.array_with_value", "an array with {value} at {index}", value=value, index=index),
+            message(
+                "base.array_with_value",
+                "an array with {value} at {index}",
+                value=value,
+                index=index,
+            ),
             message("base.finite_numbers", "finite numbers"),
         )
     if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
@@ -351,7 +377,9 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         _check_matrices(matrices, name)
         return matrices
     raise InvalidParameter(
-        name, message("base.array_of_shape", "an array of shape {shape}", shape=values.shape), _EXPECTED
+        name,
+        message("base.array_of_shape", "an array of shape {shape}", shape=values.shape),
+        _EXPECTED,
     )
 
 

@@ -53,7 +53,9 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     if not KEEPS_PYTHON_BLOCKS:
         return
     # Blocks of classes in Python; the others are Drake's own.
-    blocks = [block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")]
+    blocks = [
+        block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")
+    ]
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
     weakref.finalize(diagram, _empty, blocks).atexit = False
@@ -83,7 +85,9 @@ def weakly(method: Callable[P, R]) -> Callable[P, R]:
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         bound_method = reference()
-        assert bound_method is not None  # a block's ports are evaluated by its diagram, which holds the block
+        assert (
+            bound_method is not None
+        )  # a block's ports are evaluated by its diagram, which holds the block
         return bound_method(*args, **kwargs)
 
     return call
@@ -97,7 +101,9 @@ class _Collector:
 
     def __init__(self) -> None:
         """Begin with no diagram."""
-        self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()  # diagrams that were not deleted yet
+        self._living: weakref.WeakSet[Diagram] = (
+            weakref.WeakSet()
+        )  # diagrams that were not deleted yet
         self._bound = _MOST_WAITING  # count of living diagrams above which a collection starts
         self._not_before = 0.0  # time before which no collection starts, of the monotonic clock [s]
 

@@ -151,7 +151,9 @@ def message(message_id: str, template: str, /, **fields: object) -> Message:
         fields: values of the template's fields. Give numbers as numbers, with a format in the template, so that a
             language writes its own decimal sign. An error stands for its message.
     """
-    return Message(message_id, template, {name: _field_value(value) for name, value in fields.items()})
+    return Message(
+        message_id, template, {name: _field_value(value) for name, value in fields.items()}
+    )
 
 
 def compound(template: str, /, **fields: object) -> Message:
@@ -180,7 +182,9 @@ def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
 def message_of(error: BaseException) -> str:
     """Message of an error: a Message if the error has one, or was raised with one, otherwise its text."""
     candidates = [getattr(error, "message", None), *error.args[:1]]
-    return next((candidate for candidate in candidates if isinstance(candidate, Message)), str(error))
+    return next(
+        (candidate for candidate in candidates if isinstance(candidate, Message)), str(error)
+    )
 
 
 def number_in_language(digits: str, language: str) -> str:
@@ -212,7 +216,9 @@ def in_language(text: str, language: str) -> str:
             reason = f"{type(problem).__name__}: {problem}"
             sentence = f"the template of {text.id} in '{language}' cannot be filled ({reason}); English is shown"
             warnings.warn(sentence, MessageWarning, stacklevel=2)
-    return _with_attributes(_fill(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence)
+    return _with_attributes(
+        _fill(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence
+    )
 
 
 def as_data(text: str) -> Any:
@@ -220,7 +226,8 @@ def as_data(text: str) -> Any:
     if not isinstance(text, Message):
         return text
     fields = {
-        name: as_data(value) if isinstance(value, str) else _python_number(value) for name, value in text.fields.items()
+        name: as_data(value) if isinstance(value, str) else _python_number(value)
+        for name, value in text.fields.items()
     }
     return {
         "id": text.id,
@@ -246,7 +253,13 @@ def from_data(data: Any) -> Any:
         raise TypeError("the fields of a message must be a mapping")
     fields = {name: from_data(value) for name, value in data["fields"].items()}
     try:
-        return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
+        return Message(
+            data["id"],
+            data["template"],
+            fields,
+            data.get("longest"),
+            data.get("is_sentence", False),
+        )
     except KeyError as missing:
         raise ValueError(f"the field {missing} of a message has no value") from missing
 
@@ -263,7 +276,9 @@ def _check_template(template: str) -> None:
         is_plain = name.isidentifier() and conversion is None
         is_short = "|" in (specification or "") or _SPECIFICATION.fullmatch(specification or "")
         if not (is_plain and is_short) or "{" in (specification or ""):
-            raise ValueError(f"a field {name!r} with the format {specification!r} is none of a message")
+            raise ValueError(
+                f"a field {name!r} with the format {specification!r} is none of a message"
+            )
 
 
 _SPECIFICATION = re.compile(r"[+z]?,?(\.\d{1,2})?[a-z%]?")
@@ -324,7 +339,9 @@ def one_line(text: str, length: int) -> str:
     head = text[: 100 * length]
     line = " ".join(head.split())
     # Control characters could change the state of a terminal.
-    shown = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
+    shown = "".join(
+        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line
+    )
     is_whole = len(shown) <= length and len(text) <= 100 * length
     return shown if is_whole else shown[: length - 1] + "…"
 
@@ -401,9 +418,15 @@ def _read_catalogue(file: Path | None) -> Mapping[str, str]:
     try:
         content = yaml.load(file.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, ValueError, yaml.YAMLError) as problem:
-        warnings.warn(f"{file} cannot be read ({problem}); its messages are in English", MessageWarning, stacklevel=2)
+        warnings.warn(
+            f"{file} cannot be read ({problem}); its messages are in English",
+            MessageWarning,
+            stacklevel=2,
+        )
         return {}
     if not isinstance(content, dict):
-        warnings.warn(f"{file} must hold a mapping of ids to templates", MessageWarning, stacklevel=2)
+        warnings.warn(
+            f"{file} must hold a mapping of ids to templates", MessageWarning, stacklevel=2
+        )
         return {}
     return {str(name): str(template) for name, template in content.items()}

@@ -16,7 +16,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
-from os.path import exists, isdir, isfile  # False for names that no file can have, where a Path's methods raise
+from os.path import (
+    exists,
+    isdir,
+    isfile,
+)  # False for names that no file can have, where a Path's methods raise
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidConfig, OutputError, shortened
@@ -45,7 +49,19 @@ DESCRIPTIONS_VARIABLE = "ROBOT_DESCRIPTIONS_CACHE"
 _LEVELS = 4
 """Count of levels above a URDF at which its package is looked for, and above a package at which others are."""
 
-_INNER = ("urdf", "urdfs", "xacro", "mjcf", "sdf", "xml", "robot", "robots", "description", "model", "models")
+_INNER = (
+    "urdf",
+    "urdfs",
+    "xacro",
+    "mjcf",
+    "sdf",
+    "xml",
+    "robot",
+    "robots",
+    "description",
+    "model",
+    "models",
+)
 """Names of folders inside of a package that contain its URDF."""
 
 _DEPTH = 3
@@ -93,7 +109,9 @@ def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | 
         if _is_package(folder, name, workspace=root.parent):
             return folder
     # A repository, or a collection of models of Gazebo, may contain several packages.
-    inside = (folder for folder in _below(root) if _is_repository(root) or isfile(folder / MODEL_MANIFEST))
+    inside = (
+        folder for folder in _below(root) if _is_repository(root) or isfile(folder / MODEL_MANIFEST)
+    )
     tops = [*mesh_path, *_ros_folders(name), descriptions_cache()]
     for folder in chain(inside, *map(_below, tops)):
         if folder.name == name or manifest_name(folder) == name:
@@ -211,7 +229,9 @@ class Border:
     source: Path
     mesh_path: tuple[Path, ...] = ()
     named_packages: Mapping[str, Path] = field(default_factory=dict)
-    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)  # folders of packages found so far
+    _packages: dict[str, Path | None] = field(
+        default_factory=dict, init=False
+    )  # folders of packages found so far
 
     def __post_init__(self) -> None:
         """Find the package of the file, and the folders that the user allows."""
@@ -272,7 +292,9 @@ class Border:
             self.readable(path)
         except OutsideBorder as problem:
             raise InvalidConfig(
-                self.source, key, compound("{path} {problem}", path=shortened(str(path), 300), problem=problem)
+                self.source,
+                key,
+                compound("{path} {problem}", path=shortened(str(path), 300), problem=problem),
             ) from None
 
 

@@ -80,7 +80,10 @@ def at(space: Mapping[str, Distribution], parts: Sequence[float] | Vector) -> Va
         space: distributions by key.
         parts: shares of the draws of each key, from 0 to 1, shape (n,).
     """
-    values = [distribution.quantile(part) for distribution, part in zip(space.values(), parts, strict=True)]
+    values = [
+        distribution.quantile(part)
+        for distribution, part in zip(space.values(), parts, strict=True)
+    ]
     return applying(space, values)
 
 
@@ -120,7 +123,9 @@ class Draws(Strict):
     def _check_size(self) -> "Draws":
         """Check that a grid has not too many cases."""
         if self.size > _MOST_CASES:
-            raise ValueError(message("base.too_many_cases", "a grid has at most {most} cases", most=_MOST_CASES))
+            raise ValueError(
+                message("base.too_many_cases", "a grid has at most {most} cases", most=_MOST_CASES)
+            )
         return self
 
     @property
@@ -135,7 +140,9 @@ class Draws(Strict):
         if not self.vary:
             return [{}]
         if self.sampling == "grid":
-            combinations = product(*(distribution.grid(self.count) for distribution in self.vary.values()))
+            combinations = product(
+                *(distribution.grid(self.count) for distribution in self.vary.values())
+            )
             # Combinations are equal if they differ in keys that are left out.
             return distinct([applying(self.vary, values) for values in combinations])
         points = _points(self.sampling, len(self.vary), self.count, self.seed)

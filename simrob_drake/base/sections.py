@@ -16,7 +16,16 @@ from functools import lru_cache
 from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    NamedTuple,
+    Self,
+    TypeVar,
+    dataclass_transform,
+)
 
 from pydantic import (
     AfterValidator,
@@ -75,7 +84,8 @@ def _check_file_name(name: str) -> str:
     if not is_file_name(name):
         raise ValueError(
             message(
-                "base.no_folder_name", "must be a name that a folder could have: no /, not . or .., at most 200 letters"
+                "base.no_folder_name",
+                "must be a name that a folder could have: no /, not . or .., at most 200 letters",
             )
         )
     return name
@@ -89,10 +99,17 @@ def check_plain(name: str) -> None:
     """
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = message(
-            "base.rule_of_plain_names", "at most {most} letters, digits and _, no digit first", most=_LONGEST_PART
+            "base.rule_of_plain_names",
+            "at most {most} letters, digits and _, no digit first",
+            most=_LONGEST_PART,
         )
         raise ValueError(
-            message("base.no_plain_name", "'{name}' is no plain name ({rule})", name=shortened(name), rule=rule)
+            message(
+                "base.no_plain_name",
+                "'{name}' is no plain name ({rule})",
+                name=shortened(name),
+                rule=rule,
+            )
         )
 
 
@@ -108,7 +125,9 @@ FileName = Annotated[str, AfterValidator(_check_file_name)]
 _QUOTED = re.compile(r"'([^']+)'")
 """A name in quotes in pydantic's list of allowed names."""
 
-_UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
+_UNION_BRANCH = re.compile(
+    r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\["
+)
 """Name of a type in the location of a finding, such as ``list[float]``. Pydantic puts the types of a union there."""
 
 
@@ -117,7 +136,9 @@ _UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|
 class _CheckedModel(ModelMetaclass):
     """Metaclass of sections. Sections that a Python program makes have the same errors as those of a file."""
 
-    if not TYPE_CHECKING:  # type checkers take the keywords of a class from its fields, which this would hide
+    if (
+        not TYPE_CHECKING
+    ):  # type checkers take the keywords of a class from its fields, which this would hide
 
         def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # the first argument is a class
             """Make a section. Raises InvalidConfig if a keyword or a value is wrong."""
@@ -145,7 +166,9 @@ class Strict(BaseModel, metaclass=_CheckedModel):
         return copy
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         """Make the JSON Schema, with the docstring below each field as the description of its key."""
         schema = handler(core)
         properties = handler.resolve_ref_schema(schema)["properties"]
@@ -158,7 +181,11 @@ class Strict(BaseModel, metaclass=_CheckedModel):
 
     def __repr_args__(self) -> Any:
         """Fields for ``repr``: those that were set, without defaults."""
-        return [(name, value) for name, value in super().__repr_args__() if name in self.model_fields_set]
+        return [
+            (name, value)
+            for name, value in super().__repr_args__()
+            if name in self.model_fields_set
+        ]
 
 
 def default_of(model: type[Model], **values: Any) -> Model:
@@ -200,7 +227,9 @@ def _texts_of(kind: type[Any]) -> Mapping[str, str]:
     texts = {}
     for statement, following in pairwise(statements):
         match statement, following:
-            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(docstring))):
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(
+                value=ast.Constant(value=str(docstring))
+            ):
                 texts[name] = inspect.cleandoc(docstring)
     return texts
 
@@ -311,7 +340,9 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     return model.model_json_schema()
 
 
-def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
+def _first_finding(
+    problem: ValidationError, model: type[BaseModel], where: Path | str
+) -> InvalidConfig:
     """Make the error of the most relevant finding about a content.
 
     This is an unknown key, if there is one. Otherwise it is the finding that is deepest in the content: in a union, the
@@ -361,7 +392,11 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
             text = message("base.key_needed", "this key is needed")
         case "union_tag_not_found":
             kinds = [kind for kind in map(section_kind, nodes) if kind is not None]
-            text = message("base.key_needed_known", "this key is needed; known: {kinds}", kinds=", ".join(kinds))
+            text = message(
+                "base.key_needed_known",
+                "this key is needed; known: {kinds}",
+                kinds=", ".join(kinds),
+            )
         case "union_tag_invalid":
             text = _no_such(str(context["tag"]), context["expected_tags"])
         case "literal_error":
@@ -376,7 +411,12 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
         case _:
             text = value_problem(finding)
             if key:  # otherwise the value is the whole file, which would be too long to show
-                text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(found))
+                text = message(
+                    "base.problem_of_value",
+                    "{problem} (it is {value})",
+                    problem=text,
+                    value=quoted(found),
+                )
     return text
 
 
@@ -461,7 +501,9 @@ def _entries_of_lists(nodes: list[dict[str, Any]], schema: dict[str, Any]) -> li
     return [branch for item in items for branch in schema_branches(item, schema)]
 
 
-def _values_of_key(key: str, nodes: list[dict[str, Any]], schema: dict[str, Any]) -> list[dict[str, Any]]:
+def _values_of_key(
+    key: str, nodes: list[dict[str, Any]], schema: dict[str, Any]
+) -> list[dict[str, Any]]:
     """Nodes of the values of a key in the mappings among some nodes of a JSON Schema."""
     values: list[dict[str, Any]] = []
     for node in nodes:
@@ -492,7 +534,9 @@ def schema_branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[s
     alternatives = node.get("anyOf") or node.get("oneOf")
     if not alternatives:
         return [node]
-    return [branch for alternative in alternatives for branch in schema_branches(alternative, schema)]
+    return [
+        branch for alternative in alternatives for branch in schema_branches(alternative, schema)
+    ]
 
 
 FASTEST_RATE = 1e4
@@ -525,7 +569,11 @@ def _check_metres(place: Any) -> Any:
     most = max(map(abs, place))
     if most > FARTHEST:
         raise ValueError(
-            message("base.too_far", "{most:g} m is too far; were these millimetres? lengths are in metres", most=most)
+            message(
+                "base.too_far",
+                "{most:g} m is too far; were these millimetres? lengths are in metres",
+                most=most,
+            )
         )
     return place
 
@@ -547,7 +595,12 @@ def _check_time(time: float) -> float:
     """Check that a time is zero or within the times of a station, and return it. Raises ValueError if it is not."""
     if time and not SHORTEST <= time <= LONGEST:
         raise ValueError(
-            message("base.no_time", "a time is of {shortest:g} to {longest:g} s", shortest=SHORTEST, longest=LONGEST)
+            message(
+                "base.no_time",
+                "a time is of {shortest:g} to {longest:g} s",
+                shortest=SHORTEST,
+                longest=LONGEST,
+            )
         )
     return time
 

@@ -12,7 +12,17 @@ from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vecto
 from simrob_drake.base.messages import message
 
 Role = Literal[
-    "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
+    "reference",
+    "motion",
+    "effort",
+    "pose",
+    "force",
+    "moment",
+    "applied",
+    "estimate",
+    "distance",
+    "inertial",
+    "own",
 ]
 """Role of a signal: a desired or an actual motion, the effort of a motor, a pose, a measured force or moment, a force
 that is applied from outside, an estimate, a distance, a value of an inertial sensor, or a signal of a user's block."""
@@ -117,7 +127,9 @@ class Signal:
         return {**self.__dict__, "compute": None, "adjust": None}
 
 
-def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequence[str] = ()) -> Panel:
+def sensor_panel(
+    title: str, quantity: str, names: Sequence[str], units: Sequence[str] = ()
+) -> Panel:
     """Make the panel of a sensor's columns in the figure ``sensors``.
 
     Args:

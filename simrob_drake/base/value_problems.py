@@ -26,7 +26,9 @@ _PLAIN_PROBLEMS: dict[str, Message] = {
     "int_type": _AN_INTEGER,
     "int_parsing": _AN_INTEGER,
     "int_from_float": _AN_INTEGER,
-    "int_parsing_size": message("base.must_be_a_shorter_integer", "must be an integer with fewer digits"),
+    "int_parsing_size": message(
+        "base.must_be_a_shorter_integer", "must be an integer with fewer digits"
+    ),
     "string_type": _A_TEXT,
     "string_unicode": _A_TEXT,
     "bool_type": _TRUE_OR_FALSE,
@@ -65,7 +67,9 @@ def _at_most(context: Context) -> Message:
 
 
 def _multiple(context: Context) -> Message:
-    return message("base.must_be_multiple", "must be a multiple of {factor:g}", factor=context["multiple_of"])
+    return message(
+        "base.must_be_multiple", "must be a multiple of {factor:g}", factor=context["multiple_of"]
+    )
 
 
 def _too_few_values(context: Context) -> Message:
@@ -80,7 +84,11 @@ def _too_few_values(context: Context) -> Message:
 
 def _too_many_values(context: Context) -> Message:
     """Message for a list or mapping that is too long."""
-    return message("base.takes_at_most_values", "takes at most {most} {most:value|values}", most=context["max_length"])
+    return message(
+        "base.takes_at_most_values",
+        "takes at most {most} {most:value|values}",
+        most=context["max_length"],
+    )
 
 
 def _text_too_short(context: Context) -> Message:
@@ -102,7 +110,9 @@ def _text_too_long(context: Context) -> Message:
 
 
 def _other_pattern(context: Context) -> Message:
-    return message("base.must_match", "must match the pattern {pattern}", pattern=context["pattern"])
+    return message(
+        "base.must_match", "must match the pattern {pattern}", pattern=context["pattern"]
+    )
 
 
 def _no_choice(context: Context) -> Message:

@@ -55,21 +55,29 @@ class _Loader(yaml.CSafeLoader):
             if is_number and len(node.value) > _LONGEST_NUMBER:
                 raise ValueError(message("base.too_long", "too long"))
             return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError) as problem:  # such as for !!bool maybe, or 2001-99-99
+        except (
+            ValueError,
+            LookupError,
+            AttributeError,
+        ) as problem:  # such as for !!bool maybe, or 2001-99-99
             found = message(
                 "base.no_such_type",
                 "'{text}' is no {kind}",
                 text=shortened(str(node.value)),
                 kind=node.tag.rpartition(":")[2],
             )
-            raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark) from problem
+            raise yaml.constructor.ConstructorError(
+                problem=found, problem_mark=node.start_mark
+            ) from problem
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
         """Make the text of a node. A character that no text has is an error."""
         text = super().construct_scalar(node)
         if "\0" in text or _SURROGATE.search(text):
             found = message(
-                "base.odd_character", "{text} holds a character that is in no text", text=shortened(ascii(text))
+                "base.odd_character",
+                "{text} holds a character that is in no text",
+                text=shortened(ascii(text)),
             )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return text
@@ -85,7 +93,9 @@ class _Loader(yaml.CSafeLoader):
 
 # YAML 1.1 takes 1e-3 for a text, since it has no decimal point.
 _Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
 )
 
 
@@ -103,7 +113,9 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
         ) from None
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
-        raise InvalidConfig(path, "", message("base.no_mapping", "must hold a mapping of keys to values"))
+        raise InvalidConfig(
+            path, "", message("base.no_mapping", "must hold a mapping of keys to values")
+        )
     return content
 
 
@@ -164,7 +176,9 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         # A copy, since the value is kept for the next call, and callers may change theirs.
         return deepcopy(_load_yaml(text))
     except (yaml.YAMLError, ValueError) as problem:
-        why: str = message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
+        why: str = message(
+            "base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem)
+        )
         if isinstance(problem, yaml.constructor.ConstructorError):
             # An unknown tag: files of Drake's scenes have some.
             why = _tag_problem(text) or why
@@ -183,18 +197,30 @@ def parse_json(text: str, where: Path | str) -> Any:
     """
     try:
         return json.loads(
-            text, parse_int=_finite_int, parse_float=_finite, parse_constant=_finite, object_pairs_hook=_mapping
+            text,
+            parse_int=_finite_int,
+            parse_float=_finite,
+            parse_constant=_finite,
+            object_pairs_hook=_mapping,
         )
     except (ValueError, RecursionError) as problem:
-        why = message("base.too_many_levels", "too many levels") if isinstance(problem, RecursionError) else problem
-        raise InvalidConfig(where, "", message("base.not_json", "is not JSON: {why}", why=why)) from None
+        why = (
+            message("base.too_many_levels", "too many levels")
+            if isinstance(problem, RecursionError)
+            else problem
+        )
+        raise InvalidConfig(
+            where, "", message("base.not_json", "is not JSON: {why}", why=why)
+        ) from None
 
 
 def _finite(text: str) -> float:
     """Read a number. Raises ValueError if it is not finite, such as 1e999, or Python's NaN in JSON."""
     number = float(text)
     if not isfinite(number):
-        raise ValueError(message("base.no_finite_number", "{text} is no finite number", text=shortened(text)))
+        raise ValueError(
+            message("base.no_finite_number", "{text} is no finite number", text=shortened(text))
+        )
     return number
 
 
@@ -303,7 +329,9 @@ def _check_growth(text: str) -> None:
                 sizes[event.anchor] = 1
         is_too_deep = len(open_collections) > _DEEPEST
         if count > _MOST_VALUES or is_too_deep:
-            limit = message("base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES)
+            limit = message(
+                "base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES
+            )
             if is_too_deep:
                 limit = message("base.levels", "{levels} levels", levels=_DEEPEST)
             raise yaml.MarkedYAMLError(
@@ -345,7 +373,10 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
                 where,
                 ".".join(key[:depth]),
                 message(
-                    "base.value_has_no_key", "is {value}, so it has no key '{part}'", value=quoted(node), part=part
+                    "base.value_has_no_key",
+                    "is {value}, so it has no key '{part}'",
+                    value=quoted(node),
+                    part=part,
                 ),
             )
         if depth == len(key) - 1:

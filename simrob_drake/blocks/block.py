@@ -3,7 +3,14 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.systems.framework import Context, ContinuousState, DiagramBuilder, LeafSystem, OutputPort, System
+from pydrake.systems.framework import (
+    Context,
+    ContinuousState,
+    DiagramBuilder,
+    LeafSystem,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
 from simrob_drake.base.drake_versions import SEARCH_FOR_DERIVATIVES
@@ -21,7 +28,9 @@ class Block(LeafSystem):
 
     def _no_derivatives(self, context: Context, derivatives: ContinuousState) -> None:
         """Do nothing: the block has no continuous state, and so no derivatives."""
-        assert derivatives.size() == 0, f"{type(self).__name__} has continuous state, but no method for its derivatives"
+        assert derivatives.size() == 0, (
+            f"{type(self).__name__} has continuous state, but no method for its derivatives"
+        )
 
     # Only where Drake searches: in an older version, the call of this method costs more than its
     # absence.

@@ -16,7 +16,13 @@ from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.references import Reference, ReferenceSignal, SineReference, as_reference, hermite
+from simrob_drake.blocks.references import (
+    Reference,
+    ReferenceSignal,
+    SineReference,
+    as_reference,
+    hermite,
+)
 
 # Sampling rate of references that are neither polynomials nor sines [Hz].
 _RATE = 1000.0
@@ -96,7 +102,10 @@ def _combined_sines(
     Raises:
         InvalidParameter: the sines have different frequencies, or a trajectory moves.
     """
-    expected = message("blocks.of_one_frequency", "of one frequency, or at rest: a coupling ties their axes together")
+    expected = message(
+        "blocks.of_one_frequency",
+        "of one frequency, or at rest: a coupling ties their axes together",
+    )
     sines = []
     frequencies = set[float]()
     for reference in references:
@@ -105,7 +114,9 @@ def _combined_sines(
             frequencies.add(sine.frequency)
         sines.append(sine)
     if len(frequencies) > 1:
-        found = message("blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies))
+        found = message(
+            "blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies)
+        )
         raise InvalidParameter("reference", found, expected)
 
     centres = []

@@ -83,7 +83,13 @@ class Contacts:
 
         # From (contacts, quantities, 3) to (quantities, contacts, 3). The reshape is for zero contacts.
         quantities = np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2)
-        return cls(pairs, points=quantities[0], forces=quantities[1], moments=quantities[2], normals=quantities[3])
+        return cls(
+            pairs,
+            points=quantities[0],
+            forces=quantities[1],
+            moments=quantities[2],
+            normals=quantities[3],
+        )
 
     @classmethod
     def concatenate(cls, instants: "Sequence[Contacts]") -> "Contacts":
@@ -249,7 +255,9 @@ class ForceSensor(Block):
             pose = self._poses.Eval(context)[self._body_index] @ self._pose_in_body
         # f_i of the class's equation: the force on the body, opposite if the body is the second
         # shape.
-        forces = signs[:, np.newaxis] * (contacts.normal_forces if self._normal_only else contacts.forces)
+        forces = signs[:, np.newaxis] * (
+            contacts.normal_forces if self._normal_only else contacts.forces
+        )
 
         # With arms r and forces f of all contacts, P[i, j] is the sum of r_i f_j, and the sum of the cross products
         # r x f has the components P[1, 2] - P[2, 1], P[2, 0] - P[0, 2] and P[0, 1] - P[1, 0].
@@ -321,7 +329,10 @@ class Distances:
 
     def of(self, query: QueryObject) -> Vector:
         """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
-        distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._convex_pairs]
+        distances = [
+            query.ComputeSignedDistancePairClosestPoints(*pair).distance
+            for pair in self._convex_pairs
+        ]
         distances += [over_plane.distance(query) for over_plane in self._over_planes]
         return np.array(distances)
 

@@ -68,8 +68,12 @@ class TimeLaw:
 
         They are interpolated between samples of the pieces.
         """
-        sample_times = [np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)]
-        distances = np.concatenate([self.at(times, piece) for piece, times in enumerate(sample_times)])
+        sample_times = [
+            np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)
+        ]
+        distances = np.concatenate(
+            [self.at(times, piece) for piece, times in enumerate(sample_times)]
+        )
         return np.asarray(np.interp(parts, distances / distances[-1], np.concatenate(sample_times)))
 
     def slower(self, factor: float) -> "TimeLaw":
@@ -141,7 +145,9 @@ def cruise(
     top_acceleration = acceleration if rise == 0 else jerk * rise
     ramp = [
         _Phase(duration=rise, acceleration=0.0, jerk=jerk),
-        _Phase(duration=top_speed / top_acceleration - rise, acceleration=top_acceleration, jerk=0.0),
+        _Phase(
+            duration=top_speed / top_acceleration - rise, acceleration=top_acceleration, jerk=0.0
+        ),
         _Phase(duration=rise, acceleration=top_acceleration, jerk=-jerk),
     ]
     constant_time = length / top_speed - (rise + top_speed / top_acceleration)
@@ -165,7 +171,11 @@ def _check_limits(
     time_by_jerk = 0.0 if jerk is None else np.cbrt(length / jerk)
     longest_time = max(length / speed, np.sqrt(length / acceleration), time_by_jerk)
     if not longest_time < LONGEST:
-        expected = message("blocks.shorter_than", "shorter than {longest:g} s: its limits are too low", longest=LONGEST)
+        expected = message(
+            "blocks.shorter_than",
+            "shorter than {longest:g} s: its limits are too low",
+            longest=LONGEST,
+        )
         raise InvalidParameter(
             message("blocks.time_of_motion", "the time of the motion"),
             compound("{slowest:.2g} s", slowest=longest_time),

@@ -40,7 +40,9 @@ class FramePoses(Block):
         self._scratch = plant.CreateDefaultContext()
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._frames = {name: frame.index() for name, frame in frames.items()}
-        self._moving = {name for name, frame in frames.items() if not plant.IsAnchored(frame.body())}
+        self._moving = {
+            name for name, frame in frames.items() if not plant.IsAnchored(frame.body())
+        }
 
         state_ticket = self.input_port_ticket(self._state.get_index())
         for name in frames:

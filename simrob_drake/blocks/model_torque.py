@@ -47,8 +47,12 @@ def add_model_torque(
     mode = InverseDynamics.InverseDynamicsMode
     # This mode computes tau_g(q) alone: the module's equation at rest.
     if acceleration is None:
-        return add_and_connect(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
-    return add_and_connect(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
+        return add_and_connect(
+            builder, name, InverseDynamics(plant, mode.kGravityCompensation), state
+        )
+    return add_and_connect(
+        builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration
+    )
 
 
 class _SpreadPort(NamedTuple):
@@ -100,7 +104,9 @@ def add_feedforward(
         # Both or none: the Coriolis terms of a velocity alone are not the torque of the motion.
         if signals.reference_velocity is not None and signals.reference_acceleration is not None:
             states.append(_SpreadPort(signals.reference_velocity, spread[:, count:]))
-            accelerations.append(_SpreadPort(signals.reference_acceleration, axes.velocity_matrix.T))
+            accelerations.append(
+                _SpreadPort(signals.reference_acceleration, axes.velocity_matrix.T)
+            )
 
     state = _add_spread(builder, f"{name}.state", states, rest)
     acceleration = None

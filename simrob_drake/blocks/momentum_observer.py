@@ -70,7 +70,9 @@ class MomentumObserver(Block):
         super().__init__()
         for name, value in (("gain", gain), ("period", period)):
             if not (np.isfinite(value) and value > 0):
-                raise InvalidParameter(name, value, message("blocks.positive_and_finite", "positive and finite"))
+                raise InvalidParameter(
+                    name, value, message("blocks.positive_and_finite", "positive and finite")
+                )
         count = len(axes.signs)
         self._plant = weakref.proxy(plant)
         self._axes = axes

@@ -53,7 +53,9 @@ class Trigger:
     def __post_init__(self) -> None:
         for name, value in (("hold", self.hold), ("after", self.after)):
             if not (np.isfinite(value) and value >= 0):
-                raise InvalidParameter(name, value, message("blocks.finite_time", "a finite time, not negative [s]"))
+                raise InvalidParameter(
+                    name, value, message("blocks.finite_time", "a finite time, not negative [s]")
+                )
 
     def holds(self, time: float, values: Sequence[Vector]) -> bool:
         """Whether the condition holds at a time [s] with these values of the watched signals."""
@@ -110,7 +112,9 @@ class Monitor(Block):
         """
         super().__init__()
         self._trigger = Trigger(condition, hold, after)
-        self._watched = [self.DeclareVectorInputPort(name, size) for name, size in condition.watched.items()]
+        self._watched = [
+            self.DeclareVectorInputPort(name, size) for name, size in condition.watched.items()
+        ]
         # A discrete state, and no attribute of Python: a copied or restored context contains it.
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
@@ -166,9 +170,13 @@ class EventTimes(Block):
         for time in times:
             if not (np.isfinite(time) and time >= 0):
                 raise InvalidParameter(
-                    "times", time, message("blocks.finite_not_negative", "finite and not negative [s]")
+                    "times",
+                    time,
+                    message("blocks.finite_not_negative", "finite and not negative [s]"),
                 )
-            self.DeclarePeriodicPublishEvent(period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._do_nothing)
+            self.DeclarePeriodicPublishEvent(
+                period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._do_nothing
+            )
 
     def _do_nothing(self, context: Context) -> None:
         """Do nothing: that the event happens ends the step."""
@@ -185,6 +193,10 @@ class SteadySteps(Block):
         """
         super().__init__()
         if not (np.isfinite(period) and period > 0):
-            raise InvalidParameter("period", period, message("blocks.positive_time", "a positive time [s]"))
+            raise InvalidParameter(
+                "period", period, message("blocks.positive_time", "a positive time [s]")
+            )
         # No step crosses an event, so no step is longer than the period.
-        self.DeclarePeriodicPublishEvent(period_sec=period, offset_sec=0.0, publish=lambda context: None)
+        self.DeclarePeriodicPublishEvent(
+            period_sec=period, offset_sec=0.0, publish=lambda context: None
+        )

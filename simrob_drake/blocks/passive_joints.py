@@ -9,7 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
-from pydrake.multibody.tree import Frame, Joint, JointActuator, JointActuatorIndex, JointIndex, PdControllerGains
+from pydrake.multibody.tree import (
+    Frame,
+    Joint,
+    JointActuator,
+    JointActuatorIndex,
+    JointIndex,
+    PdControllerGains,
+)
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 

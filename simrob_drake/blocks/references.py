@@ -16,7 +16,12 @@ from pydrake.math import BsplineBasis
 from pydrake.polynomial import Polynomial
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
-from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, PiecewisePolynomial, Trajectory
+from pydrake.trajectories import (
+    BsplineTrajectory,
+    CompositeTrajectory,
+    PiecewisePolynomial,
+    Trajectory,
+)
 
 from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
@@ -214,7 +219,9 @@ class SineReference(ReferenceSignal):
         centre = add_and_connect(builder, f"{name}.centre", ConstantVectorSource(self.centre))
         position = add_sum(builder, f"{name}.sum", wave.get_output_port(0), centre)
         return ReferenceSource(
-            position=position, velocity=wave.get_output_port(1), acceleration=wave.get_output_port(2)
+            position=position,
+            velocity=wave.get_output_port(1),
+            acceleration=wave.get_output_port(2),
         )
 
     def table(self, duration: float) -> ReferenceTable:
@@ -273,7 +280,9 @@ class TrajectoryReference(ReferenceSignal):
         breaks = np.array(trajectory.get_segment_times())
         # Four steps of rounding before each break; at least those of 1 s, as a break may be at 0.
         just_before = breaks - 4 * np.spacing(np.maximum(np.abs(breaks), 1.0))
-        position_jumps = np.abs(trajectory.vector_values(just_before) - trajectory.vector_values(breaks))
+        position_jumps = np.abs(
+            trajectory.vector_values(just_before) - trajectory.vector_values(breaks)
+        )
         derivative = trajectory.derivative()
         velocities_before = derivative.vector_values(just_before)
         velocities_after = derivative.vector_values(breaks)
@@ -345,7 +354,9 @@ class TrajectoryReference(ReferenceSignal):
         trajectory = self.trajectory
         if trajectory.cols() != 1:
             shape = f"{trajectory.rows()} x {trajectory.cols()}"
-            raise InvalidParameter("trajectory", shape, message("blocks.of_shape_n_1", "of shape (n, 1)"))
+            raise InvalidParameter(
+                "trajectory", shape, message("blocks.of_shape_n_1", "of shape (n, 1)")
+            )
         source = builder.AddNamedSystem(name, TrajectorySource(trajectory, derivatives))
         if not derivatives:
             return ReferenceSource(position=source.get_output_port(), player=source)
@@ -549,7 +560,9 @@ def hermite(
     # A knot that occurs twice keeps the velocity continuous; those at the ends have to occur four
     # times.
     knots = np.concatenate([breaks[[0, 0]], np.repeat(breaks, 2), breaks[[-1, -1]]])
-    return BsplineTrajectory(BsplineBasis(_CUBIC_ORDER, knots.tolist()), list(points[:, :, np.newaxis]))
+    return BsplineTrajectory(
+        BsplineBasis(_CUBIC_ORDER, knots.tolist()), list(points[:, :, np.newaxis])
+    )
 
 
 class HermiteSamples(NamedTuple):
@@ -656,7 +669,9 @@ def _check_samples(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector,
             times=breaks.shape,
             positions=samples.shape,
         )
-        raise InvalidParameter("reference", shapes, message("blocks.of_shape_m_n", "(m,) and (m, n), m > 1"))
+        raise InvalidParameter(
+            "reference", shapes, message("blocks.of_shape_m_n", "(m,) and (m, n), m > 1")
+        )
     is_finite = np.isfinite(breaks) & np.isfinite(samples).all(axis=1)
     if not is_finite.all():
         row = int(np.flatnonzero(~is_finite)[0])
@@ -682,7 +697,9 @@ def _check_rising(times: Vector, name: str) -> Vector:
     if too_close.size:
         first = too_close[0]
         both_times = compound("{first:g}, {second:g}", first=times[first], second=times[first + 1])
-        expected = message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST)
+        expected = message(
+            "blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST
+        )
         raise InvalidParameter(name, both_times, expected)
     return times
 
@@ -710,7 +727,9 @@ def _shift(trajectory: Trajectory, time: float) -> Trajectory:
         return BsplineTrajectory(BsplineBasis(basis.order(), knots), trajectory.control_points())
     if isinstance(trajectory, CompositeTrajectory):
         segments = range(trajectory.get_number_of_segments())
-        return CompositeTrajectory([_shift(trajectory.segment(number), time) for number in segments])
+        return CompositeTrajectory(
+            [_shift(trajectory.segment(number), time) for number in segments]
+        )
     samples = hermite_samples(trajectory, trajectory.start_time(), trajectory.end_time(), _RATE)
     return hermite(samples.times - time, samples.positions, samples.velocities)
 
@@ -749,4 +768,6 @@ def add_reference(
 
 
 if not TYPE_CHECKING:
-    __getattr__ = former_names_of(__name__, {"add_course": "add_reference", "table": "interpolate_samples"})
+    __getattr__ = former_names_of(
+        __name__, {"add_course": "add_reference", "table": "interpolate_samples"}
+    )

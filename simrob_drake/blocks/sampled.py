@@ -180,7 +180,10 @@ class SampledBlock(Block):
         super().__init__()
         self.period = period
         self._delay = delay
-        self._ports = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
+        self._ports = {
+            name: self.DeclareVectorInputPort(name, size).get_index()
+            for name, size in reads.items()
+        }
         initial = {name: np.atleast_1d(value) for name, value in memory.items()}
 
         # Each output has a group of the discrete state. A delayed output has two groups more.
@@ -234,7 +237,9 @@ class SampledBlock(Block):
         memory = self.now(self.CreateDefaultContext()).memory
         return {
             "period": self.period,
-            "reads": {name: self.get_input_port(index).size() for name, index in self._ports.items()},
+            "reads": {
+                name: self.get_input_port(index).size() for name, index in self._ports.items()
+            },
             "memory": {name: memory[name] for name in self.memory_names},
             "gives": [*self._output_memory],
             "delay": self._delay,
@@ -257,13 +262,17 @@ class SampledBlock(Block):
     def now(self, context: Context) -> MemoryAndInputs:
         """Memory and inputs of the block in a context of the block. They are read when a name is looked up."""
         return MemoryAndInputs(
-            memory=_Memory(context.get_discrete_state(), self._output_memory, self._rest_group, self._slices),
+            memory=_Memory(
+                context.get_discrete_state(), self._output_memory, self._rest_group, self._slices
+            ),
             read=_Inputs(self, context, self._ports),
         )
 
     def remember(self, context: Context, changes: Changes) -> None:
         """Change the memory of the block in a context of the block, between its samples."""
-        self._apply(changes, self.now(context).memory, context, context.get_mutable_discrete_state())
+        self._apply(
+            changes, self.now(context).memory, context, context.get_mutable_discrete_state()
+        )
 
     def _sample_early(
         self,

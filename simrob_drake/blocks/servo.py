@@ -49,7 +49,12 @@ from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.multibody.tree import (
+    JointActuatorIndex,
+    JointIndex,
+    ModelInstanceIndex,
+    PdControllerGains,
+)
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
     ConstantVectorSource,
@@ -169,7 +174,11 @@ class ServoGains:
     @property
     def limit_at_rest(self) -> Vector:
         """Largest torque of each motor at rest, shape (n,) [N·m]: the limit, or the stall torque if that is smaller."""
-        return self.torque_limit if self.line is None else np.minimum(self.torque_limit, self.line.stall)
+        return (
+            self.torque_limit
+            if self.line is None
+            else np.minimum(self.torque_limit, self.line.stall)
+        )
 
     @property
     def judged_limit(self) -> Vector:
@@ -585,7 +594,9 @@ def _add_cascade(
     ports = [speed, bus]
     columns = [kd, inner]
     if (gains.ki[group] > 0).any():
-        measured = add_matrix_gain(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
+        measured = add_matrix_gain(
+            builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus
+        )
         # The loop integrates an error of the speed, not of the position: x' = ki kd / kp (v_c - v).
         scaled_gains = replace(gains, ki=gains.ki * gains.kd / gains.kp)
         ports.append(add_integral(builder, [speed, measured], scaled_gains, group, name))
@@ -695,7 +706,9 @@ def add_actuator_servos(
         The torques that the actuators apply, in axis order, size n [N·m].
     """
     if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
-        return add_and_connect(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
+        return add_and_connect(
+            builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp)))
+        )
     extra_torques = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
     is_stiff = bool((gains.kp[driven] > 0).all())
@@ -712,7 +725,9 @@ def add_actuator_servos(
             columns.append(offsets)
     elif extra_torques:
         # A joint without stiffness cannot turn a torque into a position: the torques act directly.
-        bus = add_multiplexer(builder, f"{prefix}extra_torques", *(extra.port for extra in extra_torques))
+        bus = add_multiplexer(
+            builder, f"{prefix}extra_torques", *(extra.port for extra in extra_torques)
+        )
         to_actuators = actuation_map @ np.hstack([extra.matrix for extra in extra_torques])
         torque = add_matrix_gain(builder, f"{prefix}actuation", to_actuators, bus)
         builder.Connect(torque, plant.get_actuation_input_port(instance))

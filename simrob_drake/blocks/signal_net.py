@@ -14,7 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.symbolic import Expression, Variable
-from pydrake.systems.framework import BasicVector, Context, ContinuousState, DiscreteValues, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    ContinuousState,
+    DiscreteValues,
+    LeafSystem,
+)
 from pydrake.systems.primitives import SymbolicVectorSystem
 
 from simrob_drake.base.messages import compound, message
@@ -163,13 +169,20 @@ def _symbolic_net(
     state_variables = list[Variable]()
     states = list[list[Any]]()  # states of each block, as expressions
     for number, wired_block in enumerate(wired):
-        own_variables = [Variable(f"x{number}_{index}") for index in range(len(wired_block.block.start))]
+        own_variables = [
+            Variable(f"x{number}_{index}") for index in range(len(wired_block.block.start))
+        ]
         state_variables += own_variables
-        states.append([start + x for start, x in zip(wired_block.block.start, own_variables, strict=True)])
+        states.append(
+            [start + x for start, x in zip(wired_block.block.start, own_variables, strict=True)]
+        )
 
     def inputs_of(number: int) -> list[Any]:
         """Inputs of a block as expressions, with the values so far."""
-        return [sum((factor * values[index] for index, factor in terms), start=zero) for terms in wired[number].inputs]
+        return [
+            sum((factor * values[index] for index, factor in terms), start=zero)
+            for terms in wired[number].inputs
+        ]
 
     for number in order:
         block = wired[number].block
@@ -307,7 +320,9 @@ class SignalNet(Block):
                 block=self._names[number],
                 values=[frame.f_locals[name] for name in input_names],
             )
-            raise RuntimeError(compound("{message}: {problem}", message=text, problem=problem)) from problem
+            raise RuntimeError(
+                compound("{message}: {problem}", message=text, problem=problem)
+            ) from problem
         return computed
 
     def _calc_values(self, context: Context, output: BasicVector) -> None:
@@ -315,13 +330,17 @@ class SignalNet(Block):
         states = self._states(context)
         known = self._known_values(context)
         no_sample = None
-        output.SetFromVector(self._compute(OUTPUTS, known, states.continuous, states.held, no_sample))
+        output.SetFromVector(
+            self._compute(OUTPUTS, known, states.continuous, states.held, no_sample)
+        )
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:  # noqa: N802 - Drake's
         """Compute the derivatives of the continuous states."""
         if derivatives.size():
             values = [*self._known_values(context), *self._output.Eval(context).tolist()]
-            derivatives.SetFromVector(self._compute(RATES, values, self._states(context).continuous))
+            derivatives.SetFromVector(
+                self._compute(RATES, values, self._states(context).continuous)
+            )
 
     def _sample(self, context: Context, discrete: DiscreteValues) -> None:
         """Take a sample of all blocks whose period ends; writes the new state to `discrete`."""

@@ -238,14 +238,22 @@ def balance_regulator(
     state_weights = np.diag(np.concatenate([weights.position, weights.velocity]))
     torque_weights = np.diag(weights.torque[driven])
     try:
-        gain, cost = LinearQuadraticRegulator(dynamics_matrix, input_matrix, state_weights, torque_weights)
+        gain, cost = LinearQuadraticRegulator(
+            dynamics_matrix, input_matrix, state_weights, torque_weights
+        )
     except RuntimeError as problem:
         expected = message(
-            "blocks.a_posture_to_balance", "a posture that the motors can balance ({problem})", problem=problem
+            "blocks.a_posture_to_balance",
+            "a posture that the motors can balance ({problem})",
+            problem=problem,
         )
         raise InvalidParameter(key, quoted(upright), expected) from problem
     return Regulator(
-        dynamics_matrix=dynamics_matrix, input_matrix=input_matrix, gain=gain, cost=cost, torque=holding[driven]
+        dynamics_matrix=dynamics_matrix,
+        input_matrix=input_matrix,
+        gain=gain,
+        cost=cost,
+        torque=holding[driven],
     )
 
 
@@ -308,7 +316,8 @@ class SwingUp(SampledBlock):
         self._driven = torque_limit > 0
         if int(self._driven.sum()) != count - 1 or count < 2:
             expected = message(
-                "blocks.one_passive_axis", "0 for one axis, the passive one, and positive for the others"
+                "blocks.one_passive_axis",
+                "0 for one axis, the passive one, and positive for the others",
             )
             raise InvalidParameter("torque_limit", quoted(torque_limit), expected)
         self.units = {"feedforward": "N·m", "energy": "J"}

@@ -240,7 +240,9 @@ class WrittenNet:
             known_count: count of the values before the outputs of blocks.
             value_count: count of all values.
         """
-        self._begin(f"{OUTPUTS}(v, x, h, n)", v=known_count, x=len(self.continuous), h=len(self.sampled))
+        self._begin(
+            f"{OUTPUTS}(v, x, h, n)", v=known_count, x=len(self.continuous), h=len(self.sampled)
+        )
         # A line may read the outputs of the lines before it only, hence the order of the computation.
         for number in order:
             self._write_output(number)
@@ -322,7 +324,10 @@ class WrittenNet:
         names = list[str]()
         for position, terms in enumerate(self._wired[number].inputs):
             # A factor of 1 is left out: the multiplication would take time.
-            parts = [f"v{index}" if factor == 1.0 else f"{float(factor)!r} * v{index}" for index, factor in terms]
+            parts = [
+                f"v{index}" if factor == 1.0 else f"{float(factor)!r} * v{index}"
+                for index, factor in terms
+            ]
             names.append(f"u{position}")
             self._write(number, f"{indent}{names[-1]} = {' + '.join(parts) or '0.0'}")
         return [Expression(Variable(name)) for name in names]

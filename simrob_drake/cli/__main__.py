@@ -22,9 +22,13 @@ def main() -> None:
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
     for stream in ("stdout", "stderr"):  # None where the caller has closed them
         setattr(sys, stream, getattr(sys, stream) or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
-    if isinstance(sys.stdout, io.TextIOWrapper):  # what its encoding lacks is escaped, as it is on stderr
+    if isinstance(
+        sys.stdout, io.TextIOWrapper
+    ):  # what its encoding lacks is escaped, as it is on stderr
         sys.stdout.reconfigure(errors="backslashreplace")
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else the caller wants it ignored
+    interruptible = (
+        signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )  # else the caller wants it ignored
     if interruptible:
         signal.signal(signal.SIGINT, _leave)
     gc.disable()  # what is loaded stays: there is no rubbish to look for in it, now or later
@@ -38,7 +42,9 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     code = run_guarded(run_command, sys.argv[1:])
     if code == ExitCode.INTERRUPTED:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who presses it twice waits no longer than for the end
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # who presses it twice waits no longer than for the end
     sys.exit(code)
 
 
@@ -53,7 +59,10 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
     """
     try:
         return command(arguments)
-    except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit, with a text
+    except (
+        Exception,
+        SystemExit,
+    ) as problem:  # Drake's failed assertions come as SystemExit, with a text
         if isinstance(problem, SystemExit) and not isinstance(problem.code, str):
             raise
         from simrob_drake.cli.screen import say_error
@@ -69,7 +78,9 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
         where = message("cli.outside", "outside of simrob_drake")
         if own:
             file = Path(own[-1].filename).relative_to(package.parent)
-            where = message("cli.file_and_line", "{file}, line {line}", file=file, line=own[-1].lineno)
+            where = message(
+                "cli.file_and_line", "{file}, line {line}", file=file, line=own[-1].lineno
+            )
         name = message("cli.check_of_drake", "a check of Drake")
         text = " ".join(str(problem).split())[:1000]
         say_error(

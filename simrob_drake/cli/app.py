@@ -119,7 +119,9 @@ class _Group(TyperGroup):
             # `usage_problem` makes the message about an option.
             if args[0].startswith("-"):
                 raise
-            raise UnknownName(message("cli.command", "command"), args[0], self.list_commands(ctx)) from None
+            raise UnknownName(
+                message("cli.command", "command"), args[0], self.list_commands(ctx)
+            ) from None
 
 
 class _Commands(_Group):
@@ -319,7 +321,9 @@ def run_command(arguments: list[str]) -> int:
             code = app(arguments, prog_name="simrob", standalone_mode=False)
         # A broken pipe or a full disk may show only when the buffer is written. Here the error is still handled.
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it: that is no error
+    except (
+        BrokenPipeError
+    ):  # the reader of the output, such as `head`, has closed it: that is no error
         _discard_output()
         return ExitCode.DONE
     except OSError as problem:  # an error of the system that no code expected, such as a full disk
@@ -383,7 +387,9 @@ def _check_surroundings(arguments: list[str]) -> None:
         has_surrogate = any("\ud800" <= letter <= "\udfff" for letter in argument)
         if has_surrogate:
             raise InvalidParameter(
-                "argument", ascii(argument), message("cli.text_in_utf8", "text in UTF-8, names of files, too")
+                "argument",
+                ascii(argument),
+                message("cli.text_in_utf8", "text in UTF-8, names of files, too"),
             )
     try:
         os.getcwd()

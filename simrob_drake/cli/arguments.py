@@ -63,10 +63,14 @@ def station_from(
     option_of_key |= {key: f"--set {key}" for key in changes}
     if find_station_importer(station) is None:
         refuse_other(station)
-    return load_station(station, {**values_of_options, **changes}, called=option_of_key, allow_code=allow_code)
+    return load_station(
+        station, {**values_of_options, **changes}, called=option_of_key, allow_code=allow_code
+    )
 
 
-def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None) -> dict[str, Any]:
+def changes_of(
+    texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """Read the changes of a station that an option gives, by dotted keys.
 
     Args:
@@ -84,7 +88,11 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
             if key in option_of_key:
                 raise Unsuitable(
                     compound("{option} {one}", option=option, one=text),
-                    message("cli.gives_key_already", "{option} gives this key already", option=option_of_key[key]),
+                    message(
+                        "cli.gives_key_already",
+                        "{option} gives this key already",
+                        option=option_of_key[key],
+                    ),
                     message("cli.leave_out_one", "leave out one of the two"),
                 )
             changes[key] = value
@@ -101,7 +109,9 @@ def _changes(text: str, option: str) -> Iterator[KeyChange]:
     """
     if "=" in text or not is_yaml_name(text):
         for key, value in texts_by_key([text], option):
-            yield KeyChange(key, parse_yaml(value, compound("{option} {one}", option=option, one=text)))
+            yield KeyChange(
+                key, parse_yaml(value, compound("{option} {one}", option=option, one=text))
+            )
         return
     file = Path(text).absolute()
     sections = with_absolute_paths(read_yaml(file), file.parent, Border(file))
@@ -128,7 +138,9 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[KeyText]:
         key, equals, text = value.partition("=")
         has_form = bool(key.strip()) and bool(equals)
         if not has_form:
-            raise InvalidParameter(option, value, message("cli.key_and_value", "of the form key.path=value"))
+            raise InvalidParameter(
+                option, value, message("cli.key_and_value", "of the form key.path=value")
+            )
         yield KeyText(key.strip(), text)
 
 

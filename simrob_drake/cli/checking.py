@@ -12,7 +12,12 @@ import typer
 
 from simrob_drake.base.messages import message
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
-from simrob_drake.cli.importers import examine_with, importer_request, other_importer, with_importer_options
+from simrob_drake.cli.importers import (
+    examine_with,
+    importer_request,
+    other_importer,
+    with_importer_options,
+)
 from simrob_drake.cli.options import AllowCode, ChosenOptions, Settings, with_import_options
 from simrob_drake.cli.programs import check_program, own_program, program_from
 from simrob_drake.cli.robots import examine_file, show_robot
@@ -78,7 +83,10 @@ def check(
         _check_program_file(station, set_, options, allow_code=allow_code)
     elif is_robot_file(station) or is_description_file(station):
         refuse(
-            message("cli.is_file_of_robot", "this is the file of a robot; the option belongs to stations"),
+            message(
+                "cli.is_file_of_robot",
+                "this is the file of a robot; the option belongs to stations",
+            ),
             set=set_,
             allow_code=allow_code,
         )
@@ -90,7 +98,9 @@ def check(
             allow_code=allow_code,
         )
         refuse_import(
-            message("cli.robot_of_package", "this robot comes with the package, and nothing is imported"),
+            message(
+                "cli.robot_of_package", "this robot comes with the package, and nothing is imported"
+            ),
             options,
         )
         show_robot(read_robot(station))
@@ -120,7 +130,10 @@ def _check_program_file(
         message("cli.is_a_program", "this is a program; the option belongs to the file of a robot"),
         _without_mesh_path(options),
     )
-    refuse(message("cli.program_without_code", "this is a program, which names no code"), allow_code=allow_code)
+    refuse(
+        message("cli.program_without_code", "this is a program, which names no code"),
+        allow_code=allow_code,
+    )
     program, config = program_from(file, settings)
     console.print(findings_table([check_program(program, config, file)]))
 
@@ -136,7 +149,10 @@ def _check_robot_file(file: str, options: ImportOptions | None) -> None:
         examine_file(Path(file), options)
         return
     refuse_import(
-        message("cli.is_description_of_robot", "this is the description of a robot, and nothing is imported"),
+        message(
+            "cli.is_description_of_robot",
+            "this is the description of a robot, and nothing is imported",
+        ),
         options,
     )
     show_robot(read_robot(file))

@@ -98,7 +98,9 @@ def all_commands() -> dict[str, CommandEntry]:
     titles.append(_LAST_TITLE)
     commands_by_title = dict[str, CommandEntry]()
     for title in titles:
-        commands_by_title |= {command: entry for command, entry in entries.items() if entry.title == title}
+        commands_by_title |= {
+            command: entry for command, entry in entries.items() if entry.title == title
+        }
     return commands_by_title
 
 
@@ -150,8 +152,14 @@ def _extension_commands() -> dict[str, CommandEntry]:
 
     Commands of two words, which are below another command, are left out.
     """
-    titles = {installed.name: installed.extension.title for installed in installed_extensions() if installed.extension}
-    docstrings_of_modules = dict[str, Mapping[str, str] | None]()  # a module may have several commands
+    titles = {
+        installed.name: installed.extension.title
+        for installed in installed_extensions()
+        if installed.extension
+    }
+    docstrings_of_modules = dict[
+        str, Mapping[str, str] | None
+    ]()  # a module may have several commands
     entries = {}
     for name, addition in additions("commands").items():
         if " " in name:
@@ -170,7 +178,9 @@ def _extension_commands() -> dict[str, CommandEntry]:
     return entries
 
 
-def _help_of_addition(name: str, addition: Addition, docstrings: Mapping[str, str] | None) -> Message:
+def _help_of_addition(
+    name: str, addition: Addition, docstrings: Mapping[str, str] | None
+) -> Message:
     """Make the help of a command of an extension, for the list of commands.
 
     Args:
@@ -215,7 +225,11 @@ def _docstrings_of_module(module: str) -> dict[str, str] | None:
 
 def _docstrings(tree: ast.Module) -> dict[str, str]:
     """Docstrings of the functions of a module, by name."""
-    return {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
+    return {
+        node.name: ast.get_docstring(node) or ""
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+    }
 
 
 def _command_table(tree: ast.Module) -> dict[str, str]:
@@ -250,7 +264,9 @@ def _functions_by_command(table: ast.Dict) -> dict[str, str]:
     functions = dict[str, str]()
     for key, function in zip(table.keys, table.values, strict=True):
         if key is None:  # the parser's form of an entry **OTHER
-            raise ValueError("COMMANDS contains **; each command must be written in the table itself")
+            raise ValueError(
+                "COMMANDS contains **; each command must be written in the table itself"
+            )
         functions[ast.literal_eval(key)] = _name(function)
     return functions
 

@@ -70,7 +70,9 @@ def _with_formats(command: Callable[..., Any]) -> Callable[..., Any]:
     further_options = list[OptionGroup]()
     for name, exporter in _FORMATS.items():
         if not isinstance(exporter, SimrobError):
-            further_options.append(OptionGroup(owner=flag_of(name), options_class=exporter.options_class))
+            further_options.append(
+                OptionGroup(owner=flag_of(name), options_class=exporter.options_class)
+            )
     # The command is wrapped twice: typer sees the options of both groups.
     with_files = with_group(files_class, "files")(command)
     return with_groups(further_options, "options")(with_files)
@@ -84,7 +86,9 @@ def export(
         str,
         typer.Argument(
             metavar="STATION|PROGRAM",
-            help=message("cli.help_export_station", "A name from `simrob list`, or the YAML file of either."),
+            help=message(
+                "cli.help_export_station", "A name from `simrob list`, or the YAML file of either."
+            ),
         ),
     ],
     files: Any,
@@ -110,8 +114,12 @@ def export(
         raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
     # For a format that cannot be used, this raises the error that says why.
     exporters = {name: load_exporter(name) for name in targets}
-    program_exporters = {name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)}
-    station_exporters = {name: one for name, one in exporters.items() if isinstance(one, StationExporter)}
+    program_exporters = {
+        name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)
+    }
+    station_exporters = {
+        name: one for name, one in exporters.items() if isinstance(one, StationExporter)
+    }
     # The argument is either a station or a program, so one of the formats could not be written.
     if program_exporters and station_exporters:
         raise _wrong_formats(message("cli.asked_for_both", "asked for a station and a program"))
@@ -156,7 +164,11 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
             raise InvalidParameter(
                 flag_of(name),
                 str(file),
-                message("cli.other_file_than", "another file than that of {option}", option=flag_of(first)),
+                message(
+                    "cli.other_file_than",
+                    "another file than that of {option}",
+                    option=flag_of(first),
+                ),
             )
 
 
@@ -187,8 +199,12 @@ def _export_station(
     for name, exporter in exporters.items():
         # The exporter itself writes the file, and further ones next to it, such as meshes.
         check_new_file(targets[name], force=force)
-        with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
-            written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
+        with code_of_extension(
+            exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)
+        ):
+            written = exporter.export_station(
+                config, targets[name], options.of(exporter.options_class), force=force
+            )
         for path in written:
             say_place(WRITTEN, path)
 
@@ -198,12 +214,22 @@ def _known_formats() -> str:
 
     Formats of stations come first, then those of programs. Formats that cannot be used are left out.
     """
-    station_flags = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
-    program_flags = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
+    station_flags = [
+        flag_of(name)
+        for name, exporter in _FORMATS.items()
+        if isinstance(exporter, StationExporter)
+    ]
+    program_flags = [
+        flag_of(name)
+        for name, exporter in _FORMATS.items()
+        if isinstance(exporter, ProgramExporter)
+    ]
     separator = message("cli.or", " or ")
     lists = [join_texts(flags, separator) for flags in (station_flags, program_flags) if flags]
     if not lists:
-        return message("cli.format_of_extension", "a format of an installed extension, and none adds one")
+        return message(
+            "cli.format_of_extension", "a format of an installed extension, and none adds one"
+        )
     return join_texts(lists, message("cli.or_format", ", or "))
 
 
@@ -231,15 +257,21 @@ def _export_program(
     """
     if not is_program_file(source):
         formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
-        problem = message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
+        problem = message(
+            "cli.no_program", "is no program: {formats} write the moves of one", formats=formats
+        )
         raise InvalidConfig(source, "", problem)
     program, config = program_from(source, settings)
     texts = dict[Path, str]()  # text of each file; a format may have several files
     remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
-        with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
-            exported = exporter.program_texts(program, config, targets[name], own_options, source=source)
+        with code_of_extension(
+            exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)
+        ):
+            exported = exporter.program_texts(
+                program, config, targets[name], own_options, source=source
+            )
         texts |= exported.texts
         remarks |= dict.fromkeys(exported.remarks)
     # All texts are made, and all files checked, before the first is written.

@@ -81,7 +81,9 @@ def extensions(
         bool,
         typer.Option(
             "--check",
-            help=message("cli.help_extensions_check", "Import everything that they add, and report failures."),
+            help=message(
+                "cli.help_extensions_check", "Import everything that they add, and report failures."
+            ),
         ),
     ] = False,
 ) -> ExitCode:
@@ -92,7 +94,9 @@ def extensions(
         return ExitCode.DONE
     # A list in the order of the extensions: one package may announce several of them.
     problems = [_problems(entry, is_thorough=check) for entry in installed]
-    rows = [_row(entry, own_problems) for entry, own_problems in zip(installed, problems, strict=True)]
+    rows = [
+        _row(entry, own_problems) for entry, own_problems in zip(installed, problems, strict=True)
+    ]
     headings = (
         message("cli.extension", "extension"),
         message("cli.package", "package"),

@@ -27,7 +27,9 @@ _FOR_EXAMPLE = message("cli.help_for_example", "For example:")
 
 _OPTIONS_OF_TYPER = {
     "help": message("cli.help_help", "Show this message and exit."),
-    "install_completion": message("cli.help_install_completion", "Install completion for the current shell."),
+    "install_completion": message(
+        "cli.help_install_completion", "Install completion for the current shell."
+    ),
     "show_completion": message(
         "cli.help_show_completion",
         "Show completion for the current shell, to copy it or customize the installation.",
@@ -110,7 +112,9 @@ def with_translated_options(function: Callable[..., Any]) -> Callable[..., Any]:
     for parameter in signature.parameters.values():
         annotation = _translate_annotation(parameter.annotation)
         # `run_command` takes keywords only.
-        translated.append(parameter.replace(annotation=annotation, kind=inspect.Parameter.KEYWORD_ONLY))
+        translated.append(
+            parameter.replace(annotation=annotation, kind=inspect.Parameter.KEYWORD_ONLY)
+        )
     vars(run_command)["__signature__"] = signature.replace(parameters=translated)
     return run_command
 

@@ -114,7 +114,9 @@ def importer_request(
     )
 
 
-def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, allow_losses: bool) -> ExitCode:
+def import_with(
+    importer: FileImporter, file: Path, request: ImportRequest, *, allow_losses: bool
+) -> ExitCode:
     """Import a file, and show the outcome and its losses.
 
     Args:
@@ -129,7 +131,10 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
     Raises:
         SimrobError: the file cannot be imported.
     """
-    with progress_note(message("cli.importing", "importing {file}", file=file)), _code_of(importer, file):
+    with (
+        progress_note(message("cli.importing", "importing {file}", file=file)),
+        _code_of(importer, file),
+    ):
         outcome = importer.import_file(file, request)
     _show_outcome(outcome)
     # Losses are shown even if they are allowed: the user should know about them.
@@ -139,7 +144,12 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
         return ExitCode.DONE
     hidden_count = len(outcome.losses) - _SHOWN_LOSSES
     if hidden_count > 0:
-        rest = message("cli.more_losses", "lost: {count} more, see {file}", count=hidden_count, file=REPORT_FILE)
+        rest = message(
+            "cli.more_losses",
+            "lost: {count} more, see {file}",
+            count=hidden_count,
+            file=REPORT_FILE,
+        )
         say_text(rest, target=errors)
     consequence = message(
         "cli.moves_differently",
@@ -160,7 +170,10 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
     Raises:
         SimrobError: nothing can be made of the file; the message says why. The rest of the outcome is shown before.
     """
-    with progress_note(message("cli.reading", "reading {file}", file=file)), _code_of(importer, file):
+    with (
+        progress_note(message("cli.reading", "reading {file}", file=file)),
+        _code_of(importer, file),
+    ):
         outcome = importer.examine(file, request)
     # The report explains the problem, so it is shown before the error.
     _show_outcome(outcome)

@@ -57,8 +57,13 @@ def with_output_language(command: Callable[..., Any]) -> Callable[..., Any]:
 
     # Typer makes the options of a command from its signature.
     own = inspect.Parameter(
-        "output_language", inspect.Parameter.KEYWORD_ONLY, default=SOURCE_LANGUAGE, annotation=OutputLanguage
+        "output_language",
+        inspect.Parameter.KEYWORD_ONLY,
+        default=SOURCE_LANGUAGE,
+        annotation=OutputLanguage,
     )
     signature = inspect.signature(command, eval_str=True)
-    vars(run_in_language)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), own])
+    vars(run_in_language)["__signature__"] = signature.replace(
+        parameters=[*signature.parameters.values(), own]
+    )
     return run_in_language

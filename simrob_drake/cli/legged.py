@@ -30,7 +30,9 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help=message("cli.help_robot_option", "Which robot of the station; needed where there are several."),
+        help=message(
+            "cli.help_robot_option", "Which robot of the station; needed where there are several."
+        ),
     ),
 ]
 
@@ -44,23 +46,35 @@ def walk(
         str | None,
         typer.Option(
             metavar="NAME",
-            help=message("cli.help_walk_gait", "A gait of the robot; the first for its feet by default."),
+            help=message(
+                "cli.help_walk_gait", "A gait of the robot; the first for its feet by default."
+            ),
         ),
     ] = None,
     steps: Annotated[
         int,
         typer.Option(
-            help=message("cli.help_walk_steps", "Full step lengths ahead; at both ends shorter steps are added.")
+            help=message(
+                "cli.help_walk_steps",
+                "Full step lengths ahead; at both ends shorter steps are added.",
+            )
         ),
     ] = 6,
     amplitude: Annotated[
-        float, typer.Option(help=message("cli.help_walk_amplitude", "Scales the length of the steps, and their turns."))
+        float,
+        typer.Option(
+            help=message(
+                "cli.help_walk_amplitude", "Scales the length of the steps, and their turns."
+            )
+        ),
     ] = 1.0,
     step_time: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help=message("cli.help_walk_step_time", "Time of each step; the gait's own by default."),
+            help=message(
+                "cli.help_walk_step_time", "Time of each step; the gait's own by default."
+            ),
         ),
     ] = None,
     robot: RobotOption = None,
@@ -100,7 +114,10 @@ def act(
         str | None,
         typer.Argument(
             metavar="[ACT]",
-            help=message("cli.help_act_name", "An act of the robot, such as `bow`. Without it, its acts are listed."),
+            help=message(
+                "cli.help_act_name",
+                "An act of the robot, such as `bow`. Without it, its acts are listed.",
+            ),
         ),
     ] = None,
     robot: RobotOption = None,
@@ -161,7 +178,9 @@ def _stations_with_gaits(*, with_steps: bool) -> list[str]:
         with_steps: whether gaits that consist of steps are meant, which need a floor and contact forces. Otherwise the
             acts are meant, which a robot also does on a kinematic station.
     """
-    from simrob_drake.programs.gaits.registry import gaits_of  # few commands need programs, which load scipy
+    from simrob_drake.programs.gaits.registry import (
+        gaits_of,
+    )  # few commands need programs, which load scipy
 
     @cache
     def has_gaits(model: str) -> bool:
@@ -202,7 +221,9 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
         problem = message("cli.no_acts", "{robot} has no acts", robot=model.name)
         raise Unsuitable(station, problem)
     names = ", ".join(acts)
-    say_text(message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names))
+    say_text(
+        message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names)
+    )
     say_place(NEXT, f"simrob act {station} {acts[0]}")
     return ExitCode.DONE
 
@@ -264,7 +285,9 @@ def _save_move(
         if section in ("duration", "reference"):
             raise Unsuitable(
                 message("cli.set_option", "--set {setting}", setting=setting),
-                message("cli.gait_says_how", "the gait or act says how the robot moves, and how long"),
+                message(
+                    "cli.gait_says_how", "the gait or act says how the robot moves, and how long"
+                ),
             )
 
     def prepare(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:

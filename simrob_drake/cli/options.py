@@ -53,14 +53,16 @@ Settings = Annotated[
         "--set",
         metavar="KEY.PATH=VALUE|FILE",
         help=message(
-            "cli.help_settings", "Change a key of the station, or all that a YAML file has; may be given several times."
+            "cli.help_settings",
+            "Change a key of the station, or all that a YAML file has; may be given several times.",
         ),
     ),
 ]
 AllowCode = Annotated[
     bool,
     typer.Option(
-        "--allow-code", help=message("cli.help_allow_code", "Run the Python code that the station's file names.")
+        "--allow-code",
+        help=message("cli.help_allow_code", "Run the Python code that the station's file names."),
     ),
 ]
 MeshPath = Annotated[
@@ -79,44 +81,73 @@ MeshPath = Annotated[
         ),
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))]
+Force = Annotated[
+    bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))
+]
 
 ResultFolder = Annotated[
     Path | None,
     typer.Option(
-        "--out", help=message("cli.help_result_folder", "Folder of the result; runs/STATION-TIME by default.")
+        "--out",
+        help=message(
+            "cli.help_result_folder", "Folder of the result; runs/STATION-TIME by default."
+        ),
     ),
 ]
 Live = Annotated[
-    bool, typer.Option("--live", help=message("cli.help_live", "Show the motion in the browser while it is computed."))
+    bool,
+    typer.Option(
+        "--live",
+        help=message("cli.help_live", "Show the motion in the browser while it is computed."),
+    ),
 ]
 NoRecording = Annotated[
-    bool, typer.Option("--no-recording", help=message("cli.help_no_recording", "No recording and no film strip."))
+    bool,
+    typer.Option(
+        "--no-recording", help=message("cli.help_no_recording", "No recording and no film strip.")
+    ),
 ]
 Video = Annotated[
-    bool, typer.Option("--video", help=message("cli.help_video", "Write an MP4, too (needs the extra `video`)."))
+    bool,
+    typer.Option(
+        "--video", help=message("cli.help_video", "Write an MP4, too (needs the extra `video`).")
+    ),
 ]
 Workers = Annotated[
-    int | None, typer.Option(min=1, help=message("cli.help_workers", "Processes; as many as processors by default."))
+    int | None,
+    typer.Option(
+        min=1, help=message("cli.help_workers", "Processes; as many as processors by default.")
+    ),
 ]
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        metavar="ADDRESS", help=message("cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+        metavar="ADDRESS",
+        help=message(
+            "cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do it."
+        ),
     ),
 ]
 Strictly = Annotated[
     bool,
-    typer.Option("--strict", help=message("cli.help_strictly", "Exit with 4 if the result has warnings; it is saved.")),
+    typer.Option(
+        "--strict",
+        help=message("cli.help_strictly", "Exit with 4 if the result has warnings; it is saved."),
+    ),
 ]
 ShowVerdict = Annotated[
     bool,
     typer.Option(
         "--verdict",
-        help=message("cli.help_show_verdict", "Show all criteria with their bounds, even if all are within them."),
+        help=message(
+            "cli.help_show_verdict",
+            "Show all criteria with their bounds, even if all are within them.",
+        ),
     ),
 ]
-Plots = Annotated[PlotFormat, typer.Option("--plots", help=message("cli.help_plots", "Format of the plots."))]
+Plots = Annotated[
+    PlotFormat, typer.Option("--plots", help=message("cli.help_plots", "Format of the plots."))
+]
 
 FileArgument = Annotated[
     Path,
@@ -146,7 +177,12 @@ class Saving:
     @property
     def save_options(self) -> Saved:
         """The options of the result's method ``save``."""
-        return {"force": self.force, "recording": not self.no_recording, "video": self.video, "plots": self.plots}
+        return {
+            "force": self.force,
+            "recording": not self.no_recording,
+            "video": self.video,
+            "plots": self.plots,
+        }
 
 
 @dataclass(frozen=True)
@@ -157,13 +193,17 @@ class LanguageOptions:
         str | None,
         typer.Option(
             metavar="ROBOT",
-            help=message("cli.help_language_robot", "Robot that does a RAPID module: alone, or one of --on."),
+            help=message(
+                "cli.help_language_robot", "Robot that does a RAPID module: alone, or one of --on."
+            ),
         ),
     ] = None
     on: Annotated[
         str | None,
         typer.Option(
-            "--on", metavar="STATION", help=message("cli.help_language_on", "Station on which a RAPID module is done.")
+            "--on",
+            metavar="STATION",
+            help=message("cli.help_language_on", "Station on which a RAPID module is done."),
         ),
     ] = None
     io: Annotated[
@@ -171,12 +211,19 @@ class LanguageOptions:
         typer.Option(
             "--io",
             metavar="FILE",
-            help=message("cli.help_language_io", "Table of what the signals of a RAPID module mean."),
+            help=message(
+                "cli.help_language_io", "Table of what the signals of a RAPID module mean."
+            ),
         ),
     ] = None
     cycles: Annotated[
         int,
-        typer.Option(min=1, help=message("cli.help_language_cycles", "Repetitions of WHILE TRUE in a RAPID module.")),
+        typer.Option(
+            min=1,
+            help=message(
+                "cli.help_language_cycles", "Repetitions of WHILE TRUE in a RAPID module."
+            ),
+        ),
     ] = 1
     check: Annotated[
         Literal["collision", "limits", "nothing"],
@@ -192,7 +239,8 @@ class LanguageOptions:
         typer.Option(
             "--allow-losses",
             help=message(
-                "cli.help_language_allow_losses", "Take a RAPID or Simulink import though parts of it are lost."
+                "cli.help_language_allow_losses",
+                "Take a RAPID or Simulink import though parts of it are lost.",
             ),
         ),
     ] = False
@@ -210,13 +258,18 @@ def _option_parameter(name: str, annotation: Any, default: Any) -> inspect.Param
         annotation: its type, with typer's options.
         default: its default value.
     """
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+    )
 
 
 def _parameters_of(group: type[Any]) -> list[inspect.Parameter]:
     """Make the parameters of a command for the options of a group, a dataclass."""
     annotations = get_type_hints(group, include_extras=True)
-    return [_option_parameter(option.name, annotations[option.name], option.default) for option in fields(group)]
+    return [
+        _option_parameter(option.name, annotations[option.name], option.default)
+        for option in fields(group)
+    ]
 
 
 def with_group(group: type[Any], name: str) -> Decorator:
@@ -285,7 +338,9 @@ class ChosenOptions:
 
     def of(self, options_class: type[Any]) -> Any:
         """Make an object of the dataclass of a group from the values of its options."""
-        return options_class(**{field.name: self.values[field.name] for field in fields(options_class)})
+        return options_class(
+            **{field.name: self.values[field.name] for field in fields(options_class)}
+        )
 
     def refuse_all_but(self, allowed_classes: Collection[type[Any]]) -> None:
         """Check that only options of some groups are given. An option with its default value counts as not given.
@@ -304,7 +359,8 @@ class ChosenOptions:
                 is_default = self.values[field.name] == field.default
                 if not is_default and field.name not in allowed:
                     raise Unsuitable(
-                        flag_of(field.name), message("cli.belongs_to", "it belongs to {owner}", owner=group.owner)
+                        flag_of(field.name),
+                        message("cli.belongs_to", "it belongs to {owner}", owner=group.owner),
                     )
 
 
@@ -336,7 +392,9 @@ def with_groups(groups: Sequence[OptionGroup], name: str) -> Decorator:
     return with_options
 
 
-def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:
+def _signature(
+    command: Callable[..., Any], name: str, instead: list[inspect.Parameter]
+) -> inspect.Signature:
     """Make the signature of a command in which one parameter is replaced by others. All become keyword parameters.
 
     Args:
@@ -377,7 +435,10 @@ def with_import_options(*names: str) -> Decorator:
     """
     chosen_names = names or tuple(ImportOptions.model_fields)
     helps = import_option_messages()
-    parameters = [_import_parameter(name, ImportOptions.model_fields[name], helps[name]) for name in chosen_names]
+    parameters = [
+        _import_parameter(name, ImportOptions.model_fields[name], helps[name])
+        for name in chosen_names
+    ]
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
         """Wrap a command in a function that has a parameter for each option, and collects their values."""
@@ -386,7 +447,9 @@ def with_import_options(*names: str) -> Decorator:
         def call(**arguments: Any) -> Any:
             values = {name: arguments.pop(name) for name in chosen_names}
             content = {name: value for name, value in values.items() if value is not None}
-            options = validated(ImportOptions, content, message("cli.import_options", "import options"))
+            options = validated(
+                ImportOptions, content, message("cli.import_options", "import options")
+            )
             with granting(options.mesh_path):
                 return command(**arguments, options=None if options == ImportOptions() else options)
 
@@ -399,7 +462,9 @@ def with_import_options(*names: str) -> Decorator:
 def import_option_messages() -> dict[str, Message]:
     """Helps of the options of an import, by name: the docstrings below the fields of :class:`ImportOptions`."""
     texts = field_texts(ImportOptions)
-    return {name: Message(f"cli.import_{name}", texts[name], {}) for name in ImportOptions.model_fields}
+    return {
+        name: Message(f"cli.import_{name}", texts[name], {}) for name in ImportOptions.model_fields
+    }
 
 
 def _import_parameter(name: str, field: FieldInfo, text: str) -> inspect.Parameter:
@@ -417,7 +482,9 @@ def _import_parameter(name: str, field: FieldInfo, text: str) -> inspect.Paramet
         annotation = MeshPath
     elif field.annotation == tuple[str, ...]:
         form = "NAME=FOLDER" if name == "packages" else "NAME:=VALUE"
-        several = join_texts([text, message("cli.help_several", "May be given several times.")], " ")
+        several = join_texts(
+            [text, message("cli.help_several", "May be given several times.")], " "
+        )
         annotation = Annotated[list[str] | None, typer.Option(flag, metavar=form, help=several)]
     elif Path in get_args(field.annotation):
         file_option = typer.Option(flag, metavar="FILE", resolve_path=True, help=text)

@@ -60,10 +60,18 @@ def refuse_other(text: str) -> None:
     for descriptions in [*_descriptions_of_extensions(), read_descriptions(_OTHERS)]:
         remedy = _find_remedy(file, keys, descriptions)
         if remedy:
-            raise InvalidConfig(file, "", message("cli.is_no_station", "is no station but {remedy}", remedy=remedy))
+            raise InvalidConfig(
+                file, "", message("cli.is_no_station", "is no station but {remedy}", remedy=remedy)
+            )
     if isfile(file) and not is_yaml:
         raise InvalidConfig(
-            file, "", message("cli.neither_station_nor_robot", "is neither a station nor a robot; {hint}", hint=_READ)
+            file,
+            "",
+            message(
+                "cli.neither_station_nor_robot",
+                "is neither a station nor a robot; {hint}",
+                hint=_READ,
+            ),
         )
 
 
@@ -95,7 +103,9 @@ def _find_remedy(file: Path, keys: set[str], descriptions: OtherFiles) -> str:
     elif keys:
         texts = [text for needed, text in descriptions.keys if keys.issuperset(needed)]
     else:
-        texts = [text for ending, text in descriptions.endings.items() if ending == file.suffix.lower()]
+        texts = [
+            text for ending, text in descriptions.endings.items() if ending == file.suffix.lower()
+        ]
     if not texts:
         return ""
     # Plain replacement: a text of an extension is no template, and may have other braces.

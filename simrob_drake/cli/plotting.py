@@ -19,7 +19,10 @@ _FILE = Path("plot.png")
 def plot(
     results: Annotated[
         list[Path],
-        typer.Argument(metavar="RESULT...", help=message("cli.help_plot_results", "Folders that `simrob run` made.")),
+        typer.Argument(
+            metavar="RESULT...",
+            help=message("cli.help_plot_results", "Folders that `simrob run` made."),
+        ),
     ],
     signal: Annotated[
         list[str] | None,
@@ -53,7 +56,10 @@ def plot(
 
         simrob plot runs/a runs/b --signal q.joint_2 --signal tau.joint_2
     """
-    from simrob_drake.results.plots.overlay import overlay_figure, read_results  # they load matplotlib
+    from simrob_drake.results.plots.overlay import (
+        overlay_figure,
+        read_results,
+    )  # they load matplotlib
     from simrob_drake.results.plots.own import save_figure
 
     file = out or (_FILE if force else free_path(_FILE))

@@ -108,7 +108,9 @@ def own_program(config: StationConfig) -> Program:
     program = carried_program(config)
     if program is None:
         raise InvalidConfig(
-            config.name, "program", message("cli.missing_moves", "missing: the moves that its robots make")
+            config.name,
+            "program",
+            message("cli.missing_moves", "missing: the moves that its robots make"),
         )
     return program
 
@@ -133,7 +135,10 @@ def program_from(file: str, settings: list[str] | None) -> tuple[Program, Statio
         raise InvalidConfig(
             file,
             "station",
-            message("cli.missing_station", "missing: the name or the file of the station that it is to run on"),
+            message(
+                "cli.missing_station",
+                "missing: the name or the file of the station that it is to run on",
+            ),
         )
     # A path in the program's file is relative to the folder of this file, not to the working folder.
     station = station_with_absolute_path(program.station, Path(file))
@@ -169,7 +174,9 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         # The stages are planned for the errors of the planner only; nothing is run.
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         text = message("cli.moves_can_be_done", "{moves} moves can be done", moves=move_count)
-        if not move_count:  # an automatic program has cells instead: postures to which a sequencer leads the robot
+        if (
+            not move_count
+        ):  # an automatic program has cells instead: postures to which a sequencer leads the robot
             text = message("cli.cells_can_be_reached", "its cells can be reached")
         return Finding("ok", PROGRAM, text)
     # The rehearsal ends before a move that depends on the simulation, such as on where a piece falls.
@@ -233,7 +240,9 @@ def refuse_language(options: LanguageOptions) -> bool:
     """
     # A value equal to its default has no effect, so it counts as not given.
     defaults = LanguageOptions()
-    chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
+    chosen = {
+        name: value for name, value in asdict(options).items() if value != getattr(defaults, name)
+    }
     allow_losses = bool(chosen.pop("allow_losses", False))
     refuse(message("cli.belongs_to_rapid", "it belongs to RAPID modules"), **chosen)
     return allow_losses
@@ -269,7 +278,9 @@ def _losses_error(losses: Sequence[str]) -> SimrobError:
         losses: sentences about the lost lines, at least one. The message contains the first, and the count of the rest.
     """
     rest_count = len(losses) - 1
-    rest = message("cli.and_more_losses", ", and {count} more", count=rest_count) if rest_count else ""
+    rest = (
+        message("cli.and_more_losses", ", and {count} more", count=rest_count) if rest_count else ""
+    )
     text = message(
         "cli.nothing_moved",
         "{first}{more}; nothing moved: --allow-losses runs it without",
@@ -279,7 +290,9 @@ def _losses_error(losses: Sequence[str]) -> SimrobError:
     return SimrobError(text)
 
 
-def import_program(file: Path, out: Path | None, options: LanguageOptions, *, force: bool) -> ExitCode:
+def import_program(
+    file: Path, out: Path | None, options: LanguageOptions, *, force: bool
+) -> ExitCode:
     """Convert a program in the language of a robot to YAML, and write the robot's station if none is named.
 
     Args:
@@ -307,7 +320,9 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     if options.on is None:
         written_at_once(station, station_yaml(config))
     _show_remarks(imported)
-    say_place(PROGRAM, translate(compound("{file}: {time:.3f} s", file=target, time=imported.duration)))
+    say_place(
+        PROGRAM, translate(compound("{file}: {time:.3f} s", file=target, time=imported.duration))
+    )
     say_place(NEXT, f"simrob run {target}")
     losses = imported.losses
     if losses and not options.allow_losses:
@@ -343,7 +358,9 @@ def _read_program(
     assert importer is not None  # callers have checked the file with `is_language_file`
     if options.on is None and options.robot is None:
         raise InvalidParameter(
-            "--robot", "missing", message("cli.who_does_it", "who does it, as --robot irb120; or --on a station")
+            "--robot",
+            "missing",
+            message("cli.who_does_it", "who does it, as --robot irb120; or --on a station"),
         )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.

@@ -17,7 +17,12 @@ from simrob_drake.base.packages import package_root, remember_grants, resolved
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import
-from simrob_drake.cli.importers import import_with, importer_request, other_importer, with_importer_options
+from simrob_drake.cli.importers import (
+    import_with,
+    importer_request,
+    other_importer,
+    with_importer_options,
+)
 from simrob_drake.cli.options import (
     ChosenOptions,
     FileArgument,
@@ -27,9 +32,23 @@ from simrob_drake.cli.options import (
     with_language,
 )
 from simrob_drake.cli.programs import import_program, is_language_file, refuse_language
-from simrob_drake.cli.screen import NEXT, ROBOT, STATION, console, progress_note, say, say_place, say_text
+from simrob_drake.cli.screen import (
+    NEXT,
+    ROBOT,
+    STATION,
+    console,
+    progress_note,
+    say,
+    say_place,
+    say_text,
+)
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
-from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot
+from simrob_drake.importer.importing import (
+    ImportedRobot,
+    default_folder,
+    examine_robot,
+    import_robot,
+)
 from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.catalog import RobotModel
@@ -59,7 +78,9 @@ def import_file(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help=message("cli.help_import_file_set", "A variable of a Simulink model; may be given often."),
+            help=message(
+                "cli.help_import_file_set", "A variable of a Simulink model; may be given often."
+            ),
         ),
     ] = None,
     importer_options: ChosenOptions,
@@ -78,7 +99,12 @@ def import_file(
         simrob import scene.dmd.yaml --out stations/scene
     """
     if is_language_file(file):
-        refuse_import(message("cli.is_rapid_program", "this is a RAPID program; the option belongs to robots"), options)
+        refuse_import(
+            message(
+                "cli.is_rapid_program", "this is a RAPID program; the option belongs to robots"
+            ),
+            options,
+        )
         importer_options.refuse_all_but([])
         refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_)
         return import_program(file, out, language, force=force)
@@ -87,11 +113,17 @@ def import_file(
     # A file of another tool is imported by an extension, a robot's file by the core.
     importer = other_importer(file)
     if importer is not None:
-        request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
+        request = importer_request(
+            importer, "options_class", importer_options, options, set_, out=out, force=force
+        )
         return import_with(importer, file, request, allow_losses=allow_losses)
     importer_options.refuse_all_but([])
     # The report of a robot shows what is lost, but the import never stops for it: there is nothing to allow.
-    refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_, allow_losses=allow_losses)
+    refuse(
+        message("cli.belongs_to_simulink", "it belongs to Simulink models"),
+        set=set_,
+        allow_losses=allow_losses,
+    )
     folder = out or default_folder(file)
     with progress_note(message("cli.importing", "importing {file}", file=file)):
         imported = import_robot(file, folder, options, force=force)
@@ -116,7 +148,9 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     # Drake cannot simulate such a link by forces: the user has to add inertias, or to estimate them by an option.
     names = imported.model.links_without_inertia
     links = join_texts(names) if names else message("cli.no_links", "none")
-    say_text(message("cli.links_without_inertia", "moving links without inertia: {links}", links=links))
+    say_text(
+        message("cli.links_without_inertia", "moving links without inertia: {links}", links=links)
+    )
 
 
 def show_robot(robot: RobotModel) -> None:
@@ -134,7 +168,8 @@ def view(
     robot: Annotated[
         str,
         typer.Argument(
-            metavar="FILE|ROBOT", help=message("cli.help_view_robot", "A URDF, or a robot of `simrob list`.")
+            metavar="FILE|ROBOT",
+            help=message("cli.help_view_robot", "A URDF, or a robot of `simrob list`."),
         ),
     ],
     options: ImportOptions | None,
@@ -152,7 +187,10 @@ def view(
         with progress_note(message("cli.reading", "reading {file}", file=robot)):
             window = RobotView(read_robot(robot, options))
     else:
-        refuse_import(message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"), options)
+        refuse_import(
+            message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"),
+            options,
+        )
         window = RobotView(read_robot(robot))
     say(message("cli.shown_at", "{robot} is shown at {url}", robot=robot, url=window.url))
     hint = message(
@@ -171,7 +209,10 @@ def station(
     *,
     file: FileArgument,
     out: Annotated[
-        Path | None, typer.Option(help=message("cli.help_station_out", "The station's file; NAME.yaml unless given."))
+        Path | None,
+        typer.Option(
+            help=message("cli.help_station_out", "The station's file; NAME.yaml unless given.")
+        ),
     ] = None,
     options: ImportOptions | None,
     force: Force = False,

@@ -88,7 +88,9 @@ def wait_for_watcher(url: str) -> None:
     say(message("cli.watch_at", "watch it at {url}", url=url))
     # Without a terminal, as in a script or a test, there is no user to press Enter.
     if sys.stdin.isatty():
-        question = message("cli.open_in_browser", "open it in a browser, then press Enter to start ")
+        question = message(
+            "cli.open_in_browser", "open it in a browser, then press Enter to start "
+        )
         console.input(translate(question))
 
 
@@ -191,7 +193,9 @@ def save_and_show(
     """
     folder = prepared.path
     save_options: Saved = {**saving.save_options, "frames": frames}
-    with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as was_interrupted:
+    with finished_first(
+        message("cli.files_of", "the files of {folder}", folder=folder)
+    ) as was_interrupted:
         result.save(folder, **save_options)
     # The result is saved before it is shown: a broken pipe on the screen then loses no files.
     _show_end(result)
@@ -247,7 +251,9 @@ def _show_end(result: SimulationResult) -> None:
     console.print()
 
 
-def _show_verdict(verdict: Verdict, name: str, *, with_table: bool, shown_before: Collection[str] = ()) -> None:
+def _show_verdict(
+    verdict: Verdict, name: str, *, with_table: bool, shown_before: Collection[str] = ()
+) -> None:
     """Show a verdict: its sentence, the table of its criteria if a bound is violated, and its remarks with remedies.
 
     Args:

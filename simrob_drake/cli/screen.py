@@ -38,9 +38,16 @@ def _width_of(stream: TextIO) -> int | None:
 
 # Paths and units have brackets and colons, so rich must not take them for mark-up or emojis.
 console = Console(markup=False, emoji=False, highlight=False, width=_width_of(sys.stdout))
-errors = Console(markup=False, emoji=False, highlight=False, stderr=True, width=_width_of(sys.stderr))
+errors = Console(
+    markup=False, emoji=False, highlight=False, stderr=True, width=_width_of(sys.stderr)
+)
 
-SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warning": "yellow", "failure": "red"}
+SEVERITY_STYLES: dict[Severity, str] = {
+    "success": "green",
+    "note": "dim",
+    "warning": "yellow",
+    "failure": "red",
+}
 """Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
 
 _INDENT = " " * len("warning ")  # the longest word of a severity, with a space behind it
@@ -187,7 +194,9 @@ _WIDER_THAN_ANY_TABLE = 10_000
 """Count of columns with which rich measures the width that a table would like to have."""
 
 
-def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
+def table(
+    headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True
+) -> Table:
     """Make a table in the language of the output.
 
     Args:
@@ -263,7 +272,9 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
                 work=work,
             )
             say_error(text)
-        elif interrupt_count == 2:  # a third interrupt must not disturb the clean-up after the second one
+        elif (
+            interrupt_count == 2
+        ):  # a third interrupt must not disturb the clean-up after the second one
             raise KeyboardInterrupt
 
     # Python allows handlers of signals in the main thread only. A handler other than Python's own belongs to the
@@ -277,7 +288,9 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
     try:
         yield lambda: interrupt_count > 0
     except KeyboardInterrupt:
-        text = message("cli.abandoned", "interrupted; {work} are abandoned, nothing was saved", work=work)
+        text = message(
+            "cli.abandoned", "interrupted; {work} are abandoned, nothing was saved", work=work
+        )
         raise Interrupted(text) from None
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)

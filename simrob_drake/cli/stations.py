@@ -37,7 +37,13 @@ from simrob_drake.cli.programs import (
     refuse_language,
     run_program,
 )
-from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, save_and_show, wait_for_watcher
+from simrob_drake.cli.saving import (
+    Frames,
+    exit_code,
+    prepared_folder,
+    save_and_show,
+    wait_for_watcher,
+)
 from simrob_drake.cli.screen import console, say, say_text
 from simrob_drake.cli.tables import convergence_table
 from simrob_drake.programs.program_files import is_program_file
@@ -57,14 +63,17 @@ def run(
         typer.Argument(
             metavar="STATION|PROGRAM",
             help=message(
-                "cli.help_run_station", "A name from `simrob list`, the YAML file of either, or a RAPID module."
+                "cli.help_run_station",
+                "A name from `simrob list`, the YAML file of either, or a RAPID module.",
             ),
             autocompletion=completed_station,
         ),
     ],
     duration: Annotated[
         float | None,
-        typer.Option(help=message("cli.help_run_duration", "Simulated time [s], in place of the station's.")),
+        typer.Option(
+            help=message("cli.help_run_duration", "Simulated time [s], in place of the station's.")
+        ),
     ] = None,
     set_: Settings = None,
     saving: Saving,
@@ -72,13 +81,19 @@ def run(
         str | None,
         typer.Option(
             metavar="N|events",
-            help=message("cli.help_run_frames", "Pictures of the film strip; events by default for programs, else 7."),
+            help=message(
+                "cli.help_run_frames",
+                "Pictures of the film strip; events by default for programs, else 7.",
+            ),
         ),
     ] = None,
     converge: Annotated[
         bool,
         typer.Option(
-            "--converge", help=message("cli.help_run_converge", "Run again ten times tighter and print the difference.")
+            "--converge",
+            help=message(
+                "cli.help_run_converge", "Run again ten times tighter and print the difference."
+            ),
         ),
     ] = False,
     allow_code: AllowCode = False,
@@ -119,7 +134,10 @@ def run(
     if config.program is not None:
         # The station's moves take as long as they need; --allow-code has an effect, unlike on a program's own file.
         refuse(
-            message("cli.station_has_program", "the station has a program (--set program=null runs its reference)"),
+            message(
+                "cli.station_has_program",
+                "the station has a program (--set program=null runs its reference)",
+            ),
             duration=duration,
             converge=converge,
         )
@@ -135,7 +153,8 @@ def run(
 
 def demo(
     out: Annotated[
-        Path, typer.Option(help=message("cli.help_demo_out", "Folder of the result, which is replaced."))
+        Path,
+        typer.Option(help=message("cli.help_demo_out", "Folder of the result, which is replaced.")),
     ] = Path("runs/demo"),
 ) -> int:
     """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
@@ -151,7 +170,10 @@ def diagram(
     out: Annotated[
         Path | None,
         typer.Option(
-            help=message("cli.help_diagram_out", "FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.")
+            help=message(
+                "cli.help_diagram_out",
+                "FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.",
+            )
         ),
     ] = None,
     set_: Settings = None,
@@ -183,7 +205,9 @@ def _read_frames(text: str | None) -> Frames:
         return cast(Frames, text)
     # A film strip shows at least the begin and the end.
     if not text.isdecimal() or int(text) < 2:
-        raise InvalidParameter("--frames", text, message("cli.two_or_events", 'a number of at least 2, or "events"'))
+        raise InvalidParameter(
+            "--frames", text, message("cli.two_or_events", 'a number of at least 2, or "events"')
+        )
     return int(text)
 
 

@@ -55,7 +55,10 @@ def _severity_word(severity: Severity) -> Text:
 
 def criteria_table(verdict: Verdict) -> Table:
     """Make the table of criteria: severity, criterion, value, bound, and the part with the worst value."""
-    rows = [(_severity_word(row.severity), row.criterion, row.value, row.bound, row.worst) for row in verdict.table]
+    rows = [
+        (_severity_word(row.severity), row.criterion, row.value, row.bound, row.worst)
+        for row in verdict.table
+    ]
     criteria = table(verdict.headings, *rows, numbers=False)
     # Only the columns of the value and of the bound are numbers.
     for column in (2, 3):
@@ -96,7 +99,9 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
         message("cli.difference_of_torque", "torque at end"),
         message("cli.unit", "unit"),
     )
-    title = message("cli.against_tighter_run", "Difference to a run with ten times tighter accuracy")
+    title = message(
+        "cli.against_tighter_run", "Difference to a run with ten times tighter accuracy"
+    )
     return table(headings, *rows, title=title)
 
 
@@ -133,11 +138,20 @@ def _rows_of_bodies(result: SimulationResult, tight: SimulationResult) -> list[t
     sample_count = min(len(result.times), len(tight.times))
     rows = list[tuple[str, ...]]()
     for body in [*_base_poses(result, tight), *_piece_poses(result, tight)]:
-        for difference in _pose_differences(body.poses[:sample_count], body.tight_poses[:sample_count]):
+        for difference in _pose_differences(
+            body.poses[:sample_count], body.tight_poses[:sample_count]
+        ):
             worst = int(np.argmax(difference.values))
             row = (
-                message("cli.quantity_of", "{quantity} of {name}", quantity=difference.quantity, name=body.name),
-                compound("{value:.2e} {unit}", value=difference.values[worst], unit=difference.unit),
+                message(
+                    "cli.quantity_of",
+                    "{quantity} of {name}",
+                    quantity=difference.quantity,
+                    name=body.name,
+                ),
+                compound(
+                    "{value:.2e} {unit}", value=difference.values[worst], unit=difference.unit
+                ),
                 compound("{time:.2f}", time=result.times[worst]),
                 "–",
                 "",
@@ -168,14 +182,18 @@ def _base_poses(result: SimulationResult, tight: SimulationResult) -> list[_Body
     for robot in result.plant.robots.values():
         if robot.model.base == "floating":
             name = f"{robot.prefix}base"
-            bodies.append(_BodyPoses(name, result.pose("base", robot.name), tight.pose("base", robot.name)))
+            bodies.append(
+                _BodyPoses(name, result.pose("base", robot.name), tight.pose("base", robot.name))
+            )
     return bodies
 
 
 def _piece_poses(result: SimulationResult, tight: SimulationResult) -> list[_BodyPoses]:
     """Poses of all pieces that move freely."""
     pieces = result.config.free_pieces
-    return [_BodyPoses(piece, result.piece_pose(piece), tight.piece_pose(piece)) for piece in pieces]
+    return [
+        _BodyPoses(piece, result.piece_pose(piece), tight.piece_pose(piece)) for piece in pieces
+    ]
 
 
 class _Difference(NamedTuple):
@@ -219,7 +237,9 @@ def in_units(value: float, unit: str) -> str:
     if unit == "1":  # a share, or an entry of a quaternion
         return compound("{value:.2e}", value=value)
     if unit == "rad":
-        return compound("{value:.2e} rad = {degrees:.2e} deg", value=value, degrees=float(np.rad2deg(value)))
+        return compound(
+            "{value:.2e} rad = {degrees:.2e} deg", value=value, degrees=float(np.rad2deg(value))
+        )
     return compound("{value:.2e} {unit}", value=value, unit=unit)
 
 
@@ -245,7 +265,9 @@ def fold_axes(findings: Sequence[Finding]) -> list[Finding]:
     easy = [
         finding
         for finding in findings
-        if finding.level != "warning" and finding.torque_share is not None and finding.torque_share <= _EASY_SHARE
+        if finding.level != "warning"
+        and finding.torque_share is not None
+        and finding.torque_share <= _EASY_SHARE
     ]
     if len(easy) <= _MOST_EASY_AXES:
         return list(findings)
@@ -279,7 +301,9 @@ def robot_table(robot: RobotModel) -> Table:
     lower = [compound("{end:.5g}", end=end) for end in lower_limits / robot.user_units]
     upper = [compound("{end:.5g}", end=end) for end in upper_limits / robot.user_units]
     # A passive axis has no motor.
-    efforts = [compound("{effort:g}", effort=effort) if effort > 0 else "–" for effort in robot.efforts]
+    efforts = [
+        compound("{effort:g}", effort=effort) if effort > 0 else "–" for effort in robot.efforts
+    ]
     rows = zip(robot.axes, lower, upper, robot.unit_names, efforts, robot.effort_units, strict=True)
     base = message("cli.fixed_base", "fixed base")
     if robot.base == "floating":
@@ -344,11 +368,17 @@ def report_table(report: ImportReport) -> Table:
     rows = []
     for kind in ENTRY_KINDS:
         change = Text(translate(CHANGE[kind]), _COLOURS[kind])
-        elements_by_text = dict[str, list[str]]()  # names of the elements that a row lists, by the text of the row
+        elements_by_text = dict[
+            str, list[str]
+        ]()  # names of the elements that a row lists, by the text of the row
         for entry in report.entries:
             if entry.kind == kind:
                 elements_by_text.setdefault(entry.text, []).append(entry.element)
         for text, elements in elements_by_text.items():
             rows.append((change, listed(elements, _LISTED_ELEMENTS), text))
-    headings = ("", message("cli.element", "element"), message("cli.what_was_done", "what was done"))
+    headings = (
+        "",
+        message("cli.element", "element"),
+        message("cli.what_was_done", "what was done"),
+    )
     return table(headings, *rows, numbers=False)

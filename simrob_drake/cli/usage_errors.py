@@ -98,7 +98,9 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
     text = value_problem(described)
     value = finding.get("input")
     if value is not None:
-        text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(value))
+        text = message(
+            "base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(value)
+        )
     return compound("{name}: {problem}", name=_name_of(problem), problem=text)
 
 

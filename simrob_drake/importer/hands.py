@@ -21,7 +21,13 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
 HAND = "hand"  # name of the folder of the hand's meshes, and prefix of the hand's names that the arm has, too
-_NAMED_TAGS = ("link", "joint", "frame", "material", "transmission")  # elements whose names must differ
+_NAMED_TAGS = (
+    "link",
+    "joint",
+    "frame",
+    "material",
+    "transmission",
+)  # elements whose names must differ
 _NAME_ATTRIBUTES = ("link", "joint", "name")  # attributes that hold a name of such an element
 
 ReadRobot = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
@@ -32,11 +38,20 @@ the report, to which it adds what it has done."""
 def of_hand(options: ImportOptions) -> ImportOptions:
     """Options for the import of the hand: those of the arm, without the choices that concern the arm alone."""
     return options.model_copy(
-        update={"hand": None, "hand_link": "", "xacro_arg": (), "model": "", "srdf": None, "gripper": ""}
+        update={
+            "hand": None,
+            "hand_link": "",
+            "xacro_arg": (),
+            "model": "",
+            "srdf": None,
+            "gripper": "",
+        }
     )
 
 
-def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOptions, report: ImportReport) -> None:
+def add_hand(
+    robot: ET.Element, read: ReadRobot, work: Path, options: ImportOptions, report: ImportReport
+) -> None:
     """Import the hand of the options and add it to an arm, in place.
 
     Names of the hand that the arm has already are replaced.
@@ -63,7 +78,9 @@ def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOpti
     ]
     if options.hand_link:
         links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
-        mount = one_of(message("importer.link_for_hand", "link for hand_link"), options.hand_link, links)
+        mount = one_of(
+            message("importer.link_for_hand", "link for hand_link"), options.hand_link, links
+        )
     else:
         mount = tool_links(robot)[0]  # the usual link for a tool
     _rename_duplicates(hand, robot)
@@ -76,7 +93,12 @@ def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOpti
     report.add(
         "read",
         message("robots.link_called", "link '{link}'", link=root),
-        message("importer.hand_put_on", "of {hand}, put on '{mount}'", hand=options.hand.name, mount=mount),
+        message(
+            "importer.hand_put_on",
+            "of {hand}, put on '{mount}'",
+            hand=options.hand.name,
+            mount=mount,
+        ),
     )
 
 
@@ -121,7 +143,8 @@ def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
         raise report.refusal(
             message("robots.joint_called", "joint '{joint}'", joint=joint),
             message(
-                "importer.gripper_without_limits", "has no limits, so that no end of its range is that of a closed jaw"
+                "importer.gripper_without_limits",
+                "has no limits, so that no end of its range is that of a closed jaw",
             ),
         )
     for element in robot.iterfind("joint"):

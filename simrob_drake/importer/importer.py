@@ -59,7 +59,9 @@ class RobotImporter(Importer, ABC):
     """
 
     @abstractmethod
-    def robot_element(self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+    def robot_element(
+        self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport
+    ) -> ET.Element:
         """Translate the file into the element ``robot`` of a URDF.
 
         Args:
@@ -200,7 +202,9 @@ class FileImporter(Importer, ABC):
             file,
             "",
             message(
-                "importer.is_no_scene", "is {title}, which simrob import reads, and simrob run cannot", title=self.title
+                "importer.is_no_scene",
+                "is {title}, which simrob import reads, and simrob run cannot",
+                title=self.title,
             ),
         )
 
@@ -276,7 +280,11 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
     addition = additions("importers").get(key)
     if addition is None:
         check_provided(
-            "importers", key, message("importer.file_with", "a file with {key}", key=key) if file is None else str(file)
+            "importers",
+            key,
+            message("importer.file_with", "a file with {key}", key=key)
+            if file is None
+            else str(file),
         )
         return None
     importer: Importer = load_addition_class(addition, Importer)()

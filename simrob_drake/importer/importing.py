@@ -63,7 +63,10 @@ _HEADER = """\
 
 
 _FINGERS = (
-    message("importer.is_moving_jaw", "is the moving jaw of a hand, closed where it is nearest to the fixed one"),
+    message(
+        "importer.is_moving_jaw",
+        "is the moving jaw of a hand, closed where it is nearest to the fixed one",
+    ),
     message("importer.are_fingers", "are fingers, closed where they are nearest to each other"),
 )
 _LONGEST = 100  # letters of a robot's name that its file keeps
@@ -129,7 +132,9 @@ def write_robot(
     notes = take_notes(robot)
     loops = {closing.name: closing.entry for closing in take_closings(robot)}
     check_urdf(robot, source)
-    file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
+    file = work / (
+        source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf"
+    )
     _write(robot, file)
     if isolated:
         probe(file, report)
@@ -138,10 +143,14 @@ def write_robot(
     (work / ROBOT_FILE).write_text(
         _description(described, file, base, notes, semantics, loops, report), encoding="utf-8"
     )
-    (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    (work / REPORT_FILE).write_text(
+        json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
     try:
         return load_robot_from_urdf(file)
-    except InvalidConfig as problem:  # figures that nothing has, such as gains for masses of 1e30 kg
+    except (
+        InvalidConfig
+    ) as problem:  # figures that nothing has, such as gains for masses of 1e30 kg
         raise report.refusal(
             compound("{robot_file} {key}", robot_file=ROBOT_FILE, key=problem.key), problem.problem
         ) from problem
@@ -240,7 +249,9 @@ def _description(
             file_base=described.base,
         ),
     )
-    content = described.model_copy(update={"base": base}).model_dump(mode="json", exclude={"folder"}, exclude_none=True)
+    content = described.model_copy(update={"base": base}).model_dump(
+        mode="json", exclude={"folder"}, exclude_none=True
+    )
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
@@ -248,10 +259,16 @@ def _plain(name: str) -> str:
     return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:_LONGEST] or "robot"
 
 
-def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Semantics = NOTHING) -> str:
+def draft(
+    robot: RobotModel, notes: Notes, report: ImportReport, semantics: Semantics = NOTHING
+) -> str:
     """Return the text of a ``robot.yaml`` for an imported robot; its home posture and gains are added to the report."""
     units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
-    home = {axis: float(f"{value / units[axis]:.6g}") for axis, value in notes.get(HOME, {}).items() if value}
+    home = {
+        axis: float(f"{value / units[axis]:.6g}")
+        for axis, value in notes.get(HOME, {}).items()
+        if value
+    }
     content: dict[str, Any] = {
         "name": robot.name,
         "description": f"{robot.name}, imported",
@@ -266,13 +283,17 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
         content["home_deg"] = home
     elif isinstance(robot.home_deg, dict) and HOME_STATE not in semantics.states:
         content["home_deg"] = robot.home_deg
-        midway = ", ".join(axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes)
+        midway = ", ".join(
+            axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes
+        )
         if midway:
             report.add(
                 "defaulted",
                 "robot.yaml",
                 message(
-                    "importer.start_midway", "zero is outside of the limits of {axes}: they start midway", axes=midway
+                    "importer.start_midway",
+                    "zero is outside of the limits of {axes}: they start midway",
+                    axes=midway,
                 ),
             )
     if robot.gripper is not None:
@@ -308,10 +329,14 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
             )
         if len(own["kp"]) < np.count_nonzero(~robot.passive):
             report.add(
-                "defaulted", "robot.yaml", message("importer.gains_of_mass_matrix", "servo gains from the mass matrix")
+                "defaulted",
+                "robot.yaml",
+                message("importer.gains_of_mass_matrix", "servo gains from the mass matrix"),
             )
         _report_stiff_joints(robot, made["kp"], report)
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    text = yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+    )
     return _HEADER + text
 
 
@@ -332,7 +357,9 @@ def _report_stiff_joints(robot: RobotModel, kp: Mapping[str, float], report: Imp
             held=listed(held),
         )
         report.add(
-            "approximated", "robot.yaml", message("importer.if_not_to_move", "{text} if it is not to move", text=text)
+            "approximated",
+            "robot.yaml",
+            message("importer.if_not_to_move", "{text} if it is not to move", text=text),
         )
 
 
@@ -346,14 +373,18 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
     Raises InvalidModel: a defect that no import can repair; OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
-    if options is None or options == ImportOptions(mesh_path=options.mesh_path, packages=options.packages):
+    if options is None or options == ImportOptions(
+        mesh_path=options.mesh_path, packages=options.packages
+    ):
         try:
             robot = load_robot_from_urdf(path)
             with_absolute_meshes(robot.element, robot.folder)
         except SimrobError:
             pass
         else:
-            if described_robot(path) is not None or (robot.gripper is None and srdf_of(path) is None):
+            if described_robot(path) is not None or (
+                robot.gripper is None and srdf_of(path) is None
+            ):
                 return robot
     return _imported_once(path, options or ImportOptions())
 
@@ -373,7 +404,9 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
     folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)
     if not _summary(folder):
         try:
-            import_robot(source, folder, options, force=(folder / REPORT_FILE).exists(), apart=False)
+            import_robot(
+                source, folder, options, force=(folder / REPORT_FILE).exists(), apart=False
+            )
         except OutputError:
             if not _summary(folder):  # else another process was quicker
                 raise
@@ -385,7 +418,11 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
     semantic = options.srdf or srdf_of(source)
-    own_files = [file for file in (source, source.parent / ROBOT_FILE, semantic) if file is not None and isfile(file)]
+    own_files = [
+        file
+        for file in (source, source.parent / ROBOT_FILE, semantic)
+        if file is not None and isfile(file)
+    ]
     robot = read_source(source, ImportReport(source), options)
     yield ET.tostring(robot)  # of a xacro with all that it includes
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
@@ -396,10 +433,15 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
 
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
-_SAG = math.radians(1.0), 1e-3  # what an axis may give way under gravity [rad], and one that slides [m]
+_SAG = (
+    math.radians(1.0),
+    1e-3,
+)  # what an axis may give way under gravity [rad], and one that slides [m]
 _OFF = math.radians(30.0)  # where axes that carry fingers give all they have
 _PRESSES = 0.1  # part of their way from which fingers press with all they have
-_LIGHTEST = 1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
+_LIGHTEST = (
+    1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
+)
 _POSTURES = 20
 
 
@@ -435,9 +477,13 @@ def first_gains(robot: RobotModel) -> FirstGains:
     load = _load(robot)
     stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
     if robot.fingers:
-        stiffness = np.where(robot.prismatic, stiffness, np.maximum(stiffness, robot.efforts / _OFF))
+        stiffness = np.where(
+            robot.prismatic, stiffness, np.maximum(stiffness, robot.efforts / _OFF)
+        )
     for place, ends in robot.fingers.items():
-        stiffness[place] = max(stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0])))
+        stiffness[place] = max(
+            stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0]))
+        )
     # Some files hold a joint by an immense damping, such as 1e11 N·s/m: a servo does not move it with any gain.
     for_damping = np.minimum(_FREQUENCY * load.dampings, LARGEST_GAIN)
     kp = np.maximum(stiffness, np.maximum(_FREQUENCY * (_FREQUENCY * load.inertias), for_damping))
@@ -460,18 +506,27 @@ class _Load:
 
 def _load(robot: RobotModel) -> _Load:
     lone = lone_robot(robot, floating=robot.base == "floating", collision=False)
-    plant, context, places = lone.plant, lone.plant.CreateDefaultContext(), lone.axes.velocity_places
+    plant, context, places = (
+        lone.plant,
+        lone.plant.CreateDefaultContext(),
+        lone.axes.velocity_places,
+    )
     lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in robot.axis_limits)
     random = np.random.default_rng(0)
     masses, torques = [], np.zeros(len(lone.joints))
     for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
         lone.axes.set_positions(plant, context, posture)
         masses.append(plant.CalcMassMatrix(context)[np.ix_(places, places)])
-        torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
+        torques = np.maximum(
+            torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context)))
+        )
     inertias = np.maximum(np.max([np.diag(mass) for mass in masses], axis=0), _LIGHTEST)
     if robot.base == "floating":
         mass, half = plant.CalcTotalMass(context), lone.size / 2
-        inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * STANDARD_GRAVITY * half)
+        inertias, torques = (
+            np.maximum(inertias, mass * half**2),
+            np.maximum(torques, mass * STANDARD_GRAVITY * half),
+        )
     scale = np.sqrt(np.outer(inertias, inertias))
     coupling = max(float(np.linalg.eigvalsh(mass / scale)[-1]) for mass in masses)
     dampings = np.array([joint.default_damping_vector()[0] for joint in lone.joints])

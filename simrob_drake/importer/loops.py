@@ -19,7 +19,13 @@ from simrob_drake.robots.urdf import link_of, name_of, pose_of
 TAG = "closing"
 """Tag of the XML element in which the stages of an import pass on a coupling that closes a loop."""
 
-_KINDS = {"revolute": "hinge", "continuous": "hinge", "fixed": "weld", "ball": "ball", "spherical": "ball"}
+_KINDS = {
+    "revolute": "hinge",
+    "continuous": "hinge",
+    "fixed": "weld",
+    "ball": "ball",
+    "spherical": "ball",
+}
 """Kind of the coupling that moves as a joint does, by the joint's type."""
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 _Z = 2  # index of the axis of its frames about which a hinge turns

@@ -26,12 +26,16 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
     """
     if not isinstance(robot, (str, Path)):
         raise InvalidParameter(
-            "robot", quoted(robot), message("importer.name_or_path", "a name of `simrob list`, or a path")
+            "robot",
+            quoted(robot),
+            message("importer.name_or_path", "a name of `simrob list`, or a path"),
         )
     if is_yaml_name(robot):
         return read_described_robot(Path(robot))
     if is_robot_file(str(robot)) or Path(robot).suffix:
-        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+        from simrob_drake.importer.importing import (
+            robot_from_file,
+        )  # few stations need the importer
 
         return robot_from_file(robot, options)
     return load_robot(str(robot))
@@ -52,7 +56,9 @@ def read_described_robot(file: Path) -> RobotModel:
     except InvalidModel:
         if robot.urdf is None:
             raise
-        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+        from simrob_drake.importer.importing import (
+            robot_from_file,
+        )  # few stations need the importer
 
         imported = robot_from_file(robot.urdf_path)
         return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})

@@ -51,7 +51,9 @@ def probe(file: Path, report: ImportReport) -> None:
         return
     raise report.refusal(
         _culprit(file),
-        message("importer.drake_cannot_build", "Drake cannot build it: {complaint}", complaint=complaint),
+        message(
+            "importer.drake_cannot_build", "Drake cannot build it: {complaint}", complaint=complaint
+        ),
     )
 
 
@@ -60,14 +62,20 @@ def _complaint(file: Path) -> str | None:
     # With -P, modules in the user's folder do not take the place of others.
     command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]
     try:
-        child = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+        child = subprocess.run(
+            command, capture_output=True, text=True, timeout=_TIMEOUT, check=False
+        )
     except subprocess.TimeoutExpired:
-        return message("importer.takes_longer", "it takes longer than {patience:g} s", patience=_TIMEOUT)
+        return message(
+            "importer.takes_longer", "it takes longer than {patience:g} s", patience=_TIMEOUT
+        )
     if child.returncode == 0:
         return None
     lines = (child.stdout.strip() or child.stderr.strip()).splitlines()
     if not lines:
-        return message("importer.ended_with_code", "the process ended with code {code}", code=child.returncode)
+        return message(
+            "importer.ended_with_code", "the process ended with code {code}", code=child.returncode
+        )
     return shortened(lines[-1].removeprefix(f"{file}: "), 300)
 
 

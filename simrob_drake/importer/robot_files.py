@@ -38,7 +38,9 @@ def is_robot_file(text: str) -> bool:
     suffix = path.suffix.lower()
     if suffix in CORE_SUFFIXES or _is_description(path):
         return True
-    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix, path), RobotImporter)
+    return suffix not in ("", *YAML_SUFFIXES) and isinstance(
+        load_importer(suffix, path), RobotImporter
+    )
 
 
 def _is_description(path: Path) -> bool:
@@ -103,7 +105,9 @@ def _description_file(name: str) -> Path:
     def find_repository(repository: str, commit: str | None = None) -> str:
         """Find the folder of a repository in the cache, in place of ``clone_to_cache``, which would download it."""
         folder_name = repositories.REPOSITORIES[repository].cache_path
-        folder = descriptions_cache() / (f"{folder_name}-{commit}/{folder_name}" if commit else folder_name)
+        folder = descriptions_cache() / (
+            f"{folder_name}-{commit}/{folder_name}" if commit else folder_name
+        )
         if not isdir(folder):
             raise InvalidModel(
                 Path(name),

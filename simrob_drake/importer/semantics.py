@@ -20,7 +20,11 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
-_FOLDERS = ("", "../srdf", "../config")  # folders in which an SRDF is sought, relative to the robot's file
+_FOLDERS = (
+    "",
+    "../srdf",
+    "../config",
+)  # folders in which an SRDF is sought, relative to the robot's file
 _SUFFIXES = (".srdf", ".srdf.xacro")
 _OPEN_STATES = ("open", "opened")  # names of states in which a hand is open, in lower case
 HOME_STATE = "home"
@@ -72,7 +76,9 @@ def srdf_of(source: Path) -> Path | None:
     return None
 
 
-def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, report: ImportReport) -> Semantics:
+def read_semantics(
+    source: Path, robot: ET.Element, options: ImportOptions, report: ImportReport
+) -> Semantics:
     """Read the SRDF of a robot. If there is one, an entry about it is added to the report.
 
     Args:
@@ -162,12 +168,18 @@ def _read_states(tree: ET.Element, joints: Container[str], report: ImportReport)
                 report.add(
                     "dropped",
                     where,
-                    message("importer.no_joint_of_robot", "the robot has no joint '{joint}'", joint=name_of(joint)),
+                    message(
+                        "importer.no_joint_of_robot",
+                        "the robot has no joint '{joint}'",
+                        joint=name_of(joint),
+                    ),
                 )
     return states
 
 
-def _joints_of_group(name: str, groups: Mapping[str, ET.Element], joints: Mapping[str, ET.Element]) -> set[str]:
+def _joints_of_group(
+    name: str, groups: Mapping[str, ET.Element], joints: Mapping[str, ET.Element]
+) -> set[str]:
     """Find the names of the joints of a group of an SRDF.
 
     These are the joints that the group names, the joints above its links, the joints on its chains, and the joints of
@@ -261,14 +273,18 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
     postures: States = {}
     for name, state in semantics.states.items():
         postures[name] = {
-            joint: float(f"{value / units[joint]:.6g}") for joint, value in state.items() if joint in units
+            joint: float(f"{value / units[joint]:.6g}")
+            for joint, value in state.items()
+            if joint in units
         }
     entries: dict[str, Any] = {}
     home = postures.pop(HOME_STATE, {})
     if home:
         own_home = robot.home_deg if isinstance(robot.home_deg, dict) else {}
         # Axes at zero are left out; if all are, a single 0 stands for all axes.
-        entries["home_deg"] = {axis: value for axis, value in (own_home | home).items() if value} or 0.0
+        entries["home_deg"] = {
+            axis: value for axis, value in (own_home | home).items() if value
+        } or 0.0
     postures = {name: state for name, state in postures.items() if state}
     if postures:
         entries["postures"] = postures
@@ -286,12 +302,18 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
         report.add(
             "repaired",
             "robot.yaml",
-            message("importer.open_as_srdf_says", "{axes} are open where the SRDF says so", axes=", ".join(swapped)),
+            message(
+                "importer.open_as_srdf_says",
+                "{axes} are open where the SRDF says so",
+                axes=", ".join(swapped),
+            ),
         )
     return entries
 
 
-def _swapped_fingers(axes: Mapping[str, Sequence[float]], postures: States, semantics: Semantics) -> list[str]:
+def _swapped_fingers(
+    axes: Mapping[str, Sequence[float]], postures: States, semantics: Semantics
+) -> list[str]:
     """Find the fingers that are open, by the SRDF, at the position that was taken for their closed position.
 
     Args:

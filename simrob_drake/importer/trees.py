@@ -34,7 +34,9 @@ Notes = Mapping[str, Mapping[str, float]]
 """Values by the attribute (``HOME``, ``KP`` or ``KD``), and then by the name of the joint."""
 
 
-def add_between(robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0, moment: float = 0.01) -> str:
+def add_between(
+    robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0, moment: float = 0.01
+) -> str:
     """Add a link of almost no mass between two joints of a body. Several joints then move the body one after the other.
 
     Args:

@@ -61,7 +61,12 @@ class AnalyticSolver(Solver):
     """
 
     def __init__(
-        self, chain: Chain, *, shoulder: str | None = None, elbow: str | None = None, wrist: str | None = None
+        self,
+        chain: Chain,
+        *,
+        shoulder: str | None = None,
+        elbow: str | None = None,
+        wrist: str | None = None,
     ) -> None:
         """Make the solver, and recognise the geometry of the arm.
 
@@ -79,19 +84,29 @@ class AnalyticSolver(Solver):
         self.arm = SixAxisArm.of(chain)
         # For each combination of shoulder, elbow and wrist, whether the flags allow it.
         is_allowed = np.ones((2, 2, 2), dtype=bool)
-        flags = (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
+        flags = (
+            ("shoulder", SHOULDERS, shoulder),
+            ("elbow", ELBOWS, elbow),
+            ("wrist", WRISTS, wrist),
+        )
         for dimension, (kind, names, flag) in enumerate(flags):
             if flag is None:
                 continue
             if flag not in names:
-                raise UnknownName(message("kinematics.flag_for", "flag for the {kind}", kind=kind), str(flag), names)
+                raise UnknownName(
+                    message("kinematics.flag_for", "flag for the {kind}", kind=kind),
+                    str(flag),
+                    names,
+                )
             forbidden = 1 - names.index(flag)
             np.moveaxis(is_allowed, dimension, 0)[forbidden] = False
         self._allowed = np.flatnonzero(is_allowed)
         self._order = list(chain.order)
         # Axes that can do a whole turn, with their limits: (index, lower, upper).
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
-        self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
+        self._wide = [
+            (axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide
+        ]
 
     def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Flags]:
         """Return all postures for each of k targets, whatever the flags.
@@ -105,7 +120,9 @@ class AnalyticSolver(Solver):
             The index of a posture is 4·(left) + 2·(elbow down) + (flip), where each of the three flags counts 0 or 1.
         """
         matrices = pose_matrices(targets)
-        starts = np.broadcast_to(self.chain.postures(start, "start"), (len(matrices), self.chain.size))
+        starts = np.broadcast_to(
+            self.chain.postures(start, "start"), (len(matrices), self.chain.size)
+        )
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
         is_in_reach = form.out_of_reach <= _ROUNDING
         return postures, is_in_reach & self._fits(beyond)
@@ -121,7 +138,9 @@ class AnalyticSolver(Solver):
         """
         return np.asarray((beyond <= self.chain.limits.tolerances).all(axis=-1))
 
-    def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
+    def _branches(
+        self, targets: Vector, starts: Vector, allowed: Indices
+    ) -> tuple[ClosedForm, Vector, Vector]:
         """Compute the postures of targets, with whole turns close to the starts.
 
         Args:
@@ -134,7 +153,9 @@ class AnalyticSolver(Solver):
             distance of each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
-        postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)  # axes that do not move the tool stay
+        postures = np.repeat(
+            starts[:, np.newaxis], len(allowed), axis=1
+        )  # axes that do not move the tool stay
         postures[..., self._order] = form.postures[:, allowed]
         turned, beyond = nearest_turns(self.chain, postures, starts[:, np.newaxis])
         return form, turned, beyond
@@ -146,7 +167,9 @@ class AnalyticSolver(Solver):
         choice = np.argmin(squared_distance + self._penalty(form, beyond), axis=1)
         rows = np.arange(len(targets))
         out_of_reach = form.out_of_reach[:, self._allowed][rows, choice]
-        return self._check_solutions(targets, postures[rows, choice], out_of_reach, beyond[rows, choice])
+        return self._check_solutions(
+            targets, postures[rows, choice], out_of_reach, beyond[rows, choice]
+        )
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the posture of the target before."""
@@ -174,7 +197,9 @@ class AnalyticSolver(Solver):
             last = branches[choice]
         rows = np.arange(len(targets))
         out_of_reach = form.out_of_reach[:, self._allowed][rows, choices]
-        return self._check_solutions(targets, postures[rows, choices], out_of_reach, beyond[rows, choices])
+        return self._check_solutions(
+            targets, postures[rows, choices], out_of_reach, beyond[rows, choices]
+        )
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
         """Compute penalties that rank the postures of each target.
@@ -196,7 +221,9 @@ class AnalyticSolver(Solver):
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
 
-    def _check_solutions(self, targets: Vector, chosen: Vector, out_of_reach: Vector, beyond: Vector) -> Solutions:
+    def _check_solutions(
+        self, targets: Vector, chosen: Vector, out_of_reach: Vector, beyond: Vector
+    ) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
 
         Args:
@@ -236,7 +263,12 @@ class AnalyticSolver(Solver):
             own_positions = positions[rows]
             own_errors = errors[rows]
             is_reached[rows] = settle_at_limits(
-                self.chain, targets[rows], own_positions, own_errors, weights=weights, tolerance=tolerance
+                self.chain,
+                targets[rows],
+                own_positions,
+                own_errors,
+                weights=weights,
+                tolerance=tolerance,
             )
             positions[rows] = own_positions
             errors[rows] = own_errors
@@ -257,7 +289,9 @@ class AnalyticSolver(Solver):
             beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
         """
         postures = message("kinematics.all_postures", "all postures") + (
-            message("kinematics.with_these_flags", " with these flags") if len(self._allowed) < BRANCHES else ""
+            message("kinematics.with_these_flags", " with these flags")
+            if len(self._allowed) < BRANCHES
+            else ""
         )
         if out_of_reach > _ROUNDING:
             return message(
@@ -267,7 +301,11 @@ class AnalyticSolver(Solver):
             )
         if not self._fits(beyond):
             axis = int(np.argmax(beyond))
-            more = message("kinematics.beyond_its_limit", "{angle} or more beyond its limit", angle=angle(beyond[axis]))
+            more = message(
+                "kinematics.beyond_its_limit",
+                "{angle} or more beyond its limit",
+                angle=angle(beyond[axis]),
+            )
             return message(
                 "kinematics.postures_beyond_limits",
                 "joint limit: {postures} need {axis} {more}",
@@ -276,5 +314,6 @@ class AnalyticSolver(Solver):
                 more=more,
             )
         return message(
-            "kinematics.no_wrist_orientation", "no orientation of the wrist serves: its axes are not at right angles"
+            "kinematics.no_wrist_orientation",
+            "no orientation of the wrist serves: its axes are not at right angles",
         )

@@ -79,7 +79,9 @@ class Screws:
             raise InvalidParameter(name, positions, expected)
         if rows.ndim not in (1, 2) or rows.shape[-1] != self.size:
             raise InvalidParameter(
-                name, message("base.array_of_shape", "an array of shape {shape}", shape=rows.shape), expected
+                name,
+                message("base.array_of_shape", "an array of shape {shape}", shape=rows.shape),
+                expected,
             )
         if not np.isfinite(rows).all():
             raise InvalidParameter(name, rows.tolist(), expected)
@@ -194,7 +196,9 @@ class Chain(Screws):
     @cached_property
     def limits(self) -> AxisLimits:
         """Limits of the axes, for checks of positions."""
-        return AxisLimits(names=self.names, lower=self.lower, upper=self.upper, revolute=self.revolute)
+        return AxisLimits(
+            names=self.names, lower=self.lower, upper=self.upper, revolute=self.revolute
+        )
 
     @classmethod
     def of_robot(cls, model: RobotModel, tool: str | None = None) -> "Chain":
@@ -213,7 +217,11 @@ class Chain(Screws):
             raise InvalidParameter(
                 "tools",
                 model.tools,
-                message("kinematics.a_tool_frame", "at least one tool frame of {model}", model=model.name),
+                message(
+                    "kinematics.a_tool_frame",
+                    "at least one tool frame of {model}",
+                    model=model.name,
+                ),
             )
         name = next(iter(model.tools)) if tool is None else tool
         one_of(message("base.tool_of", "tool of {model}", model=model.name), name, model.tools)
@@ -221,7 +229,9 @@ class Chain(Screws):
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         signs = [axis.sign for axis in model.axes.values()]
         frame = plant.GetFrameByName(model.tools[name])
-        return cls.of_plant(plant, joints=joints, signs=signs, base=base, tool=frame, names=list(model.axes))
+        return cls.of_plant(
+            plant, joints=joints, signs=signs, base=base, tool=frame, names=list(model.axes)
+        )
 
     @classmethod
     def of_plant(
@@ -254,7 +264,11 @@ class Chain(Screws):
             raise InvalidParameter(
                 "names",
                 names,
-                message("kinematics.different_names", "{count} different names, one a joint", count=len(joints)),
+                message(
+                    "kinematics.different_names",
+                    "{count} different names, one a joint",
+                    count=len(joints),
+                ),
             )
         path = _axes_of_path(joints_between(plant, base, tool), joints)
         for joint, name in zip(joints, labels, strict=True):
@@ -361,7 +375,9 @@ class Chain(Screws):
         return columns
 
 
-def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:
+def axes_and_points(
+    context: Context, joints: Sequence[Joint], base: Frame
+) -> tuple[Vector, Vector]:
     """Compute the axes of joints in a base frame.
 
     Args:
@@ -373,18 +389,24 @@ def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> t
         the unit vectors of the axes, shape (n, 3), and a point on each axis, shape (n, 3) [m].
     """
     poses = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
-    axes = [pose.rotation().matrix() @ _axis(joint) for pose, joint in zip(poses, joints, strict=True)]
+    axes = [
+        pose.rotation().matrix() @ _axis(joint) for pose, joint in zip(poses, joints, strict=True)
+    ]
     points = [pose.translation() for pose in poses]
     return np.reshape(axes, (-1, 3)), np.reshape(points, (-1, 3))
 
 
 def _axis(joint: Joint) -> Vector:
     """Unit vector (3,) of a joint's axis in the joint's frame on its parent."""
-    axis: Vector = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+    axis: Vector = (
+        joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+    )
     return axis
 
 
-def _axes_of_path(path: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tuple[int, float]]:
+def _axes_of_path(
+    path: list[tuple[Joint, float]], joints: Sequence[Joint]
+) -> list[tuple[int, float]]:
     """Find the axes of the joints on a path.
 
     Args:

@@ -222,11 +222,17 @@ class SixAxisArm:
         hand = self.hand * np.exp(1j * fourth * q[3])
         planar = np.exp(1j * q[1]) * (self.upper + (self.fore + hand) * np.exp(1j * third * q[2]))
         along = self.axes[1] * (self.axes[1] @ (self.centre - self.upper_arm))
-        arm = planar[:, np.newaxis].real * self.plane.real + planar[:, np.newaxis].imag * self.plane.imag + along
+        arm = (
+            planar[:, np.newaxis].real * self.plane.real
+            + planar[:, np.newaxis].imag * self.plane.imag
+            + along
+        )
         centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
 
         # The three axes of the tool, and the vector from the wrist centre to it.
-        columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[:, np.newaxis]
+        columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[
+            :, np.newaxis
+        ]
         angle_of_forearm = q[1] + third * q[2]
         turns = ((5, q[5]), (4, q[4]), (3, q[3]), (1, angle_of_forearm), (0, q[0]))
         for axis, angles in turns:
@@ -246,7 +252,9 @@ def _check_directions(axes: Vector) -> None:
         NoClosedForm: axes 2 and 3 are not, or two neighbours are that must not be: 1 and 2, 4 and 5, or 5 and 6.
     """
     if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
-        raise NoClosedForm(message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2"))
+        raise NoClosedForm(
+            message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2")
+        )
     for one, other in ((0, 1), (3, 4), (4, 5)):
         if np.linalg.norm(np.cross(axes[one], axes[other])) < _SAME_DIRECTION:
             raise NoClosedForm(
@@ -277,7 +285,9 @@ def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
     Returns:
         the point, and its largest distance from one of the lines [m].
     """
-    across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]  # projections across the lines
+    across = (
+        np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
+    )  # projections across the lines
     right_side = (across @ points[..., np.newaxis]).sum(axis=0)[:, 0]
     point = np.linalg.lstsq(across.sum(axis=0), right_side, rcond=None)[0]
     misses = (across @ (point - points)[..., np.newaxis])[..., 0]
@@ -315,7 +325,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     first, out_of_side, is_any_first = _solve_shoulder(arm, centres, starts[:, 0])
 
     # The wrist centre as seen from axis 2, in the plane across it, after axis 1 is turned back. Shape (k, 2, 1, 1).
-    turned_back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
+    turned_back = (
+        arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
+    )
     planar = (turned_back @ arm.plane)[..., np.newaxis, np.newaxis]
 
     third, fourth = arm.senses
@@ -327,16 +339,22 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         total_of_start = starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3]
         total_if_free = _closest_total(arm, planar, total_of_start)
         no_forearm = np.zeros((len(targets), 2, 1))
-        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * total_if_free)
+        wrist, is_any_wrist = _solve_wrist(
+            arm, rotations, first, no_forearm, fourth * total_if_free
+        )
         total = fourth * wrist[..., 0]
-        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar - arm.hand * np.exp(1j * total))
+        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(
+            arm, planar - arm.hand * np.exp(1j * total)
+        )
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
         postures[..., 4:] = wrist[..., 1:]
     else:
         # First the elbow, then the wrist. Axes 2 and 3 are the same for both wrists, so those of wrist 0 are taken.
         postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar)
         angle_of_forearm = postures[..., 0, 1] + third * postures[..., 0, 2]
-        postures[..., 3:], is_any_wrist = _solve_wrist(arm, rotations, first, angle_of_forearm, _column(starts[:, 3]))
+        postures[..., 3:], is_any_wrist = _solve_wrist(
+            arm, rotations, first, angle_of_forearm, _column(starts[:, 3])
+        )
 
     out_of_reach = np.broadcast_to(np.hypot(_column(out_of_side), out_of_arm), postures.shape[:-1])
     return ClosedForm(
@@ -346,7 +364,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     )
 
 
-def _solve_shoulder(arm: SixAxisArm, centres: Vector, starts: Vector) -> tuple[Vector, Vector, Flags]:
+def _solve_shoulder(
+    arm: SixAxisArm, centres: Vector, starts: Vector
+) -> tuple[Vector, Vector, Flags]:
     """Solve for axis 1.
 
     Turned back by axis 1, the wrist centre is as far along axis 2 as at zero. This gives A cos q + B sin q = D.
@@ -441,7 +461,9 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
     end_of_forearm = arm.upper + arm.fore * np.exp(1j * angle)
     second = np.angle(target * np.conj(end_of_forearm))
     third = angle * arm.senses[0]
-    out_of_reach = np.maximum(np.maximum(distance - (upper + fore), abs(upper - fore) - distance), 0.0)
+    out_of_reach = np.maximum(
+        np.maximum(distance - (upper + fore), abs(upper - fore) - distance), 0.0
+    )
     return second, third, out_of_reach
 
 
@@ -485,7 +507,9 @@ def _solve_wrist(
     rear = _angle_between(five, six)
     numerator = np.sin((opening + front - rear) / 2) * np.sin((opening - front + rear) / 2)
     denominator = np.sin((front + rear + opening) / 2) * np.sin((front + rear - opening) / 2)
-    half_bend = np.arctan2(np.sqrt(np.maximum(numerator, 0.0)), np.sqrt(np.maximum(denominator, 0.0)))
+    half_bend = np.arctan2(
+        np.sqrt(np.maximum(numerator, 0.0)), np.sqrt(np.maximum(denominator, 0.0))
+    )
     bend = 2.0 * half_bend[..., np.newaxis]
     four_across_five = np.cross(np.cross(five, four), five)
     six_across_five = np.cross(np.cross(five, six), five)
@@ -515,5 +539,7 @@ def _angle_about(axis: Vector, begin: Vector, end: Vector) -> Vector:
     # vectors themselves would lose what is small.
     begin_across = begin @ spin
     end_across = end @ spin
-    angle: Vector = np.arctan2(np.vecdot(begin_across @ spin, end_across), np.vecdot(begin_across, end_across))
+    angle: Vector = np.arctan2(
+        np.vecdot(begin_across @ spin, end_across), np.vecdot(begin_across, end_across)
+    )
     return angle

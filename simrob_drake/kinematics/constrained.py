@@ -6,7 +6,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics, OrientationCost, PositionCost
-from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptSolver, Solve, SolverOptions
+from pydrake.solvers import (
+    Constraint,
+    IpoptSolver,
+    MathematicalProgram,
+    SnoptSolver,
+    Solve,
+    SolverOptions,
+)
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, pose_errors, within
@@ -74,16 +81,25 @@ class ConstrainedSolver(Solver):
             raise InvalidParameter(
                 "target_weights",
                 target_weights,
-                message("kinematics.two_tolerances", "two numbers, of position and rotation, not negative"),
+                message(
+                    "kinematics.two_tolerances",
+                    "two numbers, of position and rotation, not negative",
+                ),
             )
         if not nearness >= 0:
-            raise InvalidParameter("nearness", nearness, message("kinematics.zero_or_more", "0 or more"))
+            raise InvalidParameter(
+                "nearness", nearness, message("kinematics.zero_or_more", "0 or more")
+            )
         if restarts < 0:
-            raise InvalidParameter("restarts", restarts, message("kinematics.zero_or_more", "0 or more"))
+            raise InvalidParameter(
+                "restarts", restarts, message("kinematics.zero_or_more", "0 or more")
+            )
         bad = [goal for goal in goals if not isinstance(goal, Goal)]
         if bad:
             raise InvalidParameter(
-                "goals", bad[0], message("kinematics.goals", "goals such as PositionBounds or JointBounds")
+                "goals",
+                bad[0],
+                message("kinematics.goals", "goals such as PositionBounds or JointBounds"),
             )
         self._goals = tuple(goals)
         self._kind = target
@@ -107,7 +123,9 @@ class ConstrainedSolver(Solver):
             solution = program.solve(guess)
             steps += 1
             new_misses = program.missed(solution)
-            if sum(violation for _, violation in new_misses) < sum(violation for _, violation in misses):
+            if sum(violation for _, violation in new_misses) < sum(
+                violation for _, violation in misses
+            ):
                 best = solution
                 misses = new_misses
             if not misses:
@@ -125,7 +143,9 @@ class ConstrainedSolver(Solver):
             "no posture found within the joint limits that satisfies {names}",
             names=names,
         )
-        return Solutions.found(positions[np.newaxis], errors, is_reached, np.array([steps]), lambda _: why)
+        return Solutions.found(
+            positions[np.newaxis], errors, is_reached, np.array([steps]), lambda _: why
+        )
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
         """Errors of a posture (n,) that count, shape (1, 6) [m, rad]; the others are 0."""
@@ -165,7 +185,9 @@ class _Program:
             fixed = self._default_positions[others]
             self._prog.AddBoundingBoxConstraint(fixed, fixed, q[others])
         own = q[in_plant.axes.position_places]
-        self._prog.AddQuadraticErrorCost(nearness * np.eye(chain.size), in_plant.axes.signs * start, own)
+        self._prog.AddQuadraticErrorCost(
+            nearness * np.eye(chain.size), in_plant.axes.signs * start, own
+        )
 
     def solve(self, guess: Vector) -> Vector:
         """Solve the program from a guess (n,). Returns the positions (n,), whether or not all constraints hold."""
@@ -182,12 +204,16 @@ class _Program:
         misses = []
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
-            value = evaluator.Eval(full[self._prog.FindDecisionVariableIndices(binding.variables())])
+            value = evaluator.Eval(
+                full[self._prog.FindDecisionVariableIndices(binding.variables())]
+            )
             above = value - evaluator.upper_bound()
             below = evaluator.lower_bound() - value
             violation = np.maximum(above, below).max(initial=0.0)
             if not violation <= _VIOLATED:  # also if it is not a number
-                name = evaluator.get_description() or message("kinematics.joint_limits", "the joint limits")
+                name = evaluator.get_description() or message(
+                    "kinematics.joint_limits", "the joint limits"
+                )
                 misses.append((name, float(violation)))
         return misses
 
@@ -205,7 +231,9 @@ class _Program:
             return
         box = RigidTransform(_rotation(target), target[:3, 3])
         free = np.inf
-        points = {message("kinematics.target_position", "the target position"): (ORIGIN, ORIGIN, ORIGIN)}
+        points = {
+            message("kinematics.target_position", "the target position"): (ORIGIN, ORIGIN, ORIGIN)
+        }
         if kind == "pose":
             half = 0.5 * _LEVER  # excludes the postures in which the tool points the other way
             points[message("kinematics.target_x_axis", "the target's x axis")] = (
@@ -223,7 +251,9 @@ class _Program:
             constraint.set_description(name)
             self._prog.AddConstraint(constraint, self._ik.q())
 
-    def add_target_cost(self, target: Vector, kind: TargetKind, position_weight: float, rotation_weight: float) -> None:
+    def add_target_cost(
+        self, target: Vector, kind: TargetKind, position_weight: float, rotation_weight: float
+    ) -> None:
         """Add the costs of a target.
 
         They are position_weight · distance² and rotation_weight · 2 (1 - cos(angle)), which is about the square of the
@@ -241,11 +271,15 @@ class _Program:
         tool, tcp = self._setting.frame("tool")
         if kind != "free" and position_weight > 0:
             weights = position_weight * np.eye(3)
-            cost = PositionCost(plant, base, target[:3, 3], tool, tcp.translation(), weights, context)
+            cost = PositionCost(
+                plant, base, target[:3, 3], tool, tcp.translation(), weights, context
+            )
             self._prog.AddCost(cost, self._ik.q())
         if kind == "pose" and rotation_weight > 0:
             rotation = _rotation(target)
-            cost = OrientationCost(plant, base, rotation, tool, tcp.rotation(), 2.0 * rotation_weight, context)
+            cost = OrientationCost(
+                plant, base, rotation, tool, tcp.rotation(), 2.0 * rotation_weight, context
+            )
             self._prog.AddCost(cost, self._ik.q())
 
     def add(self, goal: Goal) -> None:
@@ -269,7 +303,9 @@ def _violation_cost(constraint: Constraint, weights: Vector) -> Callable[[Any], 
 
     def cost(positions: Any) -> Any:
         total = 0.0 * positions[0]
-        for value, low, high, weight in zip(constraint.Eval(positions), lower, upper, weights, strict=True):
+        for value, low, high, weight in zip(
+            constraint.Eval(positions), lower, upper, weights, strict=True
+        ):
             if weight > 0 and value < low:
                 total = total + weight * (value - low) * (value - low)
             elif weight > 0 and value > high:

@@ -96,10 +96,15 @@ def branches(
         starts = _closed_form_postures(chain, matrices, begin, moving)
     except NoClosedForm:
         parts = np.array_split(matrices, ceil(len(matrices) / _TARGETS_AT_ONCE))
-        found = [postures for part in parts for postures in _search(free_chain, part, begin, moving)]
+        found = [
+            postures for part in parts for postures in _search(free_chain, part, begin, moving)
+        ]
     else:
         found = _refine(free_chain, matrices, starts)
-    return [nearest_turns(chain, postures, np.broadcast_to(begin, postures.shape))[0] for postures in found]
+    return [
+        nearest_turns(chain, postures, np.broadcast_to(begin, postures.shape))[0]
+        for postures in found
+    ]
 
 
 def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -> Vector:
@@ -126,15 +131,21 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
         # Axes that do not move the tool stay as they are.
         idle_axes = np.setdiff1d(np.arange(chain.size), chain.order)
         starts[:, idle_axes] = start[idle_axes]
-        postures, is_good = _fit_from(chain, targets, starts.reshape(len(targets), starts_per_target, -1))
+        postures, is_good = _fit_from(
+            chain, targets, starts.reshape(len(targets), starts_per_target, -1)
+        )
     good_postures = postures[is_good]
-    turned, beyond = nearest_turns(chain, good_postures, np.broadcast_to(start, good_postures.shape))
+    turned, beyond = nearest_turns(
+        chain, good_postures, np.broadcast_to(start, good_postures.shape)
+    )
     is_within_limits = (beyond <= chain.limits.tolerances).all(axis=-1)
     clipped = np.clip(turned[is_within_limits], chain.lower, chain.upper)
     return _distinct(chain, clipped)[0]
 
 
-def _with_held_axes(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chain, Indices]:
+def _with_held_axes(
+    chain: Chain, start: Vector, held: Mapping[str, float]
+) -> tuple[Chain, Indices]:
     """Fix the axes of a chain that do not move, and remove the limits of the revolute axes that do.
 
     Args:
@@ -241,7 +252,9 @@ def _search(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> li
     seeds = random_postures(chain, _MOST_STARTS, 0)
     found = [np.empty((0, chain.size))] * len(targets)
     hits = [np.empty(0)] * len(targets)  # how often each of the postures was found
-    open_targets = list(range(len(targets)))  # indices of the targets whose postures are not complete
+    open_targets = list(
+        range(len(targets))
+    )  # indices of the targets whose postures are not complete
     for first in range(0, _MOST_STARTS, _STARTS_PER_ROUND):
         seeds_of_round = seeds[first : first + _STARTS_PER_ROUND]
         starts = np.broadcast_to(seeds_of_round, (len(open_targets), _STARTS_PER_ROUND, chain.size))
@@ -263,7 +276,9 @@ def _is_complete(hits: Vector) -> bool:
     return has_even_number and bool(hits.min(initial=np.inf) >= _LEAST_HITS)
 
 
-def _follow_families(chain: Chain, target: Vector, postures: Vector, start: Vector, moving: Indices) -> Vector:
+def _follow_families(
+    chain: Chain, target: Vector, postures: Vector, start: Vector, moving: Indices
+) -> Vector:
     """Move postures that belong to a family along it, to the member closest to the start.
 
     At a singular posture some motions of the axes do not move the tool. Steps go along these motions only, towards the

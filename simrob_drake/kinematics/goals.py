@@ -58,9 +58,14 @@ class Setting:
             return in_plant.base, RigidTransform()
         instance = in_plant.base.model_instance()
         if not in_plant.plant.HasFrameNamed(name, instance):
-            frames = [in_plant.plant.get_frame(index) for index in in_plant.plant.GetFrameIndices(instance)]
+            frames = [
+                in_plant.plant.get_frame(index)
+                for index in in_plant.plant.GetFrameIndices(instance)
+            ]
             raise UnknownName(
-                message("base.frame", "frame"), name, ["tool", "base", *(frame.name() for frame in frames)]
+                message("base.frame", "frame"),
+                name,
+                ["tool", "base", *(frame.name() for frame in frames)],
             )
         return in_plant.plant.GetFrameByName(name, instance), RigidTransform()
 
@@ -84,14 +89,24 @@ class Goal(ABC):
         if self.weight is None:
             return None
         weights = np.asarray(self.weight, dtype=float)
-        if weights.shape not in ((), (size,)) or not np.isfinite(weights).all() or (weights < 0).any():
+        if (
+            weights.shape not in ((), (size,))
+            or not np.isfinite(weights).all()
+            or (weights < 0).any()
+        ):
             one = (
                 message("kinematics.one_weight", "one number, not negative")
                 if size == 1
-                else message("kinematics.one_or_many_weights", "one number, or {size}, none negative", size=size)
+                else message(
+                    "kinematics.one_or_many_weights",
+                    "one number, or {size}, none negative",
+                    size=size,
+                )
             )
             raise InvalidParameter(
-                message("kinematics.weight_of", "weight of {name}", name=type(self).__name__), self.weight, one
+                message("kinematics.weight_of", "weight of {name}", name=type(self).__name__),
+                self.weight,
+                one,
             )
         return np.broadcast_to(weights, (size,))
 
@@ -114,7 +129,9 @@ class PositionBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant."""
         lower, upper = _bounds("PositionBounds", self.lower, self.upper, 3)
-        return point_in_box(setting, ORIGIN, RigidTransform(one_pose(self.frame, "frame")), lower, upper)
+        return point_in_box(
+            setting, ORIGIN, RigidTransform(one_pose(self.frame, "frame")), lower, upper
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +194,14 @@ class Aiming(Goal):
         axis = tcp.rotation() @ _direction("axis", self.axis)
         target = _triple("target", self.target)
         return GazeTargetConstraint(
-            in_plant.plant, tool, tcp.translation(), axis, in_plant.base, target, self.angle, setting.context
+            in_plant.plant,
+            tool,
+            tcp.translation(),
+            axis,
+            in_plant.base,
+            target,
+            self.angle,
+            setting.context,
         )
 
 
@@ -271,11 +295,20 @@ def point_in_box(
     tool, tcp = setting.frame("tool")
     in_plant = setting.chain.in_plant
     return PositionConstraint(
-        in_plant.plant, in_plant.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), setting.context
+        in_plant.plant,
+        in_plant.base,
+        box,
+        lower,
+        upper,
+        tool,
+        tcp @ np.asarray(point, dtype=float),
+        setting.context,
     )
 
 
-def _bounds(owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int) -> tuple[Vector, Vector]:
+def _bounds(
+    owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int
+) -> tuple[Vector, Vector]:
     """Convert bounds to arrays (size,); raises InvalidParameter: another size, NaN, or a lower bound above an upper."""
     low = np.asarray(lower, dtype=float)
     high = np.asarray(upper, dtype=float)
@@ -298,7 +331,9 @@ def _triple(name: str, values: npt.ArrayLike) -> Vector:
     """Convert values to an array (3,); raises InvalidParameter: these are not three finite numbers."""
     triple = np.asarray(values, dtype=float)
     if triple.shape != (3,) or not np.isfinite(triple).all():
-        raise InvalidParameter(name, values, message("kinematics.three_numbers_xyz", "three finite numbers x, y, z"))
+        raise InvalidParameter(
+            name, values, message("kinematics.three_numbers_xyz", "three finite numbers x, y, z")
+        )
     return triple
 
 
@@ -306,6 +341,8 @@ def _direction(name: str, values: npt.ArrayLike) -> Vector:
     """Convert values to a unit vector (3,); raises InvalidParameter: these are not three numbers, or all are zero."""
     direction = _triple(name, values)
     if not direction.any():
-        raise InvalidParameter(name, values, message("kinematics.a_direction", "a direction, not zero"))
+        raise InvalidParameter(
+            name, values, message("kinematics.a_direction", "a direction, not zero")
+        )
     unit: Vector = direction / np.linalg.norm(direction)
     return unit

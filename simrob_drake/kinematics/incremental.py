@@ -67,13 +67,20 @@ class IncrementalSolver(Solver):
         super().__init__(chain)
         if np.isnan(rotation_limit):
             raise InvalidParameter(
-                "rotation_limit", rotation_limit, message("kinematics.an_angle", "an angle [rad]; 0 for positions only")
+                "rotation_limit",
+                rotation_limit,
+                message("kinematics.an_angle", "an angle [rad]; 0 for positions only"),
             )
-        tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
+        tolerances = {
+            "position_tolerance": position_tolerance,
+            "rotation_tolerance": rotation_tolerance,
+        }
         self._iterations = iterations
         self._tolerance = check_search(iterations, tolerances)
         if not 0.0 <= stray < np.inf:
-            raise InvalidParameter("stray", stray, message("kinematics.a_distance", "a distance [m], 0 or more"))
+            raise InvalidParameter(
+                "stray", stray, message("kinematics.a_distance", "a distance [m], 0 or more")
+            )
         self.stray = stray
         self._limit = np.inf if rotation_limit < 0 else rotation_limit
 
@@ -99,12 +106,19 @@ class IncrementalSolver(Solver):
         errors = pose_errors(targets, self.chain.forward(positions))
         is_accepted = np.zeros(len(targets), dtype=bool)
         is_at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
-        rows = np.flatnonzero(~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1))
+        rows = np.flatnonzero(
+            ~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1)
+        )
         if rows.size:
             own_positions = positions[rows]
             own_errors = errors[rows]
             is_accepted[rows] = settle_at_limits(
-                self.chain, targets[rows], own_positions, own_errors, weights=np.ones(6), tolerance=self._tolerance
+                self.chain,
+                targets[rows],
+                own_positions,
+                own_errors,
+                weights=np.ones(6),
+                tolerance=self._tolerance,
             )
             positions[rows] = own_positions
             errors[rows] = own_errors
@@ -114,7 +128,10 @@ class IncrementalSolver(Solver):
         def why(row: int) -> str:
             """Reason why a target is not reached, in words."""
             return self._reason(
-                targets[row], positions[row], errors[row], is_rotation_followed=bool(is_rotation_followed[row])
+                targets[row],
+                positions[row],
+                errors[row],
+                is_rotation_followed=bool(is_rotation_followed[row]),
             )
 
         return Solutions.found(positions, errors, self._within(errors) | is_accepted, steps, why)
@@ -147,7 +164,9 @@ class IncrementalSolver(Solver):
         """Whether errors (k, 6) are within the tolerances, shape (k,)."""
         return within(errors, np.ones(6), self._tolerance)
 
-    def _reason(self, target: Vector, positions: Vector, error: Vector, *, is_rotation_followed: bool) -> str:
+    def _reason(
+        self, target: Vector, positions: Vector, error: Vector, *, is_rotation_followed: bool
+    ) -> str:
         """Write why a target is not reached.
 
         Args:
@@ -182,7 +201,9 @@ def _damped_steps(jacobians: Vector, errors: Vector) -> Vector:
     """
     left, values, right = np.linalg.svd(jacobians, full_matrices=False)
     least = values[:, -1:]
-    damping_squared = np.where(least < _NEAR_SINGULAR, _LARGEST_DAMPING**2 * (1.0 - (least / _NEAR_SINGULAR) ** 2), 0.0)
+    damping_squared = np.where(
+        least < _NEAR_SINGULAR, _LARGEST_DAMPING**2 * (1.0 - (least / _NEAR_SINGULAR) ** 2), 0.0
+    )
     projected = (left.transpose(0, 2, 1) @ errors[..., np.newaxis])[..., 0]
     gains = values / np.maximum(values**2 + damping_squared, _LEAST_DENOMINATOR)
     steps = (right.transpose(0, 2, 1) @ (gains * projected)[..., np.newaxis])[..., 0]

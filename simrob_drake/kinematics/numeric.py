@@ -73,7 +73,12 @@ class Fit:
 
     def rows(self, indices: Indices) -> "Fit":
         """Return the results of some of the searches."""
-        return Fit(self.postures[indices], self.errors[indices], self.costs[indices], self.iterations[indices])
+        return Fit(
+            self.postures[indices],
+            self.errors[indices],
+            self.costs[indices],
+            self.iterations[indices],
+        )
 
     def replace(self, indices: Indices, other: "Fit", iterations: Counts | None = None) -> None:
         """Replace results by those of other searches of the same targets, where these cost less.
@@ -134,7 +139,9 @@ class _Searches:
         self.costs = self.costs[is_kept]
         self.damping = self.damping[is_kept]
 
-    def accept(self, is_better: Flags, postures: Vector, errors: Vector, jacobians: Vector, costs: Vector) -> None:
+    def accept(
+        self, is_better: Flags, postures: Vector, errors: Vector, jacobians: Vector, costs: Vector
+    ) -> None:
         """Take the new postures, and what belongs to them, of the searches in which they are better."""
         if is_better.all():  # the usual case, which needs no copies
             self.postures = postures
@@ -282,7 +289,9 @@ def _steps(searches: _Searches, weights: Vector) -> Vector:
     return np.asarray(steps, dtype=float)
 
 
-def _linearise(chain: Chain, postures: Vector, targets: Vector, base: Vector) -> tuple[Vector, Vector]:
+def _linearise(
+    chain: Chain, postures: Vector, targets: Vector, base: Vector
+) -> tuple[Vector, Vector]:
     """Compute the errors of postures, and how they change.
 
     The rotation vector e of a rotation error changes by -Jr⁻¹(e)·ω as the tool turns with ω, where Jr⁻¹(e) is
@@ -312,10 +321,14 @@ def _linearise(chain: Chain, postures: Vector, targets: Vector, base: Vector) ->
     return errors, jacobians
 
 
-_SETTLING = 30  # largest count of steps from a posture at a limit to a target that lies a little beyond
+_SETTLING = (
+    30  # largest count of steps from a posture at a limit to a target that lies a little beyond
+)
 
 
-def fit_beyond_limits(chain: Chain, targets: Vector, starts: Vector, *, weights: Vector, tolerance: Vector) -> Fit:
+def fit_beyond_limits(
+    chain: Chain, targets: Vector, starts: Vector, *, weights: Vector, tolerance: Vector
+) -> Fit:
     """Search postures that reach targets, with limits of the axes that are widened by the tolerance for rounding.
 
     Manufacturers round limits: with a limit of pi - 1e-5 rad, for instance, a target at half a turn would be out of
@@ -333,11 +346,19 @@ def fit_beyond_limits(chain: Chain, targets: Vector, starts: Vector, *, weights:
     """
     slack = chain.limits.tolerances  # shape (n,) [rad or m]
     widened = replace(chain, lower=chain.lower - slack, upper=chain.upper + slack)
-    return fit_postures(widened, targets, starts, weights=weights, tolerance=tolerance, iterations=_SETTLING)
+    return fit_postures(
+        widened, targets, starts, weights=weights, tolerance=tolerance, iterations=_SETTLING
+    )
 
 
 def settle_at_limits(
-    chain: Chain, targets: Vector, postures: Vector, errors: Vector, *, weights: Vector, tolerance: Vector
+    chain: Chain,
+    targets: Vector,
+    postures: Vector,
+    errors: Vector,
+    *,
+    weights: Vector,
+    tolerance: Vector,
 ) -> Flags:
     """Accept targets that are out of reach only because limits are rounded. Changes ``postures`` and ``errors``.
 
@@ -361,7 +382,8 @@ def settle_at_limits(
     if is_accepted.any():
         # The clamping names "inverse kinematics" in its warning that an axis was beyond its limit.
         clamped = chain.limits.clamp(
-            fit.postures[is_accepted], message("kinematics.inverse_kinematics", "inverse kinematics")
+            fit.postures[is_accepted],
+            message("kinematics.inverse_kinematics", "inverse kinematics"),
         )
         postures[is_accepted] = clamped
         errors[is_accepted] = pose_errors(targets[is_accepted], chain.forward(clamped))
@@ -422,8 +444,13 @@ class NumericSolver(Solver):
         super().__init__(chain)
         self._weights = _read_weights(weights)
         if restarts < 0:
-            raise InvalidParameter("restarts", restarts, message("kinematics.zero_or_more", "0 or more"))
-        tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
+            raise InvalidParameter(
+                "restarts", restarts, message("kinematics.zero_or_more", "0 or more")
+            )
+        tolerances = {
+            "position_tolerance": position_tolerance,
+            "rotation_tolerance": rotation_tolerance,
+        }
         self._iterations = iterations
         self._tolerance = check_search(iterations, tolerances)
         self._seeds = random_postures(chain, restarts, seed)
@@ -449,7 +476,9 @@ class NumericSolver(Solver):
         for first in range(0, len(self._seeds), _SEEDS_PER_ROUND):
             if not missing.size:
                 break
-            self._restart(fit, missing, self._seeds[first : first + _SEEDS_PER_ROUND], targets, starts)
+            self._restart(
+                fit, missing, self._seeds[first : first + _SEEDS_PER_ROUND], targets, starts
+            )
             missing = np.flatnonzero(~(self._within(fit) | is_accepted))
 
         # The others get the best compromise.
@@ -461,9 +490,13 @@ class NumericSolver(Solver):
 
         def why(row: int) -> str:
             """Reason why a target is not reached, in words."""
-            return why_unreached(self.chain, targets[row], fit.postures[row], errors[row], self._weights)
+            return why_unreached(
+                self.chain, targets[row], fit.postures[row], errors[row], self._weights
+            )
 
-        return Solutions.found(fit.postures, errors, self._within(fit) | is_accepted, fit.iterations, why)
+        return Solutions.found(
+            fit.postures, errors, self._within(fit) | is_accepted, fit.iterations, why
+        )
 
     def _accept_at_limits(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
         """Accept targets that are out of reach only because limits are rounded, see :func:`settle_at_limits`.
@@ -485,13 +518,20 @@ class NumericSolver(Solver):
             postures = fit.postures[rows]
             errors = fit.errors[rows]
             is_accepted[rows] = settle_at_limits(
-                self.chain, targets[rows], postures, errors, weights=self._weights, tolerance=self._tolerance
+                self.chain,
+                targets[rows],
+                postures,
+                errors,
+                weights=self._weights,
+                tolerance=self._tolerance,
             )
             fit.postures[rows] = postures
             fit.errors[rows] = errors
         return is_accepted
 
-    def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0) -> Fit:
+    def _fit(
+        self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0
+    ) -> Fit:
         """Search with the weights, tolerance and count of steps of this solver, see :func:`fit_postures`."""
         return fit_postures(
             self.chain,
@@ -509,7 +549,9 @@ class NumericSolver(Solver):
         """Whether each posture reaches its target, shape (k,)."""
         return within(fit.errors, self._weights, self._tolerance)
 
-    def _restart(self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector) -> None:
+    def _restart(
+        self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector
+    ) -> None:
         """Search each missing target from each of some random postures, and take the best result if it costs less.
 
         Args:
@@ -542,7 +584,8 @@ def _read_weights(weights: npt.ArrayLike) -> Vector:
         InvalidParameter: these are not six numbers, one is negative, or all are zero.
     """
     expected = message(
-        "kinematics.six_weights", "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero"
+        "kinematics.six_weights",
+        "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero",
     )
     values = finite(weights)
     if values.shape != (POSE_SIZE,) or (values < 0).any() or not values.any():

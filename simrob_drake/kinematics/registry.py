@@ -68,9 +68,15 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         [known for known in solver_names() if known != _AUTO],
     )
     solver_class = _solver_class(name)
-    known_options = list(inspect.signature(solver_class).parameters)[1:]  # without the first parameter, the chain
+    known_options = list(inspect.signature(solver_class).parameters)[
+        1:
+    ]  # without the first parameter, the chain
     for option in options:
-        one_of(message("kinematics.option_of_solver", "option of the {name} solver", name=name), option, known_options)
+        one_of(
+            message("kinematics.option_of_solver", "option of the {name} solver", name=name),
+            option,
+            known_options,
+        )
     return solver_class(chain, **options)
 
 
@@ -90,7 +96,10 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
             raise InvalidParameter(
                 "solver",
                 type(solver).__name__,
-                message("kinematics.solver_of_this_arm", "one made for arm.chain with the tool it has now"),
+                message(
+                    "kinematics.solver_of_this_arm",
+                    "one made for arm.chain with the tool it has now",
+                ),
             )
         return solver
     one_of(message("kinematics.solver", "solver"), solver, solver_names())
@@ -104,7 +113,11 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
 
 def _check_name(name: str) -> str:
     """Check the name of a solver in a program's file; raises UnknownName if there is no such solver."""
-    return one_of(message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"), name, solver_names())
+    return one_of(
+        message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"),
+        name,
+        solver_names(),
+    )
 
 
 SolverName: TypeAlias = Annotated[

@@ -86,7 +86,9 @@ class Skeleton(Screws):
         index_of_joint = {axis.joint: index for index, axis in enumerate(own_axes)}
         indices = tuple(index_of_joint[joint.name()] for joint in joints)
         signs = [own_axes[index].sign for index in indices]
-        chain = Chain.of_plant(self.plant, joints=joints, base=root, tool=end, signs=signs).with_tool(tool)
+        chain = Chain.of_plant(
+            self.plant, joints=joints, base=root, tool=end, signs=signs
+        ).with_tool(tool)
         unlimited = np.full(len(indices), np.inf)
         return indices, replace(chain, lower=-unlimited, upper=unlimited)
 
@@ -119,12 +121,17 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
     # The axes from the root to the body that each axis carries, this axis included.
     axis_of_joint = {joint.name(): axis for axis, joint in enumerate(joints)}
     paths = [
-        [axis_of_joint[other.name()] for other, _ in joints_between(plant, root, joint.frame_on_child())]
+        [
+            axis_of_joint[other.name()]
+            for other, _ in joints_between(plant, root, joint.frame_on_child())
+        ]
         for joint in joints
     ]
     outward = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
     # The body on which each axis stands: 0 is the root, i is carried by the i-th axis.
-    carriers = [outward.index(paths[axis][-2]) + 1 if len(paths[axis]) > 1 else 0 for axis in outward]
+    carriers = [
+        outward.index(paths[axis][-2]) + 1 if len(paths[axis]) > 1 else 0 for axis in outward
+    ]
 
     axis_map = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])
     context = plant.CreateDefaultContext()
@@ -148,15 +155,23 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
 def _check_joints(model: RobotModel, plant: MultibodyPlant, joints: Sequence[Joint]) -> None:
     """Check that all joints of a plant that move are axes and revolute; raises InvalidParameter: others are."""
     axis_joints = [joint.name() for joint in joints]
-    moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]
+    moving = [
+        joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()
+    ]
     unsuitable = [
-        joint.name() for joint in moving if not isinstance(joint, RevoluteJoint) or joint.name() not in axis_joints
+        joint.name()
+        for joint in moving
+        if not isinstance(joint, RevoluteJoint) or joint.name() not in axis_joints
     ]
     if unsuitable:
         raise InvalidParameter(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("kinematics.with_joints", "with the joints {joints}", joints=", ".join(unsuitable)),
-            message("kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute"),
+            message(
+                "kinematics.with_joints", "with the joints {joints}", joints=", ".join(unsuitable)
+            ),
+            message(
+                "kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute"
+            ),
         )
 
 
@@ -178,7 +193,10 @@ def _links(
     index_of_body = {body.index(): index for index, body in enumerate(bodies)}
     frames = [plant.get_frame(index) for index in plant.GetFrameIndices(root.model_instance())]
     return {
-        frame.name(): (index_of_body[frame.body().index()], frame.CalcPoseInWorld(context).GetAsMatrix4())
+        frame.name(): (
+            index_of_body[frame.body().index()],
+            frame.CalcPoseInWorld(context).GetAsMatrix4(),
+        )
         for frame in frames
         if frame.body().index() in index_of_body
     }

@@ -48,7 +48,14 @@ class Unreachable(SimrobError):
     """
 
     def __init__(
-        self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
+        self,
+        target: str,
+        reason: str,
+        *,
+        index: int,
+        positions: Vector,
+        position_error: float,
+        rotation_error: float,
     ) -> None:
         """Write the message: the target (such as ``targets[3]``), the reason, and the errors of the best posture."""
         errors = message(
@@ -126,7 +133,9 @@ class Solutions:
     def joined(cls, parts: "Sequence[Solutions]") -> "Solutions":
         """Join the solutions of parts of a batch, in order."""
         arrays = [field.name for field in fields(cls)[:-1]]
-        whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+        whole: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays
+        }
         return cls(**whole, reasons=tuple(reason for part in parts for reason in part.reasons))
 
     @property
@@ -185,7 +194,9 @@ def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
         InvalidParameter: there is no step, or a tolerance is not positive.
     """
     if iterations < 1:
-        raise InvalidParameter("iterations", iterations, message("kinematics.one_or_more", "1 or more"))
+        raise InvalidParameter(
+            "iterations", iterations, message("kinematics.one_or_more", "1 or more")
+        )
     for name, value in tolerances.items():
         if not value > 0:
             raise InvalidParameter(name, value, message("kinematics.more_than_zero", "more than 0"))
@@ -227,7 +238,9 @@ class Solver(ABC):
                 "start",
                 message("kinematics.count_of_postures", "{count} postures", count=len(starts)),
                 message(
-                    "kinematics.one_posture_a_target", "one posture, or {count}, one a target", count=len(matrices)
+                    "kinematics.one_posture_a_target",
+                    "one posture, or {count}, one a target",
+                    count=len(matrices),
                 ),
             )
         return self._solve_each(matrices, starts)
@@ -290,7 +303,9 @@ def _distance_beyond(chain: Chain, positions: Vector) -> Vector:
     return np.where(distance > _ROUNDING_BEYOND_LIMIT, distance, 0.0)
 
 
-def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
+def why_unreached(
+    chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector
+) -> str:
     """Write why no step from the best posture leads closer to a target.
 
     Args:
@@ -325,7 +340,11 @@ def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, 
     ):
         if is_held.any():
             axis = int(np.argmax(is_held))
-            limit = angle(limits[axis]) if chain.revolute[axis] else compound("{limits:.4g} m", limits=limits[axis])
+            limit = (
+                angle(limits[axis])
+                if chain.revolute[axis]
+                else compound("{limits:.4g} m", limits=limits[axis])
+            )
             return message(
                 "kinematics.at_joint_limit",
                 "joint limit: {axis} stands at its {side} limit of {limit}",

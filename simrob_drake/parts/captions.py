@@ -101,7 +101,9 @@ def shown_values(values: Vector) -> str:
         has_decimal_comma = any("," in text for text in texts)
         separator = "; " if has_decimal_comma else ", "
         return separator.join(texts)
-    return translate(message("parts.range", "{least:.4g} to {most:.4g}", least=values.min(), most=values.max()))
+    return translate(
+        message("parts.range", "{least:.4g} to {most:.4g}", least=values.min(), most=values.max())
+    )
 
 
 def shown_limits(limits: Vector, units: list[str]) -> str:

@@ -47,7 +47,9 @@ from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
 
 _ANCHOR = "couplings_anchor"  # name of a body welded to the world, which takes the world's place in constraints
-_HALF_HINGE = 0.025  # half the distance between the two points that stay together on a hinge's axis [m]
+_HALF_HINGE = (
+    0.025  # half the distance between the two points that stay together on a hinge's axis [m]
+)
 _SHORTEST_SPRING = 1e-9  # Drake requires a positive free length of a spring [m]
 
 
@@ -63,7 +65,9 @@ class Attachment(NamedTuple):
     pose: RigidTransform
 
 
-def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *, turns_about_z: bool = False) -> None:
+def add_bushing(
+    plant: MultibodyPlant, first: Attachment, second: Attachment, *, turns_about_z: bool = False
+) -> None:
     """Hold two frames together by stiff springs and dampers, added to a plant that is not finalized.
 
     The springs are stiff enough for the mass and inertia of all bodies of the plant together.
@@ -75,7 +79,9 @@ def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *,
         turns_about_z: leave out the spring against rotation about z, for a hinge. The free axis must not be y: Drake's
             bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a singularity.
     """
-    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]  # without the world
+    bodies = [
+        plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())
+    ]  # without the world
     mass = 0.0
     inertia = 0.0
     for body in bodies:
@@ -147,15 +153,23 @@ class Between(Strict, ABC):
         ends = self.ends(plant)
         is_on_world = any(end.body is world for end in ends)
         if is_on_world and not multibody.HasBodyNamed(_ANCHOR):
-            inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # has no effect: the body never moves
+            inertia = SpatialInertia.SolidSphereWithMass(
+                1.0, 1.0
+            )  # has no effect: the body never moves
             anchor = multibody.AddRigidBody(_ANCHOR, multibody.AddModelInstance(_ANCHOR), inertia)
             multibody.WeldFrames(multibody.world_frame(), anchor.body_frame())
         # The anchor's frame is the world's frame, so poses stay the same.
-        return [Attachment(multibody.GetBodyByName(_ANCHOR), end.pose) if end.body is world else end for end in ends]
+        return [
+            Attachment(multibody.GetBodyByName(_ANCHOR), end.pose) if end.body is world else end
+            for end in ends
+        ]
 
     def relative_pose(self, plant: StationPlant, context: Context) -> RigidTransform:
         """Pose of the frame on `other`, in the frame on `body`, in a context of the plant."""
-        first, second = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
+        first, second = (
+            plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose
+            for end in self.ends(plant)
+        )
         return first.inverse() @ second
 
     def distance(self, plant: StationPlant, context: Context) -> float:
@@ -182,7 +196,9 @@ class BetweenPoints(Between, CouplingSection):
         # The distance of two points of one body cannot change.
         if self.body == self.other:
             raise InvalidParameter(
-                f"{key}.other", self.other, message("parts.other_than_body", "another one than body")
+                f"{key}.other",
+                self.other,
+                message("parts.other_than_body", "another one than body"),
             )
 
     @property
@@ -200,13 +216,18 @@ class Ball(BetweenPoints):
     def caption(self) -> str:
         """Describe the coupling in words."""
         return message(
-            "parts.coupling_ball", "a ball joint between {body} and {other}", body=self.body, other=self.other
+            "parts.coupling_ball",
+            "a ball joint between {body} and {other}",
+            body=self.body,
+            other=self.other,
         )
 
     def add(self, plant: StationPlant) -> None:
         """Add the ball joint as a constraint to a plant that is not finalized."""
         first, second = self.constraint_ends(plant)
-        plant.plant.AddBallConstraint(first.body, first.pose.translation(), second.body, second.pose.translation())
+        plant.plant.AddBallConstraint(
+            first.body, first.pose.translation(), second.body, second.pose.translation()
+        )
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Distance between the points, which is 0 in a closed ball joint [m]."""
@@ -235,7 +256,11 @@ class Rod(BetweenPoints):
         """Add the rod as a constraint to a plant that is not finalized."""
         first, second = self.constraint_ends(plant)
         plant.plant.AddDistanceConstraint(
-            first.body, first.pose.translation(), second.body, second.pose.translation(), self.length
+            first.body,
+            first.pose.translation(),
+            second.body,
+            second.pose.translation(),
+            self.length,
         )
 
     def gap(self, plant: StationPlant, context: Context) -> float:
@@ -273,7 +298,9 @@ class Weld(BetweenFrames):
 
     def caption(self) -> str:
         """Describe the coupling in words."""
-        return message("parts.coupling_weld", "{body} welded to {other}", body=self.body, other=self.other)
+        return message(
+            "parts.coupling_weld", "{body} welded to {other}", body=self.body, other=self.other
+        )
 
     def add(self, plant: StationPlant) -> None:
         """Add the weld to a plant that is not finalized: a constraint in a discrete plant, else stiff springs."""
@@ -298,7 +325,12 @@ class Hinge(BetweenFrames):
 
     def caption(self) -> str:
         """Describe the coupling in words."""
-        return message("parts.coupling_hinge", "a hinge between {body} and {other}", body=self.body, other=self.other)
+        return message(
+            "parts.coupling_hinge",
+            "a hinge between {body} and {other}",
+            body=self.body,
+            other=self.other,
+        )
 
     def add(self, plant: StationPlant) -> None:
         """Add the hinge to a plant that is not finalized.
@@ -368,7 +400,9 @@ class Gear(CouplingSection):
         """
         super().check(key, station)
         # The prefix is "<robot>." in a station of several robots, and empty in one of a single robot.
-        known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
+        known = [
+            f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes
+        ]
         for name in self.ratios:
             one_of(message("parts.axis_for_ratios", "axis for {key}.ratios", key=key), name, known)
         # Every solver that holds gears holds gears of two axes. In a kinematic station the references obey any gear.
@@ -386,13 +420,17 @@ class Gear(CouplingSection):
             raise InvalidParameter(
                 "solver.scheme",
                 engine.name,
-                message("parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others),
+                message(
+                    "parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others
+                ),
             )
         # `add` couples more than two joints by a tendon, which older Drake versions do not have.
         if engine.has_discrete_states and not TENDONS.is_there:
             older = message("parts.older_drake", "of two: older Drake couples no more")
             raise InvalidParameter(
-                f"{key}.ratios", message("parts.count_of_axes", "of {count} axes", count=len(self.ratios)), older
+                f"{key}.ratios",
+                message("parts.count_of_axes", "of {count} axes", count=len(self.ratios)),
+                older,
             )
 
     def is_constrained(self, engine: Engine) -> bool:
@@ -422,7 +460,9 @@ class Gear(CouplingSection):
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)
             # The sense of a robot's axis may be opposite to that of its joint: q_axis = sign q_joint.
-            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), ratios, strict=True):
+            for joint, axis, ratio in zip(
+                robot.joints, robot.model.axes.values(), ratios, strict=True
+            ):
                 if ratio:
                     coupled.append(CoupledJoint(joint, float(ratio) * axis.sign))
         return coupled
@@ -488,21 +528,32 @@ class Gear(CouplingSection):
         inverse_mass = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS / (ratios @ inverse_mass @ ratios)
         # The force is the product of this row with the vector (state, 1). The 1 brings in the constant c.
-        force_row = stiffness * np.append(-sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant))
+        force_row = stiffness * np.append(
+            -sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant)
+        )
         one = add_and_connect(builder, f"{key}.one", ConstantVectorSource([1.0]))
         state_and_one = add_multiplexer(builder, f"{key}.bus", site.state, one)
-        forces = add_matrix_gain(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
+        forces = add_matrix_gain(
+            builder, f"{key}.force", np.outer(ratios, force_row), state_and_one
+        )
         site.generalized_forces.append(forces)
         # In the picture of the diagram the first two blocks are only wires.
         site.picture.draw_nothing(f"{key}.one", f"{key}.bus")
         site.picture.draw(
-            f"{key}.force", "force", message("parts.block_couples", "What couples\n{axes}", axes=", ".join(self.ratios))
+            f"{key}.force",
+            "force",
+            message("parts.block_couples", "What couples\n{axes}", axes=", ".join(self.ratios)),
         )
 
     def caption(self) -> str:
         """Describe the gear in words."""
-        terms = [compound("{ratio:g} {axis}", ratio=ratio, axis=axis) for axis, ratio in self.ratios.items()]
-        return message("parts.coupling_gear", "a gear: {terms} stays as it is", terms=join_texts(terms, " + "))
+        terms = [
+            compound("{ratio:g} {axis}", ratio=ratio, axis=axis)
+            for axis, ratio in self.ratios.items()
+        ]
+        return message(
+            "parts.coupling_gear", "a gear: {terms} stays as it is", terms=join_texts(terms, " + ")
+        )
 
 
 class Spring(BetweenPoints):
@@ -549,7 +600,14 @@ class Spring(BetweenPoints):
 
 KINDS = Kinds(
     __name__,
-    {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"},
+    {
+        "gear": "Gear",
+        "ball": "Ball",
+        "rod": "Rod",
+        "weld": "Weld",
+        "hinge": "Hinge",
+        "spring": "Spring",
+    },
     base=CouplingSection,
     point="couplings",
 )

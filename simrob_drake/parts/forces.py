@@ -21,7 +21,15 @@ from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import Unsuitable, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
+from simrob_drake.base.sections import (
+    Duration,
+    Frequency,
+    Instant,
+    Number,
+    Positive,
+    Strict,
+    Triple,
+)
 from simrob_drake.base.signals import applied_signal
 from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
@@ -123,7 +131,9 @@ class ForceSection(Strict, ABC):
         if self.at is not None:
             movable_frames = [name for name in frame_names(station) if name != WORLD]
             known = [*station.robots, *movable_frames]
-            kind = message("parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key)
+            kind = message(
+                "parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key
+            )
             one_of(kind, self.at, known)
         self.place_name(key, station)
 
@@ -178,13 +188,22 @@ def add_force(
     site.spatial_forces.append(block.get_spatial_forces_output_port())
 
     label = message(
-        "parts.block_force", "Force '{name}'\n{caption}\nat {place}", name=name, caption=caption, place=place
+        "parts.block_force",
+        "Force '{name}'\n{caption}\nat {place}",
+        name=name,
+        caption=caption,
+        place=place,
     )
     # All systems of a force share one block of the picture.
     for system in (block_name, f"{block_name}.source"):
         site.picture.draw(system, "force", label, key=block_name)
     output = f"applied_force.{name}"
-    title = message("parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=place)
+    title = message(
+        "parts.applied_force",
+        "applied force '{name}' at {place}, in its axes",
+        name=name,
+        place=place,
+    )
     site.outputs.add(output, force, applied_signal(output, "N", title, part=name))
 
 
@@ -248,7 +267,9 @@ class Push(ForceSection):
     def caption(self) -> str:
         """Short description of the force for labels: its size and its begin."""
         size = float(np.linalg.norm(self.force))
-        return message("parts.force_push", "{size:.3g} N at {start:g} s", size=size, start=self.start)
+        return message(
+            "parts.force_push", "{size:.3g} N at {start:g} s", size=size, start=self.start
+        )
 
 
 class SineForce(ForceSection):
@@ -372,7 +393,9 @@ class Drag(ForceSection):
 
     def caption(self) -> str:
         """Short description of the force for labels: its begin and its end."""
-        return message("parts.force_drag", "drag from {start:g} to {end:g} s", start=self.start, end=self.end)
+        return message(
+            "parts.force_drag", "drag from {start:g} to {end:g} s", start=self.start, end=self.end
+        )
 
 
 class DragSpring(SampledBlock):
@@ -411,12 +434,16 @@ class DragSpring(SampledBlock):
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}
         super().__init__(period=period, reads=reads, memory={"force": np.zeros(3)}, gives=["force"])
-        self._plant = weakref.proxy(plant)  # the station owns the plant: a block must not keep it in memory
+        self._plant = weakref.proxy(
+            plant
+        )  # the station owns the plant: a block must not keep it in memory
         self._frame = frame.index()
         self._point = point
         self._stiffness = stiffness
         self._damping = damping
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its state anew
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the force at this sample."""

@@ -117,7 +117,9 @@ class Ground:
         """The boxes of the ground as arrays."""
         # Without boxes, NumPy makes arrays of the shape (0,), which the reshapes turn into (0, 1, 3).
         return _Boxes(
-            rotations=np.array([pose.rotation().matrix() for pose, _ in self.boxes]).reshape(-1, 3, 3),
+            rotations=np.array([pose.rotation().matrix() for pose, _ in self.boxes]).reshape(
+                -1, 3, 3
+            ),
             middles=np.array([pose.translation() for pose, _ in self.boxes]).reshape(-1, 1, 3),
             halves=np.array([half for _, half in self.boxes]).reshape(-1, 1, 3),
         )
@@ -152,7 +154,9 @@ class Ground:
         # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
         # axis while -half <= start + z up <= half, and in the box while this holds for all three axes.
         boxes = self._boxes_near(points)
-        vertical = boxes.rotations[:, 2:]  # the world's vertical in the axes of each box, shape (k, 1, 3)
+        vertical = boxes.rotations[
+            :, 2:
+        ]  # the world's vertical in the axes of each box, shape (k, 1, 3)
         up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
         points_at_zero = points * [1.0, 1.0, 0.0]
         start = (points_at_zero - boxes.middles) @ boxes.rotations  # shape (k, m, 3)

@@ -36,10 +36,14 @@ class InputPorts(dict[str, InputPort]):
         """
         # The nearest name may be that of an input that the station does not have, since it does not list it.
         what = message("parts.input", "input")
-        listable = {full_name: key for full_name, key in self._listable.items() if full_name not in self}
+        listable = {
+            full_name: key for full_name, key in self._listable.items() if full_name not in self
+        }
         close = nearest_name(name, [*self, *listable])
         if close not in listable:
-            raise UnknownKey(what, name, self)  # it proposes the nearest name among the inputs of the station
+            raise UnknownKey(
+                what, name, self
+            )  # it proposes the nearest name among the inputs of the station
         remedy = message(
             "parts.list_the_input",
             "; the input '{input}' is there if the key inputs of the station lists it, as in "

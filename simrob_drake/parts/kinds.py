@@ -15,7 +15,12 @@ from pydantic import BaseModel, BeforeValidator, Field, GetJsonSchemaHandler, Ty
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
-from simrob_drake.base.extension import additions, classes_of_extensions, load_addition_class, register_core_names
+from simrob_drake.base.extension import (
+    additions,
+    classes_of_extensions,
+    load_addition_class,
+    register_core_names,
+)
 from simrob_drake.base.known_extensions import check_provided
 from simrob_drake.base.messages import message
 
@@ -69,7 +74,9 @@ class Kinds:
         """
         if kind not in self._classes:
             # A kind of an extension. Its module is imported here, when a station uses the kind.
-            added: type[BaseModel] = load_addition_class(additions(self._point)[kind], self._extension_base)
+            added: type[BaseModel] = load_addition_class(
+                additions(self._point)[kind], self._extension_base
+            )
             return added
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
@@ -124,7 +131,9 @@ class Kinds:
         """
         return core_schema.no_info_plain_validator_function(self._check)
 
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        self, _schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         """Make the JSON schema of a section of any kind. This imports the classes of all kinds."""
         union: Any = Annotated[reduce(or_, self.models.values()), Field(discriminator="kind")]
         return handler(TypeAdapter(union).core_schema)
@@ -141,7 +150,9 @@ class Kinds:
         """
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
         if isinstance(kind, str) and kind not in self:
-            check_provided(self._point, kind, message("parts.the_kind", "the kind {kind}", kind=kind))
+            check_provided(
+                self._point, kind, message("parts.the_kind", "the kind {kind}", kind=kind)
+            )
         # For an unknown kind, the validator of all kinds makes the error, which lists them.
         known_kind = kind if kind in self else None
         return self._validator(known_kind).validate_python(section)

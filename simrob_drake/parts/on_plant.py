@@ -12,7 +12,14 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, FrameIndex, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FrameIndex,
+    Joint,
+    JointActuatorIndex,
+    ModelInstanceIndex,
+    RigidBody,
+)
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import PassThrough
 
@@ -106,10 +113,14 @@ def add_joint_servos(
     """
     _check_plant(builder, plant)
     found = _joints_of(plant, joints, model_instance)
-    owner = found[0].model_instance()  # all joints are of one instance, whose actuators have one input port
+    owner = found[
+        0
+    ].model_instance()  # all joints are of one instance, whose actuators have one input port
     names = [joint.name() for joint in found]
     passive = _without_actuator(plant, found)
-    gains = _gains(plant, found, passive, kp=kp, ki=ki, kd=kd, torque_limit=torque_limit, motor=motor)
+    gains = _gains(
+        plant, found, passive, kp=kp, ki=ki, kd=kd, torque_limit=torque_limit, motor=motor
+    )
     _check_damping(plant, found, gains)
     # An input of a Drake system can only be connected once, and Drake's own error does not name the reason.
     actuation_port = plant.get_actuation_input_port(owner)
@@ -131,7 +142,9 @@ def add_joint_servos(
     reference = add_input("reference")
     velocity = add_input("reference_velocity") if with_reference_velocity else None
     feedforward = add_input("feedforward") if with_feedforward else None
-    state = add_matrix_gain(builder, f"{name}.state", axes.state_matrix, plant.get_state_output_port())
+    state = add_matrix_gain(
+        builder, f"{name}.state", axes.state_matrix, plant.get_state_output_port()
+    )
     signals = ServoSignals(
         reference=reference.get_output_port(),
         state=state,
@@ -143,7 +156,9 @@ def add_joint_servos(
     actuation_matrix = axes.actuation_matrix(plant, owner, passive)
     # Without any actuator, the port has no entries.
     if not passive.all():
-        builder.Connect(add_matrix_gain(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port)
+        builder.Connect(
+            add_matrix_gain(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port
+        )
     return JointServos(
         joints=names,
         passive=[joint for joint, is_passive in zip(names, passive, strict=True) if is_passive],
@@ -218,7 +233,9 @@ def add_joint_limit_monitor(
     names = [joint.name() for joint in found]
     lower = np.array([joint.position_lower_limit() for joint in found])
     upper = np.array([joint.position_upper_limit() for joint in found])
-    places = AxisMap.of_joints(plant, found).position_places  # indices of the joints' positions in the state
+    places = AxisMap.of_joints(
+        plant, found
+    ).position_places  # indices of the joints' positions in the state
 
     def distances_beyond(state: Vector) -> Vector:
         """Compute how far each joint is beyond its nearer limit, shape (n,); negative within the range."""
@@ -233,7 +250,12 @@ def add_joint_limit_monitor(
         """Name the joint and its position."""
         worst = int(np.argmax(distances_beyond(state)))
         position = float(state[places][worst])
-        return message("parts.joint_at_limit", "{joint} is at {position:.4g}", joint=names[worst], position=position)
+        return message(
+            "parts.joint_at_limit",
+            "{joint} is at {position:.4g}",
+            joint=names[worst],
+            position=position,
+        )
 
     ports = {"state": plant.get_state_output_port()}
     return add_monitor(builder, ports, excess=excess, why=why, hold=hold, name=name)
@@ -285,7 +307,9 @@ def add_contact_sensor(
         frame=felt_at,
     )
     contacts = _contacts_of(builder, plant)
-    return add_and_connect(builder, name or f"contact.{body}", sensor, contacts, plant.get_body_poses_output_port())
+    return add_and_connect(
+        builder, name or f"contact.{body}", sensor, contacts, plant.get_body_poses_output_port()
+    )
 
 
 @drake_asserts()
@@ -330,7 +354,9 @@ def add_imu(
     _check_plant(builder, plant)
     positive_rate = np.isfinite(rate) and rate > 0
     if not positive_rate:
-        raise InvalidParameter("rate", rate, message("parts.positive_rate", "a positive number [Hz]"))
+        raise InvalidParameter(
+            "rate", rate, message("parts.positive_rate", "a positive number [Hz]")
+        )
     # The section of a station file checks the other values, and has them for the block.
     section = Imu(
         kind="imu",
@@ -341,7 +367,9 @@ def add_imu(
         accelerometer_bias=accelerometer_bias,
         gyroscope_bias=gyroscope_bias,
     )
-    block = InertialUnit(section, plant, plant.get_frame(_frame_index(plant, frame, model_instance)))
+    block = InertialUnit(
+        section, plant, plant.get_frame(_frame_index(plant, frame, model_instance))
+    )
     add_and_connect(builder, name or f"imu.{frame}", block, plant.get_state_output_port())
     return block
 
@@ -359,18 +387,24 @@ def _check_plant(builder: object, plant: object) -> None:
         SimrobError: the plant is not finalized, or is in another builder.
     """
     instance(builder, "builder", DiagramBuilder, _a_builder())
-    instance(plant, "plant", MultibodyPlant, message("parts.drakes_plant", "a MultibodyPlant of Drake"))
+    instance(
+        plant, "plant", MultibodyPlant, message("parts.drakes_plant", "a MultibodyPlant of Drake")
+    )
     assert isinstance(builder, DiagramBuilder)
     assert isinstance(plant, MultibodyPlant)
     if not plant.is_finalized():
         raise SimrobError(
             message(
-                "parts.plant_not_finalized", "the plant is not finalized; call plant.Finalize() before parts are added"
+                "parts.plant_not_finalized",
+                "the plant is not finalized; call plant.Finalize() before parts are added",
             )
         )
     if not any(system is plant for system in builder.GetSystems()):
         raise SimrobError(
-            message("parts.plant_elsewhere", "the plant is not in this builder; give the one that has it")
+            message(
+                "parts.plant_elsewhere",
+                "the plant is not in this builder; give the one that has it",
+            )
         )
 
 
@@ -393,7 +427,9 @@ def _joints_of(
     """
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     # Joints that turn or slide about one axis: the servos have one value for each joint.
-    single = [joint for joint in every if joint.num_positions() == 1 and joint.num_velocities() == 1]
+    single = [
+        joint for joint in every if joint.num_positions() == 1 and joint.num_velocities() == 1
+    ]
     if model_instance is not None:
         single = [joint for joint in single if joint.model_instance() == model_instance]
     if names is None:
@@ -411,7 +447,9 @@ def _joints_of(
     # The actuators of an instance share one port, so servos for several instances would need several blocks.
     instances = {int(joint.model_instance()) for joint in found}
     if len(instances) > 1:
-        listed = ", ".join(plant.GetModelInstanceName(ModelInstanceIndex(index)) for index in sorted(instances))
+        listed = ", ".join(
+            plant.GetModelInstanceName(ModelInstanceIndex(index)) for index in sorted(instances)
+        )
         raise InvalidParameter(
             "joints",
             message("parts.in_instances", "in the model instances {instances}", instances=listed),
@@ -429,7 +467,10 @@ def _joints_of(
 
 def _without_actuator(plant: MultibodyPlant, joints: Sequence[Joint]) -> Flags:
     """Find which joints have no actuator, shape (n,)."""
-    actuators = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+    actuators = [
+        plant.get_joint_actuator(JointActuatorIndex(index))
+        for index in range(plant.num_actuators())
+    ]
     driven = {int(actuator.joint().index()) for actuator in actuators}
     return np.array([int(joint.index()) not in driven for joint in joints])
 
@@ -448,7 +489,11 @@ def _effort_limits(plant: MultibodyPlant, joints: Sequence[Joint]) -> Vector:
 
 
 def _values(
-    key: str, value: JointValues, names: Sequence[str], passive: Flags, otherwise: float | Vector = 0.0
+    key: str,
+    value: JointValues,
+    names: Sequence[str],
+    passive: Flags,
+    otherwise: float | Vector = 0.0,
 ) -> Vector:
     """Spread a value over joints, shape (n,). Passive joints get 0.
 
@@ -469,18 +514,26 @@ def _values(
         for name, own in value.items():
             index = list(names).index(one_of(what, name, names))
             if passive[index] and own:
-                expected = message("parts.no_actuator", "left out: this joint has no actuator in the plant")
+                expected = message(
+                    "parts.no_actuator", "left out: this joint has no actuator in the plant"
+                )
                 raise InvalidParameter(f"{key}[{name!r}]", own, expected)
             values[index] = own
     else:
         entries = numbers(value)
         if entries.shape not in ((), (len(names),)):
-            expected = message("parts.values_of_joints", "one number, or {count}, one for each joint", count=len(names))
+            expected = message(
+                "parts.values_of_joints",
+                "one number, or {count}, one for each joint",
+                count=len(names),
+            )
             raise InvalidParameter(key, quoted(value), expected)
         values = np.array(np.broadcast_to(entries, len(names)))
     # An infinite torque limit is a motor without a limit; infinite gains are mistakes.
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
-        raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite numbers"))
+        raise InvalidParameter(
+            key, quoted(value), message("parts.finite_numbers", "finite numbers")
+        )
     return np.where(passive, 0.0, values)
 
 
@@ -544,7 +597,9 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
             model = own
         # The line from the torque at rest to the speed without load needs both of its ends.
         if model.stall_torque is None or model.no_load_speed is None:
-            expected = message("parts.whole_motor", "a Motor with stall_torque [N·m] and no_load_speed [rad/s]")
+            expected = message(
+                "parts.whole_motor", "a Motor with stall_torque [N·m] and no_load_speed [rad/s]"
+            )
             raise InvalidParameter("motor", quoted(own), expected)
         motors[index] = model.at_output
     return motors
@@ -575,7 +630,9 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
         return  # a solver of a continuous plant chooses steps that are short enough
     # A velocity v becomes (1 - kd h / M) v in a step h, which must not be larger than v: kd h / M < 2.
     mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
-    free_inertias = 1 / np.diag(np.linalg.inv(mass_matrix))  # of each axis while the others move freely
+    free_inertias = 1 / np.diag(
+        np.linalg.inv(mass_matrix)
+    )  # of each axis while the others move freely
     inertias = free_inertias[[joint.velocity_start() for joint in joints]]
     worst = int(np.argmax(gains.kd / inertias))
     largest = _STABLE_DAMPING * inertias[worst] / step
@@ -589,7 +646,9 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
         raise InvalidParameter(f"kd[{joints[worst].name()!r}]", gains.kd[worst], expected)
 
 
-def _body_of(plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None) -> RigidBody:
+def _body_of(
+    plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None
+) -> RigidBody:
     """Find a body by its name.
 
     Args:
@@ -608,7 +667,9 @@ def _body_of(plant: MultibodyPlant, name: str, model_instance: ModelInstanceInde
     return bodies[_index_of_unique("body", message("parts.body", "body"), name, names)]
 
 
-def _frame_index(plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None) -> FrameIndex:
+def _frame_index(
+    plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None
+) -> FrameIndex:
     """Find a frame by its name; arguments and errors are those of :func:`_body_of`, for frames."""
     frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
     if model_instance is not None:

@@ -109,7 +109,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
         notes: remarks for results on how a part was made, such as its kind, by the name of the part.
     """
 
-    def __init__(self, state: OutputPort, plant: MultibodyPlant, *, defers_reports: bool = False) -> None:
+    def __init__(
+        self, state: OutputPort, plant: MultibodyPlant, *, defers_reports: bool = False
+    ) -> None:
         """Begin without outputs.
 
         Args:
@@ -122,7 +124,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self._plant = plant
         self._defers_reports = defers_reports
         self._ports: dict[str, OutputPort] = {}
-        self._reports: dict[str, _Report] = {}  # blocks that have not joined the diagram, by the names of their outputs
+        self._reports: dict[
+            str, _Report
+        ] = {}  # blocks that have not joined the diagram, by the names of their outputs
         self.signals: list[Signal] = []
         self.of_state: dict[str, FromState] = {}
         self.after_run: dict[str, Compute] = {}
@@ -165,7 +169,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {', '.join(self)}>"
 
-    def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
+    def add(
+        self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None
+    ) -> None:
         """Declare an output once: result columns, plots and the block picture read the declaration.
 
         Args:
@@ -181,7 +187,12 @@ class OutputRegistry(Mapping[str, OutputPort]):
             self.of_state[output] = of_state
 
     def add_report(
-        self, builder: DiagramBuilder, name: str, block: LeafSystem, source: OutputPort, *outputs: str
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        block: LeafSystem,
+        source: OutputPort,
+        *outputs: str,
     ) -> None:
         """Add a block that only reports: nothing in the station needs its outputs, which are declared by `add`.
 
@@ -223,7 +234,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
             block: the block, which has not joined yet.
         """
         # A block may give several outputs: none of them is deferred from now on.
-        joining_outputs = [output for output, report in self._reports.items() if report.block is block]
+        joining_outputs = [
+            output for output, report in self._reports.items() if report.block is block
+        ]
         source = self._reports[joining_outputs[0]].source
         builder.AddSystem(block)
         builder.Connect(source, block.get_input_port(0))

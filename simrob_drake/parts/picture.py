@@ -52,7 +52,9 @@ class PictureLabels:
         # If the station has one robot only, blocks do not name it.
         owner = robot.name if robot is not None and robot.prefix else ""
         steps = tuple(translate(step) for step in inside)
-        self.drawn[name] = Drawn(key or name, role, translate(label), owner, steps, within, net or {})
+        self.drawn[name] = Drawn(
+            key or name, role, translate(label), owner, steps, within, net or {}
+        )
 
     def draw_nothing(self, *names: str) -> None:
         """Declare systems as wiring, which is drawn as a part of the arrows."""

@@ -63,7 +63,9 @@ class ReferenceSection(Strict, ABC):
         words = self._words(model)
         if not start:
             return words
-        return message("parts.reference_from", "{words}, from {start:g} s", words=words, start=start)
+        return message(
+            "parts.reference_from", "{words}, from {start:g} s", words=words, start=start
+        )
 
     @abstractmethod
     def _words(self, model: RobotModel) -> str:
@@ -134,7 +136,9 @@ class Hold(ReferenceSection):
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m]."""
-        return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
+        return hold(
+            start if self.target_deg is None else si_positions(self.target_deg, robot, start)
+        )
 
     def _words(self, model: RobotModel) -> str:
         """Describe the reference in words, without its start time."""
@@ -210,8 +214,12 @@ class Cruise(ReferenceSection):
         is_moving = target != start  # an axis that does not move needs no limits
         speeds = _checked_limits("speed_deg", self.speed_deg, robot, robot.speed_limits, is_moving)
         own_accelerations = robot.model.accelerations
-        accelerations = _checked_limits("acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving)
-        return cruise_to(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
+        accelerations = _checked_limits(
+            "acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving
+        )
+        return cruise_to(
+            start, target, speeds, accelerations, self._jerks(robot), start_time=self.start
+        )
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³]; infinite here, so that the acceleration jumps."""
@@ -248,7 +256,9 @@ class SCurve(Cruise):
         if self.jerk_deg is None:
             return None
         # Axes that a mapping does not name have no limit.
-        unlimited = np.full(len(robot.axes), np.inf)  # an infinite jerk is a jump of the acceleration
+        unlimited = np.full(
+            len(robot.axes), np.inf
+        )  # an infinite jerk is a jump of the acceleration
         return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
 
@@ -288,13 +298,21 @@ def _checked_limits(
             raise InvalidParameter(
                 where,
                 compound("{value:.5g} {per_time}", value=value / unit, per_time=unit_name),
-                message("parts.limit_of_robot", "at most {limit:.5g}, the robot's own limit", limit=limit / unit),
+                message(
+                    "parts.limit_of_robot",
+                    "at most {limit:.5g}, the robot's own limit",
+                    limit=limit / unit,
+                ),
             )
         if is_moving[axis] and not np.isfinite(value):
             raise InvalidParameter(
                 where,
                 None,
-                message("parts.rate_needed", "given [{per_time}]: the robot's files tell none", per_time=unit_name),
+                message(
+                    "parts.rate_needed",
+                    "given [{per_time}]: the robot's files tell none",
+                    per_time=unit_name,
+                ),
             )
     return chosen
 
@@ -381,7 +399,8 @@ class SineWave(ReferenceSection):
         # degrees for axes that slide, too.
         return SineReference(
             centre=start,
-            amplitude=model.user_units * model.axis_vector(self.amplitude_deg, "reference.amplitude_deg"),
+            amplitude=model.user_units
+            * model.axis_vector(self.amplitude_deg, "reference.amplitude_deg"),
             frequency=self.frequency,
             phase=np.deg2rad(model.axis_vector(self.phase_deg, "reference.phase_deg")),
         )
@@ -445,7 +464,9 @@ class Table(ReferenceSection):
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         if len(values) < 2:  # one row is a posture, which has no motion
             raise InvalidConfig(
-                self.file, "", message("parts.fewer_than_two_rows", "holds fewer than two rows of values")
+                self.file,
+                "",
+                message("parts.fewer_than_two_rows", "holds fewer than two rows of values"),
             )
         if values.size > MOST_VALUES:
             most = MOST_VALUES // values.shape[1]
@@ -473,7 +494,9 @@ class Table(ReferenceSection):
                 before=before,
                 shortest=SHORTEST,
             )
-            raise InvalidConfig(self.file, message("base.line", "line {line}", line=lines[row + 1]), text)
+            raise InvalidConfig(
+                self.file, message("base.line", "line {line}", line=lines[row + 1]), text
+            )
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:

@@ -29,7 +29,9 @@ from simrob_drake.robots.pieces import TCP, PieceModel
 WORLD = "world"
 
 
-def name_or_only(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
+def name_or_only(
+    name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot"
+) -> str:
     """Check that a name is known. Without a name, return the only known one.
 
     Args:
@@ -53,7 +55,9 @@ def name_or_only(name: str | None, known: Sequence[str], *, kind: str = "robot",
             None,
             message("parts.a_thing_and_there_is_none", "a {thing}, and there is none", thing=thing),
         )
-    raise InvalidParameter(key, None, message("parts.one_of", "one of {known}", known=", ".join(known)))
+    raise InvalidParameter(
+        key, None, message("parts.one_of", "one of {known}", known=", ".join(known))
+    )
 
 
 @dataclass(frozen=True)
@@ -63,16 +67,24 @@ class ResolvedRobot:
     name: str  # its key in the station
     prefix: str  # text before the names of its ports, such as "left."; empty for the only robot
     model: RobotModel
-    base: RigidTransform  # pose of its root link in the world; only at the start if the robot floats
+    base: (
+        RigidTransform  # pose of its root link in the world; only at the start if the robot floats
+    )
     floats: bool  # whether nothing holds its root link
     gains: ServoGains  # gains and limits of its servos
     # stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m]
     stops: tuple[Vector, Vector]
     initial: Vector  # positions of its axes at the start, shape (n,) [rad or m]
-    carried: tuple[str, ...]  # names of the pieces that it carries, each after the piece to which it is attached
-    held: tuple[str, ...]  # those of them that are attached to its tools, directly or through other pieces
+    carried: tuple[
+        str, ...
+    ]  # names of the pieces that it carries, each after the piece to which it is attached
+    held: tuple[
+        str, ...
+    ]  # those of them that are attached to its tools, directly or through other pieces
     loads: Mapping[str, float]  # mass of each piece that it carries, by name [kg]
-    tool_frames: Mapping[str, str]  # name of the frame in the plant, by the name of a tool or of a carried piece
+    tool_frames: Mapping[
+        str, str
+    ]  # name of the frame in the plant, by the name of a tool or of a carried piece
     tcp: str  # name of the tool in use; empty if the robot has none
     # pose of the tool centre point in the frame of the tool in use, which is then called ``tcp``; None if the point is
     # the origin of this frame
@@ -80,11 +92,15 @@ class ResolvedRobot:
     feet: FootContact | None  # contact points of its feet; None if it has no feet
     # references of axes whose motion is prescribed in a dynamic station, with one value each, by the axis's index
     prescribed: Mapping[int, Reference]
-    motors: tuple[Motor | None, ...]  # motor of each axis; None for an ideal servo, which has no motor model
+    motors: tuple[
+        Motor | None, ...
+    ]  # motor of each axis; None for an ideal servo, which has no motor model
 
     def __repr__(self) -> str:
         tool = f", tool {self.tcp}" if self.tcp else ""
-        return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
+        return (
+            f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
+        )
 
     @property
     def axes(self) -> list[str]:
@@ -100,7 +116,9 @@ class ResolvedRobot:
     def load_in_words(self) -> Message:
         """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``, of those that have one."""
         masses = [
-            compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass
+            compound("{piece} {mass:.3g} kg", piece=piece, mass=mass)
+            for piece, mass in self.loads.items()
+            if mass
         ]
         return join_texts(masses, " + ")
 
@@ -173,4 +191,6 @@ class StationContents:
 
 
 if not TYPE_CHECKING:
-    __getattr__ = former_names_of(__name__, {"Surroundings": "StationContents", "named": "name_or_only"})
+    __getattr__ = former_names_of(
+        __name__, {"Surroundings": "StationContents", "named": "name_or_only"}
+    )

@@ -84,13 +84,31 @@ class Site:
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             # The level of the warning counts the functions from `_warn` up, so it must be called from here.
-            _warn(message("parts.site_renamed", "Site.{name} is now Site.{owner}.{name}", name=name, owner=owner))
+            _warn(
+                message(
+                    "parts.site_renamed",
+                    "Site.{name} is now Site.{owner}.{name}",
+                    name=name,
+                    owner=owner,
+                )
+            )
             return getattr(getattr(self, owner), name)
 
 
 _FORMER_ATTRIBUTES: Mapping[str, str] = MappingProxyType(
     dict.fromkeys(
-        ("add", "add_report", "from_state", "value", "of_state", "images", "later", "signals", "monitors", "notes"),
+        (
+            "add",
+            "add_report",
+            "from_state",
+            "value",
+            "of_state",
+            "images",
+            "later",
+            "signals",
+            "monitors",
+            "notes",
+        ),
         "outputs",
     )
     | dict.fromkeys(("draw", "draw_nothing", "drawn"), "picture")
@@ -98,7 +116,8 @@ _FORMER_ATTRIBUTES: Mapping[str, str] = MappingProxyType(
 """Former attributes of a `Site`, and its attribute that has them now. Until 0.2."""
 
 _FORMER_NAMES: Mapping[str, str] = MappingProxyType(
-    dict.fromkeys(("WORLD", "ResolvedPiece", "ResolvedRobot"), "resolved") | {"FromState": "outputs"}
+    dict.fromkeys(("WORLD", "ResolvedPiece", "ResolvedRobot"), "resolved")
+    | {"FromState": "outputs"}
 )
 """Names that this module had, and the module of the same package that has them now. Until 0.2."""
 
@@ -107,7 +126,9 @@ def _warn(renaming: str) -> None:
     """Warn the code that used a former name, two callers above this function."""
     # Level 1 is this function, 2 the lookup of the former name, 3 the code that used it.
     warnings.warn(
-        message("parts.former_name_goes", "{renaming}; the former name goes in 0.2", renaming=renaming),
+        message(
+            "parts.former_name_goes", "{renaming}; the former name goes in 0.2", renaming=renaming
+        ),
         DeprecationWarning,
         stacklevel=3,
     )

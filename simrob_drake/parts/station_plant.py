@@ -10,7 +10,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, QueryObject, SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    QueryObject,
+    SceneGraph,
+)
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort
@@ -32,7 +38,9 @@ class StationRobot(ResolvedRobot):
     instance: ModelInstanceIndex  # its model instance in the plant
     joints: list[Joint]  # joints of its axes, in order
     root: Frame  # frame of its root link
-    tools: dict[str, Frame]  # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
+    tools: dict[
+        str, Frame
+    ]  # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
 
     @cached_property
     def axis_map(self) -> AxisMap:
@@ -75,10 +83,14 @@ class StationPlant:
     # pairs of shapes between which the contact points touch; a collision filter lets the two shapes themselves pass
     # through each other
     replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
-    stand_in: PlantBlock | None = None  # block of another engine in the diagram; None if the plant itself is stepped
+    stand_in: PlantBlock | None = (
+        None  # block of another engine in the diagram; None if the plant itself is stepped
+    )
     # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
     holds_constraints: bool = False
-    scope: str = ""  # text before the names of the station's model instances, see `StationContents.scope`
+    scope: str = (
+        ""  # text before the names of the station's model instances, see `StationContents.scope`
+    )
     is_shared: bool = False  # whether the plant is one of the user's own, with further bodies in it
 
     @property
@@ -121,7 +133,9 @@ class StationPlant:
         context = self.scene_graph.GetMyMutableContextFromRoot(clone)
         filters = self.scene_graph.collision_filter_manager(context)
         for first, second in self.replaced_pairs:
-            pair_collides = CollisionFilterDeclaration().AllowBetween(GeometrySet(first), GeometrySet(second))
+            pair_collides = CollisionFilterDeclaration().AllowBetween(
+                GeometrySet(first), GeometrySet(second)
+            )
             filters.Apply(pair_collides)
         return clone
 
@@ -156,7 +170,11 @@ class StationPlant:
         """
         # A piece that a robot carries is a part of the robot's model instance.
         carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
-        instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{self.scope}{piece}::{piece}")
+        instance = (
+            carriers[0]
+            if carriers
+            else self.plant.GetModelInstanceByName(f"{self.scope}{piece}::{piece}")
+        )
         return self.plant.GetFrameByName(frame, instance)
 
     def __repr__(self) -> str:

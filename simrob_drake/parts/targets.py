@@ -25,7 +25,9 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
     return name.rsplit("::", 1)[-1]
 
 
-def piece_of_shape(station: StationContents, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
+def piece_of_shape(
+    station: StationContents, inspector: SceneGraphInspector, shape: GeometryId
+) -> str | None:
     """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
     # The name is <scope><owner>::...::<piece>.<shape> for a piece.
     scoped_owner = inspector.GetName(shape).partition("::")[0]
@@ -93,7 +95,9 @@ def body_names(station: StationContents) -> list[str]:
 def frame_names(station: StationContents) -> list[str]:
     """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
     # Links and tools have the prefix of their robot, pieces are unique in the station.
-    tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
+    tools = [
+        f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools
+    ]
     return [WORLD, *_link_names(station), *tools, *station.pieces]
 
 
@@ -112,9 +116,15 @@ def check_body(station: StationContents, key: str, name: str) -> None:
     # The word is always known, so a station without a floor gets an error of its own instead of "unknown name".
     if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(
-            key, name, message("parts.no_floor", "something that the station has; it has no floor: section")
+            key,
+            name,
+            message("parts.no_floor", "something that the station has; it has no floor: section"),
         )
-    one_of(message("parts.body_or_shape_for", "body or shape for {key}", key=key), name, body_names(station))
+    one_of(
+        message("parts.body_or_shape_for", "body or shape for {key}", key=key),
+        name,
+        body_names(station),
+    )
 
 
 def check_frame(station: StationContents, key: str, name: str) -> None:
@@ -183,7 +193,9 @@ def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
 
     Links that are fixed to others have no body of their own: their body is that of the link to which they are fixed.
     """
-    robot = next((one for one in plant.robots.values() if one.instance == body.model_instance()), None)
+    robot = next(
+        (one for one in plant.robots.values() if one.instance == body.model_instance()), None
+    )
     if robot is None:
         return False
     if name == robot.name:

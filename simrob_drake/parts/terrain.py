@@ -111,10 +111,18 @@ class Terrain(Strict):
     def _check_sizes(self) -> "Terrain":
         """Check that the keys fit the kind, and that the field has at least one tile and not too many boxes."""
         if self.kind == "grid" and self.file is None:
-            raise ValueError(message("parts.grid_without_file", "file is missing, which has the heights of a grid"))
+            raise ValueError(
+                message(
+                    "parts.grid_without_file", "file is missing, which has the heights of a grid"
+                )
+            )
         if self.kind != "grid" and self.file is not None:
             raise ValueError(
-                message("parts.file_of_grid_only", "file goes with kind grid alone, not with {kind}", kind=self.kind)
+                message(
+                    "parts.file_of_grid_only",
+                    "file goes with kind grid alone, not with {kind}",
+                    kind=self.kind,
+                )
             )
         if self.kind == "gaps" and self.gap >= self.size:
             raise ValueError(
@@ -132,7 +140,11 @@ class Terrain(Strict):
         across = self.width / self.size
         if along < 1 or across < 1:
             raise ValueError(
-                message("parts.size_not_below", "size ({size:g} m) is not more than length and width", size=self.size)
+                message(
+                    "parts.size_not_below",
+                    "size ({size:g} m) is not more than length and width",
+                    size=self.size,
+                )
             )
         if along * across > MOST_BOXES:
             least = np.sqrt(self.length * self.width / MOST_BOXES)
@@ -183,7 +195,9 @@ class Terrain(Strict):
                 pixels = np.asarray(picture.convert("F"))[::-1, ::-1]
                 return np.asarray(self.height / white * pixels, dtype=float)
         except OSError as error:
-            problem = message("parts.no_picture", "cannot be read as a picture ({problem})", problem=error)
+            problem = message(
+                "parts.no_picture", "cannot be read as a picture ({problem})", problem=error
+            )
             raise InvalidConfig(self.file, "", problem) from error
 
     def blocks(self, floor: float) -> list[TerrainBox]:
@@ -254,10 +268,16 @@ class Terrain(Strict):
         if self.kind == "grid":
             rows, columns = self.heights().shape
             return _Tiles(rows, columns)
-        return _Tiles(int(self.length / self.size + _ROUNDING), int(self.width / self.size + _ROUNDING))
+        return _Tiles(
+            int(self.length / self.size + _ROUNDING), int(self.width / self.size + _ROUNDING)
+        )
 
     def _slab(
-        self, along: tuple[float, float], across: tuple[float, float], top: float = 0.0, modulus: float | None = None
+        self,
+        along: tuple[float, float],
+        across: tuple[float, float],
+        top: float = 0.0,
+        modulus: float | None = None,
     ) -> TerrainBox:
         """Create an upright box from below the floor to a height.
 
@@ -283,7 +303,9 @@ class Terrain(Strict):
             for (x, y), top in zip(middles, tops, strict=True)
         ]
 
-    def _ridges(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
+    def _ridges(
+        self, middles: Vector, side: float, random: np.random.Generator
+    ) -> list[TerrainBox]:
         """Create plates across the field that rise and fall in turn."""
         # A plate spans a size along the field and the height up or down.
         angle = np.arctan2(self.height, self.size)
@@ -307,9 +329,14 @@ class Terrain(Strict):
         positions = np.unique(middles[:, 0])
         tops = random.uniform(0.0, self.height, len(positions))
         half = self.size / 8
-        return [self._slab((x - half, x + half), (-side, side), top) for x, top in zip(positions, tops, strict=True)]
+        return [
+            self._slab((x - half, x + half), (-side, side), top)
+            for x, top in zip(positions, tops, strict=True)
+        ]
 
-    def _stones(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
+    def _stones(
+        self, middles: Vector, side: float, random: np.random.Generator
+    ) -> list[TerrainBox]:
         """Create a stone near each middle: a box of random size, orientation and height."""
         boxes = []
         for x, y in middles:
@@ -331,7 +358,9 @@ class Terrain(Strict):
             boxes.append(TerrainBox(RigidTransform(rotation, middle), half))
         return boxes
 
-    def _stairs(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
+    def _stairs(
+        self, middles: Vector, side: float, random: np.random.Generator
+    ) -> list[TerrainBox]:
         """Create the steps of stairs that rise up to the middle of the field, and fall again."""
         positions = np.unique(middles[:, 0])
         half = self.size / 2
@@ -352,7 +381,10 @@ class Terrain(Strict):
             edges += [x - self.gap / 2, x + self.gap / 2]
         edges.append(self.start + self._tiles().rows * self.size)
         # Pairs of edges are the begin and the end of level ground.
-        return [self._slab((edges[index], edges[index + 1]), (-side, side)) for index in range(0, len(edges), 2)]
+        return [
+            self._slab((edges[index], edges[index + 1]), (-side, side))
+            for index in range(0, len(edges), 2)
+        ]
 
     def _grid(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         """Create the tiles of a grid. Neighbours of equal height in a row are one box.

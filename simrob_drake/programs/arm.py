@@ -140,13 +140,19 @@ class Arm(ArmGeometry):
             raise InvalidParameter(
                 "robot",
                 model.name,
-                message("programs.robot_on_fixed_base", "one on a fixed base; LeggedRobot programs those with legs"),
+                message(
+                    "programs.robot_on_fixed_base",
+                    "one on a fixed base; LeggedRobot programs those with legs",
+                ),
             )
         if not self.cell.model.robots[self.name].tcp:
             raise InvalidParameter(
                 "robot",
                 model.name,
-                message("programs.robot_with_tool", "one with a tool frame, under tools: in its robot.yaml"),
+                message(
+                    "programs.robot_with_tool",
+                    "one with a tool frame, under tools: in its robot.yaml",
+                ),
             )
         if tool is not None:
             self.tool(tool)
@@ -205,7 +211,10 @@ class Arm(ArmGeometry):
         Raises:
             SimrobError: the move has a wrong key or value, or cannot be done.
         """
-        return cast(SimulationResult | None, move_from(move).perform(self.cell, self.name, self.cell.run_plans))
+        return cast(
+            SimulationResult | None,
+            move_from(move).perform(self.cell, self.name, self.cell.run_plans),
+        )
 
     move_abs_j = _method_that_runs(plan_move_abs_j)
     """Move the axes to a posture (n,), or through several (k, n) [rad or m]; see :func:`plan_move_abs_j`."""
@@ -281,7 +290,9 @@ class Arm(ArmGeometry):
         self.plan.move_abs_j(targets)
         rows = np.atleast_2d(self.chain.postures(targets, "targets"))
         values = rows / self.cell.robot(self.name).model.user_units
-        self.references += [move_of(dict(zip(self.axes, row.tolist(), strict=True)), duration) for row in values]
+        self.references += [
+            move_of(dict(zip(self.axes, row.tolist(), strict=True)), duration) for row in values
+        ]
 
     def simulate(
         self,
@@ -308,7 +319,10 @@ class Arm(ArmGeometry):
         if duration is not None:
             raise Unsuitable(
                 "duration",
-                message("programs.automatic_robot_times", "an automatic robot takes the time of its own references"),
+                message(
+                    "programs.automatic_robot_times",
+                    "an automatic robot takes the time of its own references",
+                ),
             )
         other = Workcell(self.cell.config if config is None else config)
         other.progress = self.cell.progress
@@ -329,7 +343,9 @@ class Arm(ArmGeometry):
         return self.cell.show()
 
 
-def workcell_of(station: "Workcell | StationLike", overrides: Mapping[str, Any] | None) -> "Workcell":
+def workcell_of(
+    station: "Workcell | StationLike", overrides: Mapping[str, Any] | None
+) -> "Workcell":
     """Find the workcell that a user means by a station.
 
     Args:
@@ -346,7 +362,10 @@ def workcell_of(station: "Workcell | StationLike", overrides: Mapping[str, Any] 
         raise Unsuitable(
             "overrides",
             message("programs.given_with_workcell", "given with a workcell"),
-            message("programs.overrides_of_workcell", "given to the workcell: Workcell(station, overrides)"),
+            message(
+                "programs.overrides_of_workcell",
+                "given to the workcell: Workcell(station, overrides)",
+            ),
         )
     return station
 
@@ -354,7 +373,13 @@ def workcell_of(station: "Workcell | StationLike", overrides: Mapping[str, Any] 
 class Workcell(RecordedStation):
     """A station with arms, which share its state: see :class:`StatefulStation` and :class:`RecordedStation`."""
 
-    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
+    def arm(
+        self,
+        name: str | None = None,
+        tool: str | PoseLike | None = None,
+        *,
+        solver: SolverLike = "auto",
+    ) -> Arm:
         """Make an arm of one of the station's robots.
 
         Args:
@@ -460,7 +485,9 @@ class Workcell(RecordedStation):
             released |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), total_time
 
-    def _perform(self, program: Program, file: str) -> tuple[list[SimulationResult], list[MoveSpan]]:
+    def _perform(
+        self, program: Program, file: str
+    ) -> tuple[list[SimulationResult], list[MoveSpan]]:
         """Perform the moves of a program one after the other, up to one whose run is ended early.
 
         Returns:

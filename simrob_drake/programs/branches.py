@@ -75,7 +75,9 @@ class Branch:
     gap: Gap
 
     @classmethod
-    def of(cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: Gap) -> "Branch":
+    def of(
+        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: Gap
+    ) -> "Branch":
         """Evaluate a posture, given its torques and its surroundings.
 
         Args:
@@ -146,14 +148,19 @@ class Branches:
             UnknownName: `held` names an unknown axis.
         """
         instance(
-            held, "held", Mapping, message("programs.axes_to_positions", "a mapping of axes to positions [rad or m]")
+            held,
+            "held",
+            Mapping,
+            message("programs.axes_to_positions", "a mapping of axes to positions [rad or m]"),
         )
         # An empty list of positions is kept as it is, so that the search refuses it with a message.
         choices = [np.ravel(positions).tolist() or [positions] for positions in held.values()]
         postures = []
         for positions in product(*choices):
             held_positions = dict(zip(held, positions, strict=True))
-            postures.append(branches(chain, target, start, held_positions)[0])  # those of the only target
+            postures.append(
+                branches(chain, target, start, held_positions)[0]
+            )  # those of the only target
         found = [evaluate(posture) for posture in np.concatenate(postures)]
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
 
@@ -210,7 +217,14 @@ class Branches:
             if branch.gap.other
             else ""
         )
-        return [star, *map(axis_text, positions, is_revolute.values()), load, room, gap, branch.collision]
+        return [
+            star,
+            *map(axis_text, positions, is_revolute.values()),
+            load,
+            room,
+            gap,
+            branch.collision,
+        ]
 
 
 _LOOKS = 6  # count of random postures that show which distances change
@@ -232,7 +246,12 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     try:
         check_collisions(model, motion, times, lambda _: PathPoint(1, robot))
     except PathCollision as found:
-        return message("programs.body_in_other", "{body} in {other}", body=found.bodies[0], other=found.bodies[1])
+        return message(
+            "programs.body_in_other",
+            "{body} in {other}",
+            body=found.bodies[0],
+            other=found.bodies[1],
+        )
     return ""
 
 
@@ -245,7 +264,9 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        _, owner = model.policy.owner(shape)  # name of the robot that the shape belongs to, or an empty text
+        _, owner = model.policy.owner(
+            shape
+        )  # name of the robot that the shape belongs to, or an empty text
         is_of_robot[shape] = owner == robot
     pairs = []
     for first, second in combinations(is_of_robot, 2):
@@ -317,7 +338,10 @@ def approaches(model: StationModel, plan: Plan, rows: Vector, times: Vector) -> 
     with model.holding_at(rows[0]):
         held_at_start = {piece for piece, robot in model.holders.items() if robot == plan.robot}
         held = held_at_start | held_at_end
-        links = {f"{model.robots[plan.robot].prefix}{link}" for link in model.robots[plan.robot].model.links}
+        links = {
+            f"{model.robots[plan.robot].prefix}{link}"
+            for link in model.robots[plan.robot].model.links
+        }
 
         def may_approach(pair: Pair) -> bool:
             """Whether the pair is not one of a link and a piece that the fingers hold."""
@@ -330,9 +354,15 @@ def approaches(model: StationModel, plan: Plan, rows: Vector, times: Vector) -> 
         own_pairs = [pair for pair in own.pairs if may_approach(pair)]
         return Approaches(
             to_others=_nearest_approach(
-                model, motion, others, lambda pairs: Distances(pairs, inspector), ignores_first_contacts=True
+                model,
+                motion,
+                others,
+                lambda pairs: Distances(pairs, inspector),
+                ignores_first_contacts=True,
             ),
-            to_itself=_nearest_approach(model, motion, own_pairs, own.only, ignores_first_contacts=False),
+            to_itself=_nearest_approach(
+                model, motion, own_pairs, own.only, ignores_first_contacts=False
+            ),
         )
 
 

@@ -17,7 +17,9 @@ class JointLimitExceeded(SimrobError):
         value: position of the joint there [rad or m].
     """
 
-    def __init__(self, where: str, axis: str, *, point: int, time: float, value: float, shown: str) -> None:
+    def __init__(
+        self, where: str, axis: str, *, point: int, time: float, value: float, shown: str
+    ) -> None:
         """Make the error. The argument `shown` is the position and the limit with their units."""
         super().__init__(
             message(
@@ -98,11 +100,17 @@ class TorqueLimitExceeded(SimrobError):
         torque: torque or force that holds the joint there [N·m or N].
     """
 
-    def __init__(self, where: str, axis: str, *, point: int, time: float, torque: float, shown: str) -> None:
+    def __init__(
+        self, where: str, axis: str, *, point: int, time: float, torque: float, shown: str
+    ) -> None:
         """Make the error. The argument `shown` is the torque with its unit, its limit and an advice."""
         super().__init__(
             message(
-                "programs.axis_would_need", "{where}: {axis} would need {torque}", where=where, axis=axis, torque=shown
+                "programs.axis_would_need",
+                "{where}: {axis} would need {torque}",
+                where=where,
+                axis=axis,
+                torque=shown,
             )
         )
         self.axis = axis
@@ -151,7 +159,9 @@ class PathCollision(SimrobError):
         depth: depth of their overlap [m].
     """
 
-    def __init__(self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float) -> None:
+    def __init__(
+        self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float
+    ) -> None:
         """Make the error; see the attributes of the class."""
         super().__init__(
             message(
@@ -199,7 +209,10 @@ class StartInCollision(NoFreePath):
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
         """Make the error; see the attributes of the class."""
-        remedy = message("programs.go_out_with_limits", "go out of it by move_l or move_abs_j with `check: limits`")
+        remedy = message(
+            "programs.go_out_with_limits",
+            "go out of it by move_l or move_abs_j with `check: limits`",
+        )
         super().__init__(
             message(
                 "programs.start_in_collision",

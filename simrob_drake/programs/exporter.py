@@ -50,7 +50,9 @@ class StationExporter(Exporter, ABC):
     """Writes a station for another tool."""
 
     @abstractmethod
-    def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:
+    def export_station(
+        self, config: StationConfig, file: Path, options: Any, *, force: bool
+    ) -> list[Path]:
         """Write a station.
 
         Args:
@@ -129,12 +131,20 @@ def load_exporter(name: str) -> Exporter:
     """
     addition = additions("exporters").get(name)
     if addition is None:
-        check_provided("exporters", name, message("programs.the_format", "the format {name}", name=name))
-        known = ", ".join(additions("exporters")) or message("programs.no_format", "none, since no extension adds one")
-        raise InvalidParameter("format", name, message("programs.one_of", "one of: {known}", known=known))
+        check_provided(
+            "exporters", name, message("programs.the_format", "the format {name}", name=name)
+        )
+        known = ", ".join(additions("exporters")) or message(
+            "programs.no_format", "none, since no extension adds one"
+        )
+        raise InvalidParameter(
+            "format", name, message("programs.one_of", "one of: {known}", known=known)
+        )
     exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
     if not issubclass(exporter_class, StationExporter | ProgramExporter):
-        expected = message("programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter")
+        expected = message(
+            "programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter"
+        )
         raise BrokenExtension(
             message(
                 "programs.addition_must_be",

@@ -61,7 +61,9 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
     model = cell.collision_model
     held_before = dict(model.holders)
     positions = _positions_with_grips(cell, model, plans, references)
-    carried = {piece for piece, robot in held_before.items() if not _opens(cell, robot, references[robot])}
+    carried = {
+        piece for piece, robot in held_before.items() if not _opens(cell, robot, references[robot])
+    }
     model.place_robots(references)
     joints = {**before.joints, **_joints_of(model, carried)}
     after = replace(after, positions=positions, joints=joints)
@@ -82,7 +84,10 @@ def _opens(cell: StatefulStation, robot: str, reference: Vector) -> bool:
 
 
 def _positions_with_grips(
-    cell: StatefulStation, model: StationModel, plans: Iterable[Plan], references: Mapping[str, Vector]
+    cell: StatefulStation,
+    model: StationModel,
+    plans: Iterable[Plan],
+    references: Mapping[str, Vector],
 ) -> dict[str, Vector]:
     """Predict the positions of all robots at the end of moves, with fingers where pieces stop them.
 
@@ -141,7 +146,9 @@ def _is_supported(cell: StatefulStation, state: State, piece: str) -> bool:
     model = cell.collision_model
     model.place_state(state, state.positions.__getitem__, state.references.__getitem__)
     body = model.station.free_pieces[piece]
-    lowered = RigidTransform(np.array([0.0, 0.0, -_SUPPORT_DISTANCE])) @ model.pose(body.body_frame())
+    lowered = RigidTransform(np.array([0.0, 0.0, -_SUPPORT_DISTANCE])) @ model.pose(
+        body.body_frame()
+    )
     model.plant.SetFreeBodyPose(model.context, body, lowered)
     model.place(model.plant.GetPositions(model.context))
     pairs_with_robots = model.policy.touching(movers=model.robots).keys()

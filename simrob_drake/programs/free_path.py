@@ -38,13 +38,20 @@ _LOOK = 0.02  # distance between the postures that a search checks [m]
 _LONGEST_BRANCH = 1.0  # length of the longest branch of a search tree [m]
 _STRAIGHT_TRIES = 8  # count of goals to which a straight line is tried first
 _DEGREE = 5  # degree of the spline that rounds corners
-_SPACINGS = (0.2, 0.1, 0.05, 0.02)  # distances between the spline's control points, tried in this order [m]
+_SPACINGS = (
+    0.2,
+    0.1,
+    0.05,
+    0.02,
+)  # distances between the spline's control points, tried in this order [m]
 _LEAST_LEVER = 0.1  # least distance that a radian counts [m]: the radius of an arm that turns about its own axis
 _SAMPLES = 100  # count of random postures from which the motion of a tool is estimated
 _NO_POINTS = np.zeros((0, 3))
 _ROUNDING = 1e-9  # [m]
 _FROM_START = 1  # tag by which OMPL marks the postures of the tree that grows from the start
-_CORNER_SIGNS = np.array([*product((-1.0, 1.0), repeat=3)])  # corners of a box with half widths of 1, shape (8, 3)
+_CORNER_SIGNS = np.array(
+    [*product((-1.0, 1.0), repeat=3)]
+)  # corners of a box with half widths of 1, shape (8, 3)
 
 
 @dataclass(eq=False)
@@ -55,9 +62,13 @@ class FreeSpace:
     the pieces that they carry; all other robots stand still.
     """
 
-    model: StationModel  # the station with collision shapes, and its robots in their present postures
+    model: (
+        StationModel  # the station with collision shapes, and its robots in their present postures
+    )
     start: Mapping[str, Vector]  # start posture of each robot that moves, (n,) [rad or m], by name
-    hit_counts: Counter[str] = field(default_factory=Counter)  # how often a search collided with each body, by name
+    hit_counts: Counter[str] = field(
+        default_factory=Counter
+    )  # how often a search collided with each body, by name
     # overlap [m] that each pair of bodies may keep, because the pair touches at the start
     _depths_at_start: Mapping[Bodies, float] = field(default_factory=dict)
     # pairs of bodies that nearly touch at a goal: the search uses their whole tolerance
@@ -179,7 +190,9 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     largest_speeds = np.linalg.norm(velocities, axis=2).max(axis=0)  # (points, n)
     # An axis through the tool centre point does not move it, but it moves the arm around the axis.
     largest_speeds[0] += _LEAST_LEVER * chain.revolute
-    return np.asarray(np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER))  # a finger does not move the tool
+    return np.asarray(
+        np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER)
+    )  # a finger does not move the tool
 
 
 class TimelessPath(NamedTuple):
@@ -222,7 +235,9 @@ class Search:
     scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres_per_radian`
     seed: int  # two searches with the same seed find the same path, if both have enough time
     seconds: float  # longest duration of the search [s]
-    branches: Vector = field(init=False)  # pairs of postures that the search trees connect, shape (k, 2, n)
+    branches: Vector = field(
+        init=False
+    )  # pairs of postures that the search trees connect, shape (k, 2, n)
 
     def __post_init__(self) -> None:
         """Start with empty search trees."""
@@ -372,7 +387,11 @@ class Search:
         # RRT-Connect grows a second tree from the goals.
         is_from_start = [vertex.getTag() == _FROM_START for vertex in vertices]
         if not problem.hasExactSolution():
-            return _SearchResult(from_start=reached[is_from_start], branches=np.zeros((0, 2, len(start))), corners=None)
+            return _SearchResult(
+                from_start=reached[is_from_start],
+                branches=np.zeros((0, 2, len(start))),
+                corners=None,
+            )
         edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
         # Without edges the array is empty, and needs its second dimension.
         branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
@@ -382,7 +401,9 @@ class Search:
         simplifier.reduceVertices(path)
         simplifier.ropeShortcutPath(path)
         simplifier.partialShortcutPath(path)
-        corners = np.array([self._posture(path.getState(index)) for index in range(path.getStateCount())])
+        corners = np.array(
+            [self._posture(path.getState(index)) for index in range(path.getStateCount())]
+        )
         return _SearchResult(from_start=reached[is_from_start], branches=branches, corners=corners)
 
     def _scaled_space(self, ends: Vector) -> Any:
@@ -397,7 +418,9 @@ class Search:
         lower = np.where(np.isfinite(self.lower), self.lower, ends.min(axis=0) - np.pi)
         upper = np.where(np.isfinite(self.upper), self.upper, ends.max(axis=0) + np.pi)
         bounds = base.RealVectorBounds(axis_count)
-        for axis, (low, high) in enumerate(zip(lower * self.scale, upper * self.scale, strict=True)):
+        for axis, (low, high) in enumerate(
+            zip(lower * self.scale, upper * self.scale, strict=True)
+        ):
             # A start at its limit stays within the bounds in spite of rounding.
             bounds.setLow(axis, float(low) - _ROUNDING)
             bounds.setHigh(axis, float(high) + _ROUNDING)
@@ -426,7 +449,9 @@ class Search:
             goals: the goals, shape (m, n).
         """
         differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
-        gaps = np.linalg.norm(differences * self.scale, axis=2)  # [m], from each posture to each goal
+        gaps = np.linalg.norm(
+            differences * self.scale, axis=2
+        )  # [m], from each posture to each goal
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
         nearest = message(
             "programs.nearest_goal",
@@ -436,7 +461,9 @@ class Search:
             gap=gaps[row, goal],
         )
         # Without other bodies in the way, the arm collided with itself.
-        obstacles = ", ".join(self.space.obstacles()) or message("programs.the_arm_itself", "the arm itself")
+        obstacles = ", ".join(self.space.obstacles()) or message(
+            "programs.the_arm_itself", "the arm itself"
+        )
         return NoFreePath(
             message(
                 "programs.no_free_way",

@@ -67,7 +67,10 @@ class CellRobot:
 
     def _description(self) -> list[str]:
         """Parts of the text that `repr` returns."""
-        return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
+        return [
+            f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}",
+            f"{len(self.axes)} axes",
+        ]
 
     @property
     def axes(self) -> list[str]:
@@ -204,7 +207,9 @@ class ArmGeometry(CellRobot):
         """
         chain = self.chain
         begin = self.position if start is None else start
-        target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
+        target = world_poses(
+            pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose"
+        )
         if len(target) != 1:
             raise InvalidParameter(
                 "pose",
@@ -212,7 +217,9 @@ class ArmGeometry(CellRobot):
                 message("base.one_pose", "one pose"),
             )
         gains = self.cell.robot(self.name).gains
-        limit = np.where(gains.passive, np.inf, gains.limit_at_rest)  # a passive axis has no motor to overload
+        limit = np.where(
+            gains.passive, np.inf, gains.limit_at_rest
+        )  # a passive axis has no motor to overload
         model = self.cell.collision_model
         gap = gaps(model, self.name, chain)
 
@@ -263,7 +270,9 @@ class ArmGeometry(CellRobot):
 # Largest motion of a foot that stays where it is. Soles that sink into the ground are a little tilted.
 _FOOT_MOVES = 1e-4  # [m]
 _FOOT_TURNS = 1e-3  # [rad]
-_AXES_OF_BALL_LEG = 3  # a leg with at most so many axes ends in a ball, which may turn on the ground
+_AXES_OF_BALL_LEG = (
+    3  # a leg with at most so many axes ends in a ball, which may turn on the ground
+)
 
 # Weights of x, y, z and of the rotations about them in the inverse kinematics.
 _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
@@ -361,7 +370,11 @@ class LeggedGeometry(CellRobot):
         begin = self.reference if start is None else one_posture(start, len(self.axes), "start")
         no_rotation = RotationMatrix().matrix()
         targets = world_poses(pose, self._base_pose_in(frame).inverse(), no_rotation, "pose")
-        chosen = NumericSolver(chain, weights=_PLACE_ONLY) if is_place(pose) else solver_for(chain, solver)
+        chosen = (
+            NumericSolver(chain, weights=_PLACE_ONLY)
+            if is_place(pose)
+            else solver_for(chain, solver)
+        )
         postures = require(chosen.solve(targets, begin), "pose").copy()
         # A search that begins again from a random posture changes all axes.
         others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
@@ -393,9 +406,13 @@ class LeggedGeometry(CellRobot):
             raise InvalidParameter(
                 "robot",
                 self.model.name,
-                message("programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"),
+                message(
+                    "programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"
+                ),
             )
-        to_trunk = as_transform(trunk).inverse()  # from the world to the frame of the trunk at its new pose
+        to_trunk = as_transform(
+            trunk
+        ).inverse()  # from the world to the frame of the trunk at its new pose
         posture = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
             foot_in_trunk = as_transform(self.pose(foot, frame="trunk"))
@@ -467,7 +484,9 @@ class LeggedGeometry(CellRobot):
         known = self.cell.robot(self.name).tools
         if not isinstance(tool, str) or tool not in known:
             raise UnknownName(
-                message("base.tool_of", "tool of {model}", model=self.model.name), tool, [*known, "trunk", "world"]
+                message("base.tool_of", "tool of {model}", model=self.model.name),
+                tool,
+                [*known, "trunk", "world"],
             )
         return tool
 

@@ -39,7 +39,9 @@ class _Box(NamedTuple):
     half: Vector
 
 
-def take_piece(model: StationModel, piece: str, parent: str, *, frame: str | None = None) -> StationConfig:
+def take_piece(
+    model: StationModel, piece: str, parent: str, *, frame: str | None = None
+) -> StationConfig:
     """Make a station in which a piece has another parent, if that is close enough; see :func:`reparent_piece`.
 
     Args:
@@ -68,7 +70,9 @@ def take_piece(model: StationModel, piece: str, parent: str, *, frame: str | Non
     # ... and from the shapes of a link that is no tool.
     if parent in model.robots and frame in model.links(parent):
         holders += _boxes_on(model, mount)
-    distance = min(_distance(holder, box) for holder, box in product(holders, _boxes_of(model, piece)))
+    distance = min(
+        _distance(holder, box) for holder, box in product(holders, _boxes_of(model, piece))
+    )
     if distance > REACH:
         where = message(
             "programs.away_from_frame",
@@ -81,7 +85,9 @@ def take_piece(model: StationModel, piece: str, parent: str, *, frame: str | Non
             "within {reach:g} mm: move there first, or give its pose there, to which it then jumps",
             reach=1e3 * REACH,
         )
-        raise InvalidParameter(message("programs.piece_to_take", "{piece}, to be taken,", piece=piece), where, remedy)
+        raise InvalidParameter(
+            message("programs.piece_to_take", "{piece}, to be taken,", piece=piece), where, remedy
+        )
     return changed
 
 
@@ -166,7 +172,9 @@ def _boxes_of(model: StationModel, piece: str) -> Iterator[_Box]:
     """Yield boxes around the shapes of a piece, and its origin and its tool centre point."""
     yield _point_box(model.pose(model.piece_origin(piece)))
     yield _point_box(model.pose(model.piece_frame(piece)))
-    shapes = {f"{piece}_{number}" for number in range(len(model.resolved.pieces[piece].model.shapes))}
+    shapes = {
+        f"{piece}_{number}" for number in range(len(model.resolved.pieces[piece].model.shapes))
+    }
     yield from _boxes_on(model, model.piece_origin(piece), shapes)
 
 
@@ -202,7 +210,9 @@ def _distance(first: _Box, second: _Box) -> float:
     return float(np.sqrt(2 * solution.cost))
 
 
-def with_efforts(config: StationConfig, robot: StationRobot, efforts: Mapping[str, float]) -> StationConfig:
+def with_efforts(
+    config: StationConfig, robot: StationRobot, efforts: Mapping[str, float]
+) -> StationConfig:
     """Make a station in which some motors of a robot have other torque limits.
 
     Args:

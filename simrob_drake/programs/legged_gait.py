@@ -77,13 +77,17 @@ def planned_gait(
     name = first_gait(model, worn, gaits) if name is None else name
     if name not in gaits:
         raise UnknownName(
-            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name), name, gaits
+            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name),
+            name,
+            gaits,
         )
     gait = gaits[name]
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(
-                message("programs.parameter_of", "parameter of the {what} {name}", what=what, name=name),
+                message(
+                    "programs.parameter_of", "parameter of the {what} {name}", what=what, name=name
+                ),
                 key,
                 type(gait).model_fields,
             )
@@ -99,22 +103,37 @@ def planned_gait(
         raise InvalidParameter(
             message("programs.feet_of", "feet of {model}", model=model.name),
             str(worn),
-            message("programs.feet_for_gait", "{made}, for {name}: set robot.feet to {made}", made=made, name=name),
+            message(
+                "programs.feet_for_gait",
+                "{made}, for {name}: set robot.feet to {made}",
+                made=made,
+                name=name,
+            ),
         )
     if gait.on_feet:
-        gait.check_feet(model, worn, "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet")
+        gait.check_feet(
+            model,
+            worn,
+            "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet",
+        )
 
     def plan(**others: Any) -> JointMotion:
         """Plan the gait with further changes of its parameters."""
-        return gait.with_changes({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
+        return gait.with_changes({**changes, **others}, amplitude, name).plan(
+            walker, steps or 0, amplitude
+        )
 
     may_be_lower = (bends or walker.is_loaded_or_inclined) and not sets_bearing
-    motion = _plan_within_reach(plan, gait) if may_be_lower and isinstance(gait, SolvedGait) else plan()
+    motion = (
+        _plan_within_reach(plan, gait) if may_be_lower and isinstance(gait, SolvedGait) else plan()
+    )
     check_limits(
         robot.trunk_chain(),
         motion.times,
         motion.positions,
-        lambda time: PathPoint(0, message("programs.point_at_time", "{name} at {time:.2f} s", name=name, time=time)),
+        lambda time: PathPoint(
+            0, message("programs.point_at_time", "{name} at {time:.2f} s", name=name, time=time)
+        ),
     )
     return motion
 

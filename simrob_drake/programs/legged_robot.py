@@ -17,7 +17,15 @@ from simrob_drake.programs.arm import Workcell, workcell_of
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.joints import move_of, targets_on
-from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
+from simrob_drake.programs.moves.kinds import (
+    ActMove,
+    AttachMove,
+    GoMove,
+    JointMove,
+    ReleaseMove,
+    WalkMove,
+    move_from,
+)
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, make_move
 from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
@@ -83,12 +91,18 @@ class LeggedRobot(LeggedGeometry):
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
         self.move_spans: list[MoveSpan] = []
-        self._past: list[Snapshot] = []  # states to which `undo` returns, the most recent one at the end
+        self._past: list[
+            Snapshot
+        ] = []  # states to which `undo` returns, the most recent one at the end
 
     def _description(self) -> list[str]:
         """Parts of the text that `repr` returns, with the feet and the length of the program."""
         feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
-        return [*super()._description(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
+        return [
+            *super()._description(),
+            *feet,
+            f"program of {counted(len(self.program.moves), 'move')}",
+        ]
 
     def do(self, move: Move | Mapping[str, Any], *, store: bool = False) -> SimulationResult | None:
         """Perform a move of any kind from the last state.
@@ -106,7 +120,9 @@ class LeggedRobot(LeggedGeometry):
         runs = self._perform_moves([move_from(move)], store=store)
         return runs[-1] if runs else None
 
-    def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
+    def test_move(
+        self, target_deg: Mapping[str, float], duration: float = MOVE_TIME
+    ) -> SimulationResult:
         """Move axes from the last state without storing the move (TestMove). :meth:`undo` returns to the state before.
 
         Args:
@@ -120,7 +136,9 @@ class LeggedRobot(LeggedGeometry):
         """
         return self._run(move_of(target_deg, duration))
 
-    def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
+    def add_move(
+        self, target_deg: Mapping[str, float], duration: float = MOVE_TIME
+    ) -> SimulationResult:
         """Move axes from the last state, and store the move at the end of the program (AddMove).
 
         The move is not stored if the run diverges or the robot falls. For arguments and errors see :meth:`test_move`.
@@ -141,7 +159,9 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`walk`; or the time is not positive.
         """
-        return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
+        return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[
+            -1
+        ]
 
     def walk(
         self,
@@ -172,7 +192,9 @@ class LeggedRobot(LeggedGeometry):
             OutOfReach, JointLimitExceeded: the legs cannot do the steps. The message has the excess.
             SimrobError: the gait needs other feet or another station, or a parameter has an invalid value.
         """
-        return self._run(make_move(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
+        return self._run(
+            make_move(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store
+        )
 
     def go(
         self,
@@ -229,7 +251,14 @@ class LeggedRobot(LeggedGeometry):
         """
         return self._run(make_move(GetUpMove, attempts=attempts), store)
 
-    def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
+    def attach(
+        self,
+        piece: str,
+        tool: str | None = None,
+        *,
+        pose: PoseLike | None = None,
+        store: bool = False,
+    ) -> None:
         """Attach a piece to a tool of the robot; see :meth:`Workcell.attach`.
 
         Args:
@@ -246,7 +275,9 @@ class LeggedRobot(LeggedGeometry):
         pose_numbers = None if pose is None else pose_from_transform(as_transform(pose))
         self.do(make_move(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
 
-    def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
+    def release(
+        self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False
+    ) -> None:
         """Release a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
         self.do(make_move(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
 
@@ -287,7 +318,9 @@ class LeggedRobot(LeggedGeometry):
         instance(program, "program", Program, message("programs.a_program", "a Program"))
         return joint_reference(self, leg_moves(program))
 
-    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
+    def simulate(
+        self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False
+    ) -> SimulationResult:
         """Run the stored program from the start of the station (Sim). The next move continues from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has its own gains and
@@ -321,7 +354,12 @@ class LeggedRobot(LeggedGeometry):
         :meth:`test_move`.
         """
         cell = move_of(target_deg, duration)
-        targets_on(self.model, cell.target_deg, message("programs.the_reference", "the reference"), cell.duration)
+        targets_on(
+            self.model,
+            cell.target_deg,
+            message("programs.the_reference", "the reference"),
+            cell.duration,
+        )
         self._remember()
         self.program = self.program.with_reference(cell)
 
@@ -331,7 +369,12 @@ class LeggedRobot(LeggedGeometry):
         self._remember()
         self.program = program
 
-    def edit(self, index: int, move: Move | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
+    def edit(
+        self,
+        index: int,
+        move: Move | Mapping[str, Any] | None = None,
+        duration: float | None = None,
+    ) -> None:
         """Change a stored move. The robot stays where it is.
 
         Args:
@@ -351,9 +394,13 @@ class LeggedRobot(LeggedGeometry):
             old_duration = old.duration
         if move is not None:
             content = move
-        self._replace(self.program.edited(index, move_from(content, duration, otherwise=old_duration)))
+        self._replace(
+            self.program.edited(index, move_from(content, duration, otherwise=old_duration))
+        )
 
-    def insert(self, index: int, move: Move | Mapping[str, Any], duration: float | None = None) -> None:
+    def insert(
+        self, index: int, move: Move | Mapping[str, Any], duration: float | None = None
+    ) -> None:
         """Insert a move into the stored program. The robot stays where it is.
 
         Args:
@@ -414,7 +461,9 @@ class LeggedRobot(LeggedGeometry):
         """Perform a move that takes time, and return the result of its run."""
         return self._perform_moves([move], store=store)[-1]
 
-    def _perform_moves(self, moves: Sequence[Move], *, store: bool = False) -> list[SimulationResult]:
+    def _perform_moves(
+        self, moves: Sequence[Move], *, store: bool = False
+    ) -> list[SimulationResult]:
         """Perform moves from the last state, and return the results of the runs.
 
         Args:

@@ -166,9 +166,13 @@ class StationModel(PosedStation):
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
         """Place robots in postures (n,) [rad or m] by name, with what their fingers hold. The others stay."""
-        super().place_robots({name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()})
+        super().place_robots(
+            {name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()}
+        )
         for name, hold in self._holds.items():
-            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(hold.link) @ hold.pose)
+            self.plant.SetFreeBodyPose(
+                self.context, self.station.free_pieces[name], self.pose(hold.link) @ hold.pose
+            )
         if self._holds:
             self.place(self.plant.GetPositions(self.context))
 
@@ -263,7 +267,9 @@ class StationModel(PosedStation):
             if len(bodies) > 1:
                 link_frame = self.plant.get_body(next(iter(bodies.values()))).body_frame()
                 piece_frame = self.station.free_pieces[piece].body_frame()
-                holds[piece] = _Hold(link_frame, self.pose(link_frame).inverse() @ self.pose(piece_frame))
+                holds[piece] = _Hold(
+                    link_frame, self.pose(link_frame).inverse() @ self.pose(piece_frame)
+                )
         return holds
 
     def motion(self, piece: str, state: State) -> JointState:
@@ -285,7 +291,9 @@ class StationModel(PosedStation):
         if carrier in self.robots:
             own = self.robots[carrier]
             # The velocity by the axes, with the base at rest. The plant is left without velocities.
-            plant.SetVelocities(self.context, own.axis_map.spread_velocities(state.velocities[carrier]))
+            plant.SetVelocities(
+                self.context, own.axis_map.spread_velocities(state.velocities[carrier])
+            )
             velocity = frame.CalcSpatialVelocityInWorld(self.context)
             plant.SetVelocities(self.context, np.zeros(plant.num_velocities()))
             turned = self._moved.get(own.instance, RigidTransform()).rotation()
@@ -312,7 +320,9 @@ class StationModel(PosedStation):
     def pose(self, frame: Frame) -> RigidTransform:
         """Pose of a frame in the world."""
         pose = super().pose(frame)
-        moved = self._moved.get(frame.model_instance())  # the robot is away from where the plant has its base
+        moved = self._moved.get(
+            frame.model_instance()
+        )  # the robot is away from where the plant has its base
         return pose if moved is None else moved @ pose
 
     def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:
@@ -377,7 +387,9 @@ class StationModel(PosedStation):
                 frame,
                 [*own.model.tools, *own.model.links],
             )
-        return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
+        return self.plant.GetFrameByName(
+            flange(own.model.tools, own.model.root, frame), own.instance
+        )
 
     def dynamics(self, robot: str) -> Dynamics:
         """Equation of motion of a robot with what it carries, while the other robots are at rest."""
@@ -423,10 +435,16 @@ def reparent_piece(
         parents = [name for name in (WORLD, *config.robots, *config.pieces) if name != piece]
         one_of(message("programs.parent", "parent"), parent, parents)
     if frame is not None and parent == WORLD:
-        raise Unsuitable("frame", message("programs.world_without_frames", "the world has no frames"))
+        raise Unsuitable(
+            "frame", message("programs.world_without_frames", "the world has no frames")
+        )
     _check_no_loop(model, piece, parent)
     mount = model.pose(model.mount(parent, frame))
-    place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
+    place = (
+        mount.inverse() @ model.pose(model.piece_origin(piece))
+        if pose is None
+        else as_transform(pose)
+    )
     entry = config.pieces[piece].model_copy(
         update={
             "parent": parent,
@@ -448,7 +466,9 @@ def _check_no_loop(model: StationModel, piece: str, parent: str) -> None:
     ancestor = parent
     while ancestor in model.config.pieces:
         if ancestor == piece:
-            expected = message("programs.parent_of_piece", "world, a robot, or a piece that does not hang on it")
+            expected = message(
+                "programs.parent_of_piece", "world, a robot, or a piece that does not hang on it"
+            )
             raise InvalidParameter(
                 message("programs.parent_of", "parent of {piece}", piece=piece),
                 message("programs.piece_itself", "the piece itself") if parent == piece else parent,
@@ -484,7 +504,10 @@ def _update_tools(model: StationModel, new: StationConfig, piece: str) -> Statio
             own_tools = model.robots[giver].model.tools
             frame = model.config.pieces[piece].frame
             own_tool = frame if frame in own_tools else next(iter(own_tools), None)
-            changes = {"tcp": old_parent if old_parent in new.pieces else own_tool, "tcp_offset": None}
+            changes = {
+                "tcp": old_parent if old_parent in new.pieces else own_tool,
+                "tcp_offset": None,
+            }
         else:
             changes = {"tcp": tool or None}
         robots[giver] = robots[giver].model_copy(update=changes)
@@ -514,6 +537,10 @@ def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
     posture = finite(values)
     if posture.shape != (axes,):
         raise InvalidParameter(
-            name, values, message("programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes)
+            name,
+            values,
+            message(
+                "programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes
+            ),
         )
     return posture

@@ -122,7 +122,9 @@ class Plan:
             robot: name of the robot.
             axes: indices of the robot's axes among the axes of this plan.
         """
-        return replace(self, robot=robot, stretches=tuple(stretch.of_axes(axes) for stretch in self.stretches))
+        return replace(
+            self, robot=robot, stretches=tuple(stretch.of_axes(axes) for stretch in self.stretches)
+        )
 
     def postures(self, times: Vector) -> Vector:
         """Postures (m, n) at times (m,) [s]."""
@@ -162,7 +164,9 @@ _ROUNDING = 1e-9  # relative excess of a limit that is due to rounding
 MARGIN = 1.02  # margin of the durations that messages propose, or that are taken
 
 
-def check_limits(chain: Chain, times: Vector, postures: Vector, naming: PointNaming, hint: str = "") -> None:
+def check_limits(
+    chain: Chain, times: Vector, postures: Vector, naming: PointNaming, hint: str = ""
+) -> None:
     """Check that all axes stay within their limits.
 
     Args:
@@ -393,7 +397,12 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
         PathCollision: names the first collision, by the point of the longest move.
     """
     for plan in plans:
-        instance(plan, "plan", Plan, message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"))
+        instance(
+            plan,
+            "plan",
+            Plan,
+            message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+        )
     # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))

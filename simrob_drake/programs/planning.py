@@ -35,8 +35,23 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_path import FreeSpace
-from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name
-from simrob_drake.programs.segments import PathPoint, Segment, Way, pose_segment, through_zones, zone_size
+from simrob_drake.programs.plan import (
+    CHECKED,
+    Check,
+    Plan,
+    check_limits,
+    check_rates,
+    check_tool_speed,
+    target_name,
+)
+from simrob_drake.programs.segments import (
+    PathPoint,
+    Segment,
+    Way,
+    pose_segment,
+    through_zones,
+    zone_size,
+)
 from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, is_free, plan_timed, remedy, through_all
@@ -62,7 +77,9 @@ PoseTargets: TypeAlias = Targets
 """One pose or several in any form, or places (3,) or (k, 3) [m] that keep the tool's orientation."""
 
 
-def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
+def world_poses(
+    targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets"
+) -> Vector:
     """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4).
 
     Args:
@@ -97,7 +114,9 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
     rows = np.atleast_2d(finite(points))
     if not rows.size:
-        raise InvalidParameter(name, points, message("programs.places_of_three", "places of three finite numbers [m]"))
+        raise InvalidParameter(
+            name, points, message("programs.places_of_three", "places of three finite numbers [m]")
+        )
     return np.asarray(rows @ wobj.rotation().matrix().T + wobj.translation())
 
 
@@ -137,11 +156,16 @@ def check_units(targets: Any, name: str) -> None:
         largest=MOST_TURN,
         unit="rad",
         other=message("programs.degrees_word", "degrees"),
-        hint=message("programs.angles_in_radians", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+        hint=message(
+            "programs.angles_in_radians",
+            "angles are in radians, as np.deg2rad() or targets_deg give them",
+        ),
     )
 
 
-def _check_unit(values: Vector, name: str, *, largest: float, unit: str, other: str, hint: str) -> None:
+def _check_unit(
+    values: Vector, name: str, *, largest: float, unit: str, other: str, hint: str
+) -> None:
     """Refuse values that are too large to be in their unit.
 
     Args:
@@ -159,8 +183,15 @@ def _check_unit(values: Vector, name: str, *, largest: float, unit: str, other: 
     if beyond.size:
         raise InvalidParameter(
             name,
-            message("programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit),
-            message("programs.in_si_units", "in SI units; were these {other}? {hint}", other=other, hint=hint),
+            message(
+                "programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit
+            ),
+            message(
+                "programs.in_si_units",
+                "in SI units; were these {other}? {hint}",
+                other=other,
+                hint=hint,
+            ),
         )
 
 
@@ -168,7 +199,9 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
     """Whether targets are places [x y z], not poses."""
     if isinstance(targets, RigidTransform):
         return False
-    if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
+    if isinstance(targets, Sequence) and any(
+        isinstance(target, RigidTransform) for target in targets
+    ):
         return False
     try:
         shape = np.shape(targets)
@@ -337,9 +370,18 @@ class Planning:
         if through:
             plan = through_all(self.robot, segments, how, points, self.rate_limits)
         else:
-            plan = plan_timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
+            plan = plan_timed(
+                self.robot,
+                segments,
+                how,
+                points,
+                self.rate_limits,
+                lambda: self.motors([self.robot]),
+            )
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        check = how.get("check", CHECKED)  # not validated yet: the user may have given a value of any type
+        check = how.get(
+            "check", CHECKED
+        )  # not validated yet: the user may have given a value of any type
         is_unchecked = isinstance(check, str) and check == "nothing"
         # If the user left the timing to the planner, the move may take as long as the motors need.
         if is_free(how) and not is_unchecked:
@@ -412,7 +454,10 @@ def zone_of(how: How, count: int) -> float:
     if zone and "times" in how:
         raise Unsuitable(
             "times",
-            message("programs.zone_without_times", "targets with a zone are passed, and have no times of their own"),
+            message(
+                "programs.zone_without_times",
+                "targets with a zone are passed, and have no times of their own",
+            ),
         )
     return zone
 
@@ -471,6 +516,7 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     exceeds_turn = (np.abs(rows) > 2 * np.pi) & chain.revolute
     if would_fit and exceeds_turn.any():
         return message(
-            "programs.were_these_degrees", "; angles are in radians: were these degrees? np.deg2rad(...) turns them"
+            "programs.were_these_degrees",
+            "; angles are in radians: were these degrees? np.deg2rad(...) turns them",
         )
     return ""

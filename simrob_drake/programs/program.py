@@ -54,7 +54,9 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
     """
     if value is True:
         return Automatic()
-    expected = message("programs.true_or_reach", "True, or a mapping such as {{'tolerance_deg': 3, 'timeout': 20}}")
+    expected = message(
+        "programs.true_or_reach", "True, or a mapping such as {{'tolerance_deg': 3, 'timeout': 20}}"
+    )
     if isinstance(value, Automatic):
         return value
     return validated(Automatic, dict(instance(value, NAME, Mapping, expected)), NAME)
@@ -83,7 +85,10 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     config = robot.cell.config
     others = {}
     for name, controller in config.controllers.items():
-        is_own_sequencer = isinstance(controller, Sequencer) and (controller.robot or config.only_robot) == robot.name
+        is_own_sequencer = (
+            isinstance(controller, Sequencer)
+            and (controller.robot or config.only_robot) == robot.name
+        )
         if not is_own_sequencer:
             others[name] = controller
     # Controllers act in the order of their priorities. The sequencer sets the reference, on which all others act.
@@ -105,7 +110,9 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
     station = config.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    return robot.cell.follow_as(station, {}, longest, forget=NAME)  # the next sequence begins at its first cell
+    return robot.cell.follow_as(
+        station, {}, longest, forget=NAME
+    )  # the next sequence begins at its first cell
 
 
 Reference = Annotated[JointMove, PlainSerializer(JointMove.entry)]
@@ -150,7 +157,10 @@ class Program(Strict):
         """Check that an automatic program has references."""
         if self.automatic and not self.references:
             raise ValueError(
-                message("programs.automatic_without_references", "automatic: references are run, and there are none")
+                message(
+                    "programs.automatic_without_references",
+                    "automatic: references are run, and there are none",
+                )
             )
         return self
 
@@ -190,7 +200,9 @@ class Program(Strict):
         """
         _check_moves(move)
         from_start = self._check_index(index, len(self.moves))
-        return self.model_copy(update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])})
+        return self.model_copy(
+            update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])}
+        )
 
     def removed(self, index: int) -> "Program":
         """Make a copy without the move of an index, which counts from the end if it is negative.
@@ -199,7 +211,9 @@ class Program(Strict):
             InvalidParameter: the index is out of range.
         """
         from_start = self._check_index(index, len(self.moves) - 1)
-        return self.model_copy(update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])})
+        return self.model_copy(
+            update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])}
+        )
 
     def edited(self, index: int, move: Move) -> "Program":
         """Make a copy in which another move replaces that of an index, which counts from the end if it is negative.
@@ -209,7 +223,9 @@ class Program(Strict):
         """
         _check_moves(move)
         from_start = self._check_index(index, len(self.moves) - 1)
-        return self.model_copy(update={"moves": (*self.moves[:from_start], move, *self.moves[from_start + 1 :])})
+        return self.model_copy(
+            update={"moves": (*self.moves[:from_start], move, *self.moves[from_start + 1 :])}
+        )
 
     def with_automatic(self, pace: bool | Automatic | Mapping[str, Any]) -> "Program":
         """Make a copy that is automatic, with options as of :func:`pace_of`; or not automatic, with False.
@@ -229,7 +245,10 @@ class Program(Strict):
             cell,
             "cell",
             JointMove,
-            message("programs.a_joint_move", "a JointMove, such as JointMove(target_deg={{'waist': 10}})"),
+            message(
+                "programs.a_joint_move",
+                "a JointMove, such as JointMove(target_deg={{'waist': 10}})",
+            ),
         )
         return self.model_copy(update={"references": (*self.references, cell)})
 
@@ -249,7 +268,12 @@ class Program(Strict):
     def text(self) -> str:
         """Program as YAML. Keys without a value are left out."""
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
-        how: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 120, "default_flow_style": None}
+        how: dict[str, Any] = {
+            "sort_keys": False,
+            "allow_unicode": True,
+            "width": 120,
+            "default_flow_style": None,
+        }
         return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
 
     @classmethod
@@ -278,7 +302,9 @@ class Program(Strict):
         return program.model_copy(update={"changes": tuple(changes)})
 
     @classmethod
-    def of_text(cls, text: str, where: str = message("programs.the_program", "the program")) -> "Program":
+    def of_text(
+        cls, text: str, where: str = message("programs.the_program", "the program")
+    ) -> "Program":
         """Read a program from a YAML text.
 
         Args:
@@ -291,7 +317,10 @@ class Program(Strict):
         """
         content = parse_yaml(text, where)
         return cls.of_content(
-            instance(content, where, dict, message("programs.mapping_with_moves", "a mapping with moves")), where
+            instance(
+                content, where, dict, message("programs.mapping_with_moves", "a mapping with moves")
+            ),
+            where,
         )
 
     @classmethod
@@ -333,7 +362,9 @@ class Program(Strict):
                 moves=count,
             )
             raise InvalidParameter(
-                "index", index, known if last >= 0 else message("programs.no_move_yet", "of a move; there is none")
+                "index",
+                index,
+                known if last >= 0 else message("programs.no_move_yet", "of a move; there is none"),
             )
         return from_start
 
@@ -352,5 +383,8 @@ def _check_moves(*moves: object) -> None:
     """
     for move in moves:
         instance(
-            move, "move", Move, message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})")
+            move,
+            "move",
+            Move,
+            message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})"),
         )

@@ -53,7 +53,12 @@ class RecordedStation(StatefulStation):
             UnknownName: there is no such robot.
             InvalidParameter: a posture has another shape, or the value is no mapping.
         """
-        instance(postures, "postures", Mapping, message("programs.mapping_by_robot", "a mapping by robot"))
+        instance(
+            postures,
+            "postures",
+            Mapping,
+            message("programs.mapping_by_robot", "a mapping by robot"),
+        )
         shown = {}
         for name, posture in postures.items():
             axis_count = len(self.robot(name).axes)
@@ -62,7 +67,9 @@ class RecordedStation(StatefulStation):
         self.show()
         assert self._window is not None
         now = self._shown_state()
-        self._window.draw(self.config, State({**now.positions, **shown}, now.velocities, now.references))
+        self._window.draw(
+            self.config, State({**now.positions, **shown}, now.velocities, now.references)
+        )
 
     def close(self) -> None:
         """Close the window."""

@@ -17,7 +17,10 @@ def model_schemas() -> dict[str, dict[str, Any]]:
     piece = file_schema(PieceModel, from_place=("folder",))
     for schema in (robot, piece):
         del schema["properties"]["folder"]
-    others = {"gaits.schema.json": file_schema(gaits_model()), "program.schema.json": file_schema(Program)}
+    others = {
+        "gaits.schema.json": file_schema(gaits_model()),
+        "program.schema.json": file_schema(Program),
+    }
     return {"robot.schema.json": robot, "piece.schema.json": piece, **others}
 
 

@@ -28,7 +28,9 @@ def script(
     near = Path(station).parent == file.parent
     place = f'Path(__file__).with_name("{Path(station).name}")' if near else _value(station)
     names = ["LeggedRobot" if legs else "Workcell", "Program", "load_station"]
-    imports = ["from pathlib import Path\n"] * near + [f"from simrob_drake import {', '.join(sorted(names))}"]
+    imports = ["from pathlib import Path\n"] * near + [
+        f"from simrob_drake import {', '.join(sorted(names))}"
+    ]
     whose = f", {_value(robot)}" if robot else ""
     run = (
         f"robot = LeggedRobot(station{whose})\nrobot.run(program)\nresult = robot.result()"
@@ -50,7 +52,9 @@ def script(
 def _argument(key: str, value: Any) -> str:
     if not isinstance(value, Sequence) or isinstance(value, str):
         return f"    {key}={_value(value)},\n"
-    entries = "".join(f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value)
+    entries = "".join(
+        f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value
+    )
     return f"    {key}=[\n{entries}    ],\n"
 
 

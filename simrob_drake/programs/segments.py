@@ -164,7 +164,9 @@ def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
 PATH_TOLERANCE = 2e-5
 """Largest distance of the tool from its line or arc between two points [m]."""
 
-_LEAST_POINTS = 6  # least count of points of a path, and of a motion: a spline of degree five needs six
+_LEAST_POINTS = (
+    6  # least count of points of a path, and of a motion: a spline of degree five needs six
+)
 _MOST_POINTS = 5000  # largest count of points that are added to a path
 _SMALL_TURN = 0.2  # turn from one point to the next that the incremental solver follows whatever its limit is [rad]
 _JUMP = 0.5  # motion between two points that may be a jump [rad or m]
@@ -316,10 +318,14 @@ def named_point(part: float, points: int, target: str) -> PathPoint:
 
 def _largest_distance(chain: Chain, postures: Vector, targets: Vector) -> float:
     """Largest distance of the tool in postures (k, n) from the positions of targets (k, 4, 4) [m]."""
-    return float(np.linalg.norm(chain.forward(postures)[:, :3, 3] - targets[:, :3, 3], axis=1).max())
+    return float(
+        np.linalg.norm(chain.forward(postures)[:, :3, 3] - targets[:, :3, 3], axis=1).max()
+    )
 
 
-def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str) -> None:
+def _require(
+    solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str
+) -> None:
     """Check that a solver reached all poses.
 
     Args:
@@ -344,7 +350,9 @@ def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, 
     raise solutions.unreachable(missed, where, index=number - 1)
 
 
-def _broken_path(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:
+def _broken_path(
+    chain: Chain, postures: Vector, parts: Vector, points: int, target: str
+) -> BrokenPath:
     """Make the error for the largest jump of an axis between two of the postures (k, n) at parts (k,) of a path."""
     jumps = np.abs(np.diff(postures, axis=0))
     before, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
@@ -431,7 +439,9 @@ class Stretch:
         """
         ends = None
         if self.ends is not None:
-            slower_ends = [EndSlopes(end.velocity / factor, end.acceleration / factor**2) for end in self.ends]
+            slower_ends = [
+                EndSlopes(end.velocity / factor, end.acceleration / factor**2) for end in self.ends
+            ]
             ends = Slopes(*slower_ends)
         return Stretch(begin + factor * self.times, self.postures, ends)
 
@@ -462,7 +472,9 @@ def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]
         ends = []
         for index in (0, -1):
             velocity = slope(gone[index]) * rate[index]
-            acceleration = curvature(gone[index]) * rate[index] ** 2 + slope(gone[index]) * rate_change[index]
+            acceleration = (
+                curvature(gone[index]) * rate[index] ** 2 + slope(gone[index]) * rate_change[index]
+            )
             ends.append(EndSlopes(velocity, acceleration))
         motions.append(Stretch(times, path(gone), Slopes(*ends)))
     return tuple(motions)

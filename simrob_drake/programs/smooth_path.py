@@ -26,14 +26,18 @@ _POINTS_PER_CORNER = 2  # control points of the spline for each corner of the pa
 _LEAST_POINTS = 10  # smallest count of control points
 _MOST_POINTS = 20  # largest count of control points
 _APART = 0.004  # least distance between shapes [m]
-_NEAR = 0.03  # the optimisation takes distances into account that exceed _APART by less than this [m]
+_NEAR = (
+    0.03  # the optimisation takes distances into account that exceed _APART by less than this [m]
+)
 _EVERY = 0.04  # distance along the path between the points where shapes are kept apart at first [m]
 _ROUNDS = 3  # how often the optimisation is run, with additional points in each further round
 _ITERATIONS = 40  # largest count of SNOPT's major iterations in each round
 _LEAST_LOOKS = 200  # least count of postures at which a path is checked for collisions
 _SHORTEST = 0.01  # lower bound of a path's duration [s]
 _LONGEST = 100.0  # upper bound of a path's duration [s]
-_LENGTH_COST = 0.2  # cost of the path's length, per radian; the cost of its duration is 1 per second
+_LENGTH_COST = (
+    0.2  # cost of the path's length, per radian; the cost of its duration is 1 per second
+)
 _UNLIMITED = 1e4  # replaces an infinite limit [rad/s, rad/s², m/s, m/s²]
 
 
@@ -49,7 +53,9 @@ class RateLimits(NamedTuple):
     accelerations: Vector
 
 
-def find_faster_path(search: Search, postures: Vector, corner_count: int, limits: RateLimits) -> TimelessPath | None:
+def find_faster_path(
+    search: Search, postures: Vector, corner_count: int, limits: RateLimits
+) -> TimelessPath | None:
     """Optimise a path without collisions: find a smooth path nearby that should take less time.
 
     Whether it does take less is not checked: the caller compares the durations.
@@ -70,10 +76,14 @@ def find_faster_path(search: Search, postures: Vector, corner_count: int, limits
     except SimrobError:  # a link without mass cannot be moved by forces, which this station assumes
         return None
     # Positions that belong to no axis are those of bases that are not fixed.
-    if station.plant.num_positions() != sum(len(robot.axes) for robot in station.station.robots.values()):
+    if station.plant.num_positions() != sum(
+        len(robot.axes) for robot in station.station.robots.values()
+    ):
         return None
     now = model.plant.GetPositions(model.context)
-    station.place_robots({name: robot.axis_map.positions(now) for name, robot in model.robots.items()})
+    station.place_robots(
+        {name: robot.axis_map.positions(now) for name, robot in model.robots.items()}
+    )
     # Shapes that nearly touch at an end of the path could never satisfy the least distance.
     # Afterwards the station is in the start posture.
     for end in (postures[-1], postures[0]):
@@ -96,7 +106,12 @@ class _Problem:
     """
 
     def __init__(
-        self, search: Search, station: PosedStation, postures: Vector, point_count: int, limits: RateLimits
+        self,
+        search: Search,
+        station: PosedStation,
+        postures: Vector,
+        point_count: int,
+        limits: RateLimits,
     ) -> None:
         """Set up the optimisation.
 
@@ -111,19 +126,25 @@ class _Problem:
         self._station = station
         self._start_positions = station.plant.GetPositions(station.context)
         path = self._plant_values(postures, others=self._start_positions)
-        self._optimisation = self._make_optimisation(path, search.length_fractions(postures), point_count)
+        self._optimisation = self._make_optimisation(
+            path, search.length_fractions(postures), point_count
+        )
         self._add_limits_and_costs(limits)
         # The path begins and ends at rest, exactly in the given postures.
         rest = np.zeros(path.shape[1])
         for end, fraction in ((path[0], 0.0), (path[-1], 1.0)):
             self._optimisation.AddPathPositionConstraint(end, end, fraction)
             self._optimisation.AddPathVelocityConstraint(rest, rest, fraction)
-        self._shapes_apart = MinimumDistanceLowerBoundConstraint(station.plant, _APART, station.context, None, _NEAR)
+        self._shapes_apart = MinimumDistanceLowerBoundConstraint(
+            station.plant, _APART, station.context, None, _NEAR
+        )
         for fraction in np.linspace(0.0, 1.0, int(search.length(postures) / _EVERY) + 2)[1:-1]:
             self._optimisation.AddPathPositionConstraint(self._shapes_apart, fraction)
 
     @staticmethod
-    def _make_optimisation(path: Vector, fractions: Vector, point_count: int) -> KinematicTrajectoryOptimization:
+    def _make_optimisation(
+        path: Vector, fractions: Vector, point_count: int
+    ) -> KinematicTrajectoryOptimization:
         """Make an optimisation whose initial guess is a spline near a path, at constant speed.
 
         Args:
@@ -171,7 +192,9 @@ class _Problem:
         """
         values = np.broadcast_to(others, (*axis_values.shape[:-1], len(others)))
         for robot, own_values in self._search.space.split_by_robot(axis_values).items():
-            values = self._station.station.robots[robot].axis_map.spread_positions(own_values, values)
+            values = self._station.station.robots[robot].axis_map.spread_positions(
+                own_values, values
+            )
         return np.array(values)
 
     def solve(self) -> Vector:
@@ -196,14 +219,20 @@ class _Problem:
         # Times of evenly spaced postures, as fractions of the duration: the inverse of the
         # length as a function of time.
         length_fractions = self._search.length_fractions(self._postures(trajectory, times))
-        self._time_fractions = np.interp(np.linspace(0.0, 1.0, count), length_fractions, times) / duration
+        self._time_fractions = (
+            np.interp(np.linspace(0.0, 1.0, count), length_fractions, times) / duration
+        )
         return self._postures(trajectory, self._time_fractions * duration)
 
     def _postures(self, trajectory: BsplineTrajectory, times: Vector) -> Vector:
         """Postures (k, n) of the robots that move, at times (k,) [s] of a trajectory of the plant."""
-        positions = np.array(trajectory.vector_values(times.tolist())).T  # of the whole plant, (k, nq)
+        positions = np.array(
+            trajectory.vector_values(times.tolist())
+        ).T  # of the whole plant, (k, nq)
         robots = self._station.station.robots
-        return np.hstack([robots[robot].axis_map.positions(positions) for robot in self._search.space.start])
+        return np.hstack(
+            [robots[robot].axis_map.positions(positions) for robot in self._search.space.start]
+        )
 
     def keep_apart(self, collides: Vector) -> None:
         """Keep shapes apart at more points: in the middle of each section of the path that collides.
@@ -215,4 +244,6 @@ class _Problem:
         # index after its last.
         edges = np.flatnonzero(np.diff(np.concatenate([[False], collides, [False]])))
         for middle in edges.reshape(-1, 2).mean(axis=1).astype(int):
-            self._optimisation.AddPathPositionConstraint(self._shapes_apart, float(self._time_fractions[middle]))
+            self._optimisation.AddPathPositionConstraint(
+                self._shapes_apart, float(self._time_fractions[middle])
+            )

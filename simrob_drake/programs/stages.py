@@ -23,7 +23,15 @@ from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, make_move, move_name, naming, reference_name
+from simrob_drake.programs.moves.move import (
+    Move,
+    Outlook,
+    Stage,
+    make_move,
+    move_name,
+    naming,
+    reference_name,
+)
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
 from simrob_drake.results.record.run import MoveSpan, move_title
@@ -129,7 +137,9 @@ def stages_of(
         joint_moves = [*joint_moves, move]
         first = number + 1 - len(joint_moves)
         durations = [joint_move.duration for joint_move in joint_moves]
-        stages.append(ProgramStage(partial(_move_joints, moves=joint_moves), first=first, durations=durations))
+        stages.append(
+            ProgramStage(partial(_move_joints, moves=joint_moves), first=first, durations=durations)
+        )
     return stages
 
 
@@ -161,13 +171,17 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
     for number, move in enumerate(program.moves):
         if not move.of_legs:
             expected = message(
-                "programs.one_of_leg_kinds", "one of {kinds}: the others are for arms", kinds=", ".join(leg_kinds())
+                "programs.one_of_leg_kinds",
+                "one of {kinds}: the others are for arms",
+                kinds=", ".join(leg_kinds()),
             )
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
     return program.moves
 
 
-def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
+def check_program(
+    robot: LeggedGeometry, program: Program, station: StationConfig, file: str = ""
+) -> None:
     """Check that a robot can perform a program, both its moves and its references.
 
     Raises:
@@ -193,7 +207,11 @@ def check_takes_time(
         InvalidParameter: no move takes time.
     """
     if not any(move.takes_time for move in moves):
-        state = message("programs.without_taking_time", "without a move that takes time") if moves else "empty"
+        state = (
+            message("programs.without_taking_time", "without a move that takes time")
+            if moves
+            else "empty"
+        )
         raise InvalidParameter(name, state, expected)
 
 
@@ -223,7 +241,10 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> JointRefere
             raise InvalidParameter(
                 move_title(number),
                 move.key,
-                message("programs.move_with_other_robots", "a move of joints, to be run with other robots'"),
+                message(
+                    "programs.move_with_other_robots",
+                    "a move of joints, to be run with other robots'",
+                ),
             )
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
@@ -286,7 +307,9 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
     """
     if model.feet is None:
         raise InvalidParameter(
-            "robot", model.name, message("programs.robot_with_legs", "one with legs: step() is for legged robots")
+            "robot",
+            model.name,
+            message("programs.robot_with_legs", "one with legs: step() is for legged robots"),
         )
     own_step = gaits_of(model, steps=False).get(SEQUENCE)
     if isinstance(own_step, Posing) and carries(model, feet, own_step.made_for(model)):

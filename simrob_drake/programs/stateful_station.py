@@ -37,7 +37,9 @@ from simrob_drake.stations.station import StationLike, config_of
 GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next run begins where it ended."""
 
-_SAME_PLACE = 1e-9  # largest distance from the robot's reference at which a plan may begin [rad or m]
+_SAME_PLACE = (
+    1e-9  # largest distance from the robot's reference at which a plan may begin [rad or m]
+)
 
 
 class StatefulStation(ABC):
@@ -84,7 +86,10 @@ class StatefulStation(ABC):
         self._collision_free: tuple[object, ...] = ()
 
     def __repr__(self) -> str:
-        robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
+        robots = (
+            ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items())
+            or "no robot"
+        )
         pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
         return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
 
@@ -128,7 +133,9 @@ class StatefulStation(ABC):
         robots = self.config.robots
         if not robots:
             raise InvalidParameter(
-                "station", self.config.name, message("programs.station_with_robot", "one with a robot; it has none")
+                "station",
+                self.config.name,
+                message("programs.station_with_robot", "one with a robot; it has none"),
             )
         if name is None and self.config.only_robot is None:
             raise InvalidParameter(
@@ -141,7 +148,9 @@ class StatefulStation(ABC):
                     first=next(iter(robots)),
                 ),
             )
-        return one_of(message("base.robot", "robot"), self.config.only_robot if name is None else name, robots)
+        return one_of(
+            message("base.robot", "robot"), self.config.only_robot if name is None else name, robots
+        )
 
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Pose of a work object in the world.
@@ -166,7 +175,11 @@ class StatefulStation(ABC):
         if name in model.robots and not dot:
             robot = model.robots[name]
             return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
-        one_of(message("programs.work_object", "work object"), name, [*self.config.pieces, WORLD, *self.config.robots])
+        one_of(
+            message("programs.work_object", "work object"),
+            name,
+            [*self.config.pieces, WORLD, *self.config.robots],
+        )
         return model.pose(model.piece_frame(name, frame) if dot else model.piece_frame(name))
 
     def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
@@ -188,11 +201,17 @@ class StatefulStation(ABC):
             raise InvalidParameter(
                 "plans",
                 "empty",
-                message("programs.plans_or_duration", "some, such as arm.plan.move_l(...), or a duration to wait"),
+                message(
+                    "programs.plans_or_duration",
+                    "some, such as arm.plan.move_l(...), or a duration to wait",
+                ),
             )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         own = {plan.robot: plan.stretches for plan in plans}
-        stretches = {robot: until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        stretches = {
+            robot: until(own.get(robot, ()), self.reference(robot), end)
+            for robot in self.config.robots
+        }
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         several = len(self.config.robots) > 1
         entry = run_entry(plans, duration, self.frame, several=several)
@@ -208,10 +227,17 @@ class StatefulStation(ABC):
             PathCollision: bodies would collide, and a plan has the option to check collisions.
         """
         for plan in plans:
-            instance(plan, "plans", Plan, message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"))
+            instance(
+                plan,
+                "plans",
+                Plan,
+                message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+            )
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter(
-                "plans", [plan.robot for plan in plans], message("programs.of_different_robots", "of different robots")
+                "plans",
+                [plan.robot for plan in plans],
+                message("programs.of_different_robots", "of different robots"),
             )
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
@@ -235,7 +261,12 @@ class StatefulStation(ABC):
         Returns:
             The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
         """
-        instance(references, "references", Mapping, message("programs.mapping_by_robot", "a mapping by robot"))
+        instance(
+            references,
+            "references",
+            Mapping,
+            message("programs.mapping_by_robot", "a mapping by robot"),
+        )
         seconds(duration)
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
@@ -306,7 +337,9 @@ class StatefulStation(ABC):
             self.change(own.model_copy(update={"floor": station.floor}))
             if forget and self.state is not None:
                 forgotten = f"controller.{forget}"
-                blocks = {name: block for name, block in self.state.blocks.items() if name != forgotten}
+                blocks = {
+                    name: block for name, block in self.state.blocks.items() if name != forgotten
+                }
                 self.state = replace(self.state, blocks=blocks)
 
     @abstractmethod
@@ -332,11 +365,18 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        self.tape.note(None)  # the references depend on the station's file, so another station cannot repeat them
+        self.tape.note(
+            None
+        )  # the references depend on the station's file, so another station cannot repeat them
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
     def attach(
-        self, piece: str, parent: str = WORLD, *, frame: str | None = None, pose: PoseLike | None = None
+        self,
+        piece: str,
+        parent: str = WORLD,
+        *,
+        frame: str | None = None,
+        pose: PoseLike | None = None,
     ) -> None:
         """Attach a piece to a robot or another piece (SimRob's PegarEn). It keeps its pose in the world, to rounding.
 
@@ -361,9 +401,13 @@ class StatefulStation(ABC):
             check_units(pose_from_transform(as_transform(pose)), "pose")
             self._change(reparent_piece(self.model, piece, parent, frame=frame, pose=pose))
         numbers = None if pose is None else pose_numbers(pose)
-        self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": numbers}})
+        self.tape.note(
+            {"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": numbers}}
+        )
 
-    def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
+    def release(
+        self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False
+    ) -> None:
         """Release a piece, in the world or on another piece.
 
         In the world of a dynamic station the piece is free from then on: it starts with the velocity with which it was
@@ -385,10 +429,14 @@ class StatefulStation(ABC):
         state = self.state
         config = release_piece(model, piece, parent, frame=frame, fixed=fixed)
         if state is not None and config.pieces[piece].free:
-            state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
+            state = replace(
+                state, joints={**state.joints, free_joint(piece): model.motion(piece, state)}
+            )
         self._change(config)
         self.state = state
-        self.tape.note({"release": {"piece": piece, "parent": parent, "frame": frame, "fixed": fixed}})
+        self.tape.note(
+            {"release": {"piece": piece, "parent": parent, "frame": frame, "fixed": fixed}}
+        )
 
     def tool(self, robot: str, tool: str | PoseLike) -> None:
         """Change the tool centre point of a robot; see :meth:`Arm.tool`.
@@ -405,13 +453,19 @@ class StatefulStation(ABC):
         own = self.model.robots[robot]
         if isinstance(tool, str):
             one_of(
-                message("programs.tool_of_robot", "tool of {robot}", robot=robot), tool, [*own.tools, *own.model.links]
+                message("programs.tool_of_robot", "tool of {robot}", robot=robot),
+                tool,
+                [*own.tools, *own.model.links],
             )
-            changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+            changes: dict[str, object] = (
+                {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+            )
         else:
             offset = as_transform(tool)
             check_units(pose_from_transform(offset), "tool")
-            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
+            before = (
+                RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
+            )
             changes = {"tcp_offset": tuple(pose_from_transform(before @ offset).tolist())}
         robots = {**self.config.robots, robot: entry.model_copy(update=changes)}
         self._change(self.config.model_copy(update={"robots": robots}))
@@ -433,12 +487,21 @@ class StatefulStation(ABC):
 
     def _change(self, config: StationConfig) -> None:
         """Change the station, without a note on the tape; see :meth:`change`."""
-        instance(config, "config", StationConfig, message("programs.loaded_station", "what load_station() gives"))
+        instance(
+            config,
+            "config",
+            StationConfig,
+            message("programs.loaded_station", "what load_station() gives"),
+        )
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter(
                 "config",
                 list(config.robots),
-                message("programs.of_station_with", "of a station with {robots}", robots=", ".join(self.config.robots)),
+                message(
+                    "programs.of_station_with",
+                    "of a station with {robots}",
+                    robots=", ".join(self.config.robots),
+                ),
             )
         model = StationModel(config)  # raises an error before anything is changed
         self.config = config

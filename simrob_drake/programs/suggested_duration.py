@@ -21,7 +21,9 @@ ROUNDING = 0.1
 """Durations are rounded up to multiples of this time [s]."""
 
 
-def suggest_duration(config: StationConfig, robot: ResolvedRobot, start: Vector, target: Vector) -> float:
+def suggest_duration(
+    config: StationConfig, robot: ResolvedRobot, start: Vector, target: Vector
+) -> float:
     """Suggest a duration for a move of joints from rest to rest.
 
     The slowest axis decides: by its speed limit, and by the lag of its servo. A servo whose derivative acts on the
@@ -52,5 +54,7 @@ def _speeds_without_lag(robot: ResolvedRobot) -> Vector:
     lags = np.where(robot.model.prismatic, SLIDING_LAG, LAG)
     # Without damping nothing lags; without stiffness no duration helps. Neither limits the speed.
     has_lag = (gains.kd > 0.0) & (gains.kp > 0.0)
-    speeds: Vector = np.divide(lags * gains.kp, gains.kd, out=np.full(len(lags), np.inf), where=has_lag)
+    speeds: Vector = np.divide(
+        lags * gains.kp, gains.kd, out=np.full(len(lags), np.inf), where=has_lag
+    )
     return speeds

@@ -20,7 +20,14 @@ from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.branches import approaches
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import HasTool, Planning, PoseTargets, WorkObject, pose_numbers, row_numbers
+from simrob_drake.programs.planning import (
+    HasTool,
+    Planning,
+    PoseTargets,
+    WorkObject,
+    pose_numbers,
+    row_numbers,
+)
 from simrob_drake.programs.segments import Stretch, trajectory
 from simrob_drake.results.record.run import AskedMove
 from simrob_drake.results.record.state import State
@@ -72,7 +79,13 @@ class Take:
     def run(self) -> SimulationResult:
         """Run it again from the same state. The motion is the same, sample by sample."""
         references = dict(self.references)
-        return simulate(self.config, reference=references, duration=self.duration, start=self.start, progress=False)
+        return simulate(
+            self.config,
+            reference=references,
+            duration=self.duration,
+            start=self.start,
+            progress=False,
+        )
 
 
 @dataclass
@@ -167,7 +180,9 @@ class Tape:
         for are_takes, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
             if are_takes:
-                stages.append(_join_takes([entry for entry in entries if isinstance(entry, Take)], factor))
+                stages.append(
+                    _join_takes([entry for entry in entries if isinstance(entry, Take)], factor)
+                )
             stages += [entry for entry in entries if not isinstance(entry, Take)]
         return stages
 
@@ -212,7 +227,8 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     if len(takes) == 1 and first.stretches is None:
         if factor != 1.0:
             raise Unsuitable(
-                "duration", message("programs.own_duration", "the references have a duration of their own")
+                "duration",
+                message("programs.own_duration", "the references have a duration of their own"),
             )
         return Stage(first.references, first.duration)
     motions = dict[str, list[Stretch]]()
@@ -373,5 +389,6 @@ def plans_caption(plans: Sequence[Plan], *, several: bool) -> str:
     if not several:
         return ", ".join(plan.kind for plan in plans)
     return ", ".join(
-        message("programs.plan_of_robot", "{name} of {robot}", name=plan.kind, robot=plan.robot) for plan in plans
+        message("programs.plan_of_robot", "{name} of {robot}", name=plan.kind, robot=plan.robot)
+        for plan in plans
     )

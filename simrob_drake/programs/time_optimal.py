@@ -85,7 +85,9 @@ class _RobotMotion(NamedTuple):
     def torque_excess(self, factor: float) -> float:
         """Largest torque over its limit if the motion takes `factor` times as long [1]."""
         velocities = self.velocities / factor
-        torques = self.dynamics.inverse_dynamics(self.positions, velocities, self.accelerations / factor**2)
+        torques = self.dynamics.inverse_dynamics(
+            self.positions, velocities, self.accelerations / factor**2
+        )
         return float(self.robot.gains.torque_shares(torques, velocities).max())
 
 
@@ -149,7 +151,9 @@ class Motors:
             speeds[indices] = _USED_PART * robot.speed_limits
             accelerations[indices] = np.minimum(_USED_PART * robot.model.accelerations, _UNLIMITED)
             # Friction takes its part of the torque; the plant of the solver has none.
-            left_torques = np.minimum(_USED_PART * (robot.gains.limit_at_rest - robot.model.friction), _UNLIMITED)
+            left_torques = np.minimum(
+                _USED_PART * (robot.gains.limit_at_rest - robot.model.friction), _UNLIMITED
+            )
             torques[indices] = np.where(robot.gains.passive, _UNLIMITED, left_torques)
             first_axis = axes.stop
         basis = BsplineBasis(path.k + 1, path.t.tolist())
@@ -167,7 +171,10 @@ class Motors:
             raise InvalidParameter(
                 "profile",
                 "time_optimal",
-                message("programs.motors_cannot_hold", "another one: the motors cannot hold the robot on this way"),
+                message(
+                    "programs.motors_cannot_hold",
+                    "another one: the motors cannot hold the robot on this way",
+                ),
             )
         return law
 
@@ -195,7 +202,9 @@ class Motors:
             )
             # Speeds fall with the factor, accelerations with its square.
             factor = max(factor, np.abs(motion.velocities / robot.speed_limits).max())
-            factor = max(factor, np.sqrt(np.abs(motion.accelerations / robot.model.accelerations).max()))
+            factor = max(
+                factor, np.sqrt(np.abs(motion.accelerations / robot.model.accelerations).max())
+            )
             motions.append(motion)
         # The torque has parts that do not fall with the factor, such as gravity: the excess is reduced step by step.
         has_lines = any(motion.robot.gains.line is not None for motion in motions)

@@ -18,7 +18,15 @@ from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
+from simrob_drake.base.sections import (
+    Duration,
+    Instant,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    Triple,
+)
 from simrob_drake.blocks.references import Reference, later
 from simrob_drake.parts.controllers.section import commanded_sections
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
@@ -33,7 +41,11 @@ from simrob_drake.stations.resolve import resolve
 GRID = 0.05  # default time between two moments of the grid [s]
 _SERVO = "servo."  # prefix of the keys of the servos' settings
 _GRID_ROUNDING = 1e-6  # part of a step of the grid that is due to rounding
-_DRIVE_NUMBERS = ("ahead", "left", "turn")  # numbers of a command that a change `drive` sets [m/s, m/s, rad/s]
+_DRIVE_NUMBERS = (
+    "ahead",
+    "left",
+    "turn",
+)  # numbers of a command that a change `drive` sets [m/s, m/s, rad/s]
 _TIME_ROUNDING = 1e-9  # times that differ by less are equal [s]
 
 Drive = tuple[float, ...]
@@ -97,9 +109,13 @@ class Change(Strict):
     @model_validator(mode="after")
     def _one_thing(self) -> Self:
         """Check that exactly one kind of change is given."""
-        kinds = [thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None]
+        kinds = [
+            thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None
+        ]
         if len(kinds) != 1:
-            raise ValueError(message("programs.one_of_changes", "a change is one of set, push, drag and drive"))
+            raise ValueError(
+                message("programs.one_of_changes", "a change is one of set, push, drag and drive")
+            )
         return self
 
     def entry(self) -> dict[str, Any]:
@@ -184,7 +200,9 @@ class Timeline:
         """
         settings = _for_robots(self.settings(), config)
         changed = (
-            with_settings(config, settings, message("programs.changes_of_program", "changes of the program"))
+            with_settings(
+                config, settings, message("programs.changes_of_program", "changes of the program")
+            )
             if settings
             else config
         )
@@ -227,14 +245,20 @@ class Timeline:
             begin = self.steps(change.time)
             if begin >= last:  # after the run
                 continue
-            begin_time = self.time_of(begin - first)  # since the run began; negative for an earlier change
+            begin_time = self.time_of(
+                begin - first
+            )  # since the run began; negative for an earlier change
             start = max(begin_time, 0.0)
             if change.push is not None:
                 push = change.push
                 push_end = begin_time + push.duration
                 if push_end > start:
                     forces[f"push_{number}"] = Push(
-                        kind="push", start=start, duration=push_end - start, at=push.at, force=push.force
+                        kind="push",
+                        start=start,
+                        duration=push_end - start,
+                        at=push.at,
+                        force=push.force,
                     )
             if change.drag is not None and begin + len(change.drag.targets) > first:
                 drag = change.drag
@@ -268,7 +292,12 @@ class Timeline:
         return drivers
 
     def _drive(
-        self, robot: str | None, only_robot: str | None, numbers: Sequence[str], begin: float, time: float
+        self,
+        robot: str | None,
+        only_robot: str | None,
+        numbers: Sequence[str],
+        begin: float,
+        time: float,
     ) -> Drive | None:
         """Command to a robot's controller at a time of a run. Each command holds for times after its own time.
 
@@ -299,7 +328,9 @@ class Timeline:
 
 
 @contextmanager
-def following(holder: Any, grid: float | None, changes: Sequence[Change], *, strict: bool = False) -> Iterator[None]:
+def following(
+    holder: Any, grid: float | None, changes: Sequence[Change], *, strict: bool = False
+) -> Iterator[None]:
     """Give a station the timeline of a program within a ``with`` block.
 
     A station that follows a timeline with a grid already keeps it: a program that another program runs has no timeline
@@ -337,11 +368,17 @@ def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str,
     kept.
     """
     extended = dict(settings)
-    has_single_section = list(config.robots) == [ONLY_ROBOT]  # a station file with `robot:` instead of `robots:`
+    has_single_section = list(config.robots) == [
+        ONLY_ROBOT
+    ]  # a station file with `robot:` instead of `robots:`
     for robot, entry in config.robots.items():
         section = ONLY_ROBOT if has_single_section else f"robots.{robot}"
         if entry.servo is not None:
-            own_settings = {f"{section}.{key}": value for key, value in settings.items() if key.startswith(_SERVO)}
+            own_settings = {
+                f"{section}.{key}": value
+                for key, value in settings.items()
+                if key.startswith(_SERVO)
+            }
             extended = {**own_settings, **extended}
     return extended
 
@@ -364,7 +401,9 @@ class Timed(Protocol):
         """Callback for each step of a run, or None."""
 
 
-def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
+def run_timed(
+    cell: Timed, references: Mapping[str, ReferenceLike], duration: float
+) -> SimulationResult:
     """Run references on a station whose timeline has a grid, from the present state of the station.
 
     The run is a sequence of runs, each from one change to the next, whose results are joined. The attributes of the
@@ -409,14 +448,20 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
             # Only settings of references matter here, such as `reference.duration`.
-            settings = {key: value for key, value in line.settings().items() if "reference" in key.split(".")}
+            settings = {
+                key: value
+                for key, value in line.settings().items()
+                if "reference" in key.split(".")
+            }
             if settings != reference_settings:
                 made_references = runner.references(references, state)
                 reference_settings = settings
                 reference_begin = line.now
             elapsed = line.now - reference_begin
             run = runner.run(
-                reference={robot: later(reference, elapsed) for robot, reference in made_references.items()},
+                reference={
+                    robot: later(reference, elapsed) for robot, reference in made_references.items()
+                },
                 duration=part,
                 start=state,
                 commands=line.walk_drivers(station),
@@ -428,7 +473,11 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             run = replace(run, config=run.config.model_copy(update={"forces": forces}))
             line.now = line.time_of(line.steps(line.now + run.stop_time))
             if run.ending == "completed" and is_ended_by_timeline:
-                text = message("programs.stopped_by_user", "stopped by the user at {time:.6g} s", time=line.now - begin)
+                text = message(
+                    "programs.stopped_by_user",
+                    "stopped by the user at {time:.6g} s",
+                    time=line.now - begin,
+                )
                 run = replace(run, ending="monitor", stopped_by=USER, message=text)
             runs.append(run)
             if run.ending != "completed":
@@ -442,4 +491,7 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
 def _marked_as_cut(runs: Sequence[SimulationResult]) -> list[SimulationResult]:
     """Mark runs as parts of one motion, so that their verdicts take neither ends nor starts for those of the motion."""
     last = len(runs) - 1
-    return [replace(run, is_continued=index < last, continues=index > 0) for index, run in enumerate(runs)]
+    return [
+        replace(run, is_continued=index < last, continues=index > 0)
+        for index, run in enumerate(runs)
+    ]

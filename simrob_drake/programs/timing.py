@@ -57,7 +57,11 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     names = [axis for robot in robots for axis in robot.axes]
     # Name of each limit, its values by robot, and the file that sets it.
     rate_limits = (
-        ("velocity", [robot.speed_limits for robot in robots], message("programs.its_urdf", "its URDF")),
+        (
+            "velocity",
+            [robot.speed_limits for robot in robots],
+            message("programs.its_urdf", "its URDF"),
+        ),
         (
             "acceleration",
             [robot.model.accelerations for robot in robots],
@@ -76,7 +80,12 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
         limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
             raise InvalidParameter(
-                message("programs.rate_of_axis", "the {key} of {axis}", key=key, axis=names[limits.argmax()]),
+                message(
+                    "programs.rate_of_axis",
+                    "the {key} of {axis}",
+                    key=key,
+                    axis=names[limits.argmax()],
+                ),
                 message("programs.not_limited", "not limited"),
                 message("programs.limited_by", "limited by {where}", where=where),
             )
@@ -88,14 +97,21 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
         raise InvalidParameter(
             "profile",
             "jerk_limited",
-            message("programs.no_ruckig_motion", "another one: Ruckig found no motion ({result})", result=result.name),
+            message(
+                "programs.no_ruckig_motion",
+                "another one: Ruckig found no motion ({result})",
+                result=result.name,
+            ),
         )
     # The jerk of some axis changes at these times. Between two of them the motion is a polynomial.
     changes = np.cumsum([[0.0, *profile.t] for profile in motion.profiles[0]], axis=1).ravel()
     breaks = np.unique(np.clip(changes, 0.0, motion.duration))
     is_long_enough = np.diff(breaks) > _SHORTEST_PART
     breaks = np.append(breaks[:-1][is_long_enough], motion.duration)
-    return tuple(_ruckig_stretch(np.linspace(begin, stop, _POINTS), motion) for begin, stop in pairwise(breaks))
+    return tuple(
+        _ruckig_stretch(np.linspace(begin, stop, _POINTS), motion)
+        for begin, stop in pairwise(breaks)
+    )
 
 
 def _ruckig_stretch(times: Vector, motion: Any) -> Stretch:
@@ -121,7 +137,9 @@ joints allow; `jerk_limited`, for moves that are straight in the joints, as limi
 """
 _LEAST_TIME_PROFILES: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
 
-_TURN_LENGTH = 0.1  # length that counts as much as a radian of a joint, where moves are compared [m]
+_TURN_LENGTH = (
+    0.1  # length that counts as much as a radian of a joint, where moves are compared [m]
+)
 _FASTEST = 20.0  # largest speed of a tool; no arm is faster [m/s]
 _LEAST_LENGTH = 1e-6  # least length of the path to a target, so that nothing is divided by 0 [m]
 _LEAST_TIME = 0.01  # least time to a target [s]
@@ -269,7 +287,9 @@ def plan_timed(
     return plan
 
 
-def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: RateLimits) -> Plan:
+def through_all(
+    robot: str, segments: Sequence[Segment], how: How, points: int, limits: RateLimits
+) -> Plan:
     """Plan a move smoothly through the ends of all segments, at rest only at the last.
 
     Args:
@@ -318,7 +338,11 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
             speed=how["speed"] / slower,
             wider=wider,
         )
-    return message("programs.give_duration", "give the move a duration of {duration:.3g} s or more", duration=duration)
+    return message(
+        "programs.give_duration",
+        "give the move a duration of {duration:.3g} s or more",
+        duration=duration,
+    )
 
 
 def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
@@ -329,11 +353,15 @@ def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
     factors = []
     for order, limit in enumerate(limits, start=1):
         ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
-        factors.append(ratio ** (1 / order))  # speeds fall with the factor, accelerations with its square
+        factors.append(
+            ratio ** (1 / order)
+        )  # speeds fall with the factor, accelerations with its square
     return float(max(factors) / _USED_PART)
 
 
-def _plan_by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int) -> Plan:
+def _plan_by_laws(
+    robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int
+) -> Plan:
     """Plan a move from its segments and one law of time for each.
 
     Args:
@@ -352,7 +380,9 @@ def _plan_by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLa
     return Plan(robot, tuple(stretches), np.array(target_times), points)
 
 
-def _plan_in_least_time(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
+def _plan_in_least_time(
+    robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors
+) -> Plan:
     """Plan a move that takes as little time as the limits of the joints allow.
 
     Args:
@@ -452,7 +482,11 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> Arrivals:
     if len(options) > 1:
         raise InvalidParameter(
             message("programs.time_of_move", "the time of the move"),
-            message("programs.given_by", "given by {stated}", stated=join_texts(options, message("base.and", " and "))),
+            message(
+                "programs.given_by",
+                "given by {stated}",
+                stated=join_texts(options, message("base.and", " and ")),
+            ),
             message("programs.given_by_one", "given by one of them"),
         )
     if "times" in how:
@@ -479,7 +513,9 @@ def _lengths(segments: Sequence[Segment]) -> Vector:
 
 def _turns(segments: Sequence[Segment]) -> Vector:
     """Length of the path of the axis that moves most on each segment, shape (k,) [rad or m]."""
-    return np.array([np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments])
+    return np.array(
+        [np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments]
+    )
 
 
 def _speed_lengths(segments: Sequence[Segment]) -> Vector:
@@ -500,7 +536,9 @@ def _user_times(times: npt.ArrayLike, count: int) -> Vector:
     values = np.atleast_1d(numbers(times))
     if values.shape != (count,):
         raise InvalidParameter(
-            "times", times, message("programs.times_a_target", "{count} times [s], one a target", count=count)
+            "times",
+            times,
+            message("programs.times_a_target", "{count} times [s], one a target", count=count),
         )
     return _check_times(values, "times", times)
 

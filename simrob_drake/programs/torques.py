@@ -18,7 +18,9 @@ from simrob_drake.programs.plan import MARGIN, Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
 
 _FULL = 1.0 + 1e-6  # share of its limit up to which a motor gives a torque, rounding included
-_MOST_TRIES = 8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
+_MOST_TRIES = (
+    8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
+)
 
 
 class TorqueShortage(UserWarning):
@@ -84,10 +86,15 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         unit = own.model.effort_units[axis]
         needed = compound("{torques:.4g} {unit}", torques=abs(torques[row, axis]), unit=unit)
         maximum = message(
-            "programs.limit_of_motor", "the limit of its motor is {limit:.4g} {unit}", limit=limits[axis], unit=unit
+            "programs.limit_of_motor",
+            "the limit of its motor is {limit:.4g} {unit}",
+            limit=limits[axis],
+            unit=unit,
         )
         if own.gains.line is not None:
-            at_speed = np.where(torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit))
+            at_speed = np.where(
+                torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit)
+            )
             maximum += message(
                 "programs.limit_at_speed",
                 ", {torque:.4g} {unit} at the speed that it has there",
@@ -121,7 +128,9 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             time=time,
             maximum=maximum,
         )
-        warnings.warn(compound("{text}; {advice}", text=text, advice=advice), TorqueShortage, stacklevel=2)
+        warnings.warn(
+            compound("{text}; {advice}", text=text, advice=advice), TorqueShortage, stacklevel=2
+        )
 
 
 def slower_factor(motors: Motors, plan: Plan) -> float:

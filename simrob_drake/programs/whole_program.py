@@ -42,7 +42,11 @@ def carried_program(config: StationConfig) -> Program | None:
     Raises:
         InvalidConfig: the program has a wrong entry. The message names the move and the key.
     """
-    return None if config.program is None else Program.of_content(config.program, f"{config.name}: program")
+    return (
+        None
+        if config.program is None
+        else Program.of_content(config.program, f"{config.name}: program")
+    )
 
 
 def run_whole(config: StationConfig) -> SimulationResult:
@@ -52,7 +56,9 @@ def run_whole(config: StationConfig) -> SimulationResult:
         SimrobError: the station, or a move of the program, cannot be run.
     """
     program = carried_program(config)
-    return simulate(config, progress=False) if program is None else perform(Workcell(config), program)
+    return (
+        simulate(config, progress=False) if program is None else perform(Workcell(config), program)
+    )
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:

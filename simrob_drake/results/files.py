@@ -111,7 +111,12 @@ def save_result(
         UnknownName: the format of the plots is unknown.
     """
     # Modules that draw are imported where they are needed, since they take long to load and most commands do not draw.
-    from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video
+    from simrob_drake.results.animation.pictures import (
+        check_frames,
+        frame_writer,
+        save_film_strip,
+        save_video,
+    )
     from simrob_drake.results.animation.recording import save_recording
 
     default_frames: int | Literal["events"] = "events" if result.runs else _FRAMES
@@ -163,7 +168,9 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
 
 def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
     """Write the plots of a result to a folder."""
-    from simrob_drake.results.plots.own import save_plots  # imported here, since it loads Matplotlib
+    from simrob_drake.results.plots.own import (
+        save_plots,
+    )  # imported here, since it loads Matplotlib
 
     save_plots(result, folder, kind)
 
@@ -253,7 +260,9 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     return config
 
 
-def _sampled_reference(result: RecordedRun, config: StationConfig, robot: str) -> _SampledReference | None:
+def _sampled_reference(
+    result: RecordedRun, config: StationConfig, robot: str
+) -> _SampledReference | None:
     """Samples of a robot's reference. Returns None if the station's file contains the reference itself.
 
     Args:

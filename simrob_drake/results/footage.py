@@ -98,7 +98,11 @@ def _names_of_labels(scene: PosedStation) -> dict[int, str]:
 
 def footage_of(result: RecordedRun) -> dict[str, Footage]:
     """Images of a run's cameras, by the name of the camera."""
-    cameras = {name: sensor for name, sensor in result.config.sensors.items() if isinstance(sensor, CameraSensor)}
+    cameras = {
+        name: sensor
+        for name, sensor in result.config.sensors.items()
+        if isinstance(sensor, CameraSensor)
+    }
     return {name: Footage(result, camera) for name, camera in cameras.items()}
 
 

@@ -223,7 +223,9 @@ class SimulationResult(RecordedRun):
     @cached_property
     def images(self) -> "dict[str, Footage]":
         """Images of the station's cameras, by the name of the camera. They are rendered when they are first used."""
-        from simrob_drake.results.footage import footage_of  # imported here, since it takes long to load
+        from simrob_drake.results.footage import (
+            footage_of,
+        )  # imported here, since it takes long to load
 
         return footage_of(self)
 
@@ -239,14 +241,18 @@ class SimulationResult(RecordedRun):
 
     def __repr__(self) -> str:
         """Three lines: how the run ended, how much was recorded, and the warnings or the sentence of the verdict."""
-        samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
+        samples = (
+            f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
+        )
         # One line, since notebooks and debuggers show results among others.
         judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
         return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: end of the run, verdict, film strip, and the table of last positions and torques."""
-        from simrob_drake.results.animation.pictures import film_strip  # imported here, since it takes long to load
+        from simrob_drake.results.animation.pictures import (
+            film_strip,
+        )  # imported here, since it takes long to load
 
         # The picture is a part of the HTML, so that a notebook needs no further file.
         strip = b64encode(film_strip(self)).decode()
@@ -338,7 +344,9 @@ class SimulationResult(RecordedRun):
         # A run that diverged has many warnings with the same cause, so only its end counts.
         problems = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
         if problems:
-            text = compound("{station}: {problems}", station=self.config.name, problems="; ".join(problems))
+            text = compound(
+                "{station}: {problems}", station=self.config.name, problems="; ".join(problems)
+            )
             raise VerdictError(text, self)
         return self
 
@@ -379,7 +387,9 @@ def joined(
         InvalidParameter: there is no run, or the stations of the runs have different robots or pieces.
     """
     if not runs:
-        raise InvalidParameter("runs", "empty", message("results.what_was_run_last", "some: what was run last"))
+        raise InvalidParameter(
+            "runs", "empty", message("results.what_was_run_last", "some: what was run last")
+        )
     stations = [run.config for run in runs]
     if left is not None:
         stations.append(left)
@@ -464,7 +474,9 @@ def _handed_over_pieces(stations: Sequence[StationConfig]) -> list[str]:
     return handed_over
 
 
-def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], ends: Vector) -> list[Event]:
+def _marks(
+    runs: Sequence[RecordedRun], stations: Sequence[StationConfig], ends: Vector
+) -> list[Event]:
     """Events at the ends of the runs of a program: the pieces that were handed over there, or else the end of the run.
 
     The last run has no event unless pieces are handed over after it: the end of the program is an event of its own.
@@ -475,7 +487,9 @@ def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], ends:
         ends: time at which each run ends, since the start of the program [s].
     """
     marks = []
-    changes = zip(runs, ends.tolist(), pairwise(stations), strict=False)  # the last run may have no station after it
+    changes = zip(
+        runs, ends.tolist(), pairwise(stations), strict=False
+    )  # the last run may have no station after it
     for index, (run, end, (before, after)) in enumerate(changes):
         hand_overs = []
         for name, piece in after.pieces.items():
@@ -505,7 +519,9 @@ class _ProgramMotion:
             free.
     """
 
-    def __init__(self, runs: Sequence[RecordedRun], config: StationConfig, handed_over: Sequence[str]) -> None:
+    def __init__(
+        self, runs: Sequence[RecordedRun], config: StationConfig, handed_over: Sequence[str]
+    ) -> None:
         """Join the motions of runs.
 
         Args:
@@ -519,7 +535,9 @@ class _ProgramMotion:
         self._positions_of: list[Callable[[Vector], Vector]] = [run.positions_at for run in runs]
         if handed_over:
             self.plant = _plant_of_program(runs, config)
-            self._positions_of = [partial(_positions_in_program, run, self.plant, handed_over) for run in runs]
+            self._positions_of = [
+                partial(_positions_in_program, run, self.plant, handed_over) for run in runs
+            ]
 
     def positions_at(self, times: Vector) -> Vector:
         """Positions of the plant (k, nq) at times (k,) [s] since the start of the program."""
@@ -554,7 +572,9 @@ def _plant_of_program(runs: Sequence[RecordedRun], config: StationConfig) -> Sta
     return replace(station, robots=robots)
 
 
-def _contacts_of_program(runs: Sequence[RecordedRun], handed_over: Sequence[str]) -> ContactsAt | None:
+def _contacts_of_program(
+    runs: Sequence[RecordedRun], handed_over: Sequence[str]
+) -> ContactsAt | None:
     """Function that yields Drake's contact results of a program.
 
     Returns None if the program has several runs, or a plant that is not that of its run.
@@ -629,7 +649,9 @@ def _free_piece(entry: PieceConfig, mass: float) -> PieceConfig:
     return entry.model_copy(update={"parent": "world", "frame": None, "free": True, **body})
 
 
-def _positions_in_program(run: RecordedRun, plant: StationPlant, handed_over: Sequence[str], times: Vector) -> Vector:
+def _positions_in_program(
+    run: RecordedRun, plant: StationPlant, handed_over: Sequence[str], times: Vector
+) -> Vector:
     """Positions of a program's plant at times of one of its runs, shape (k, nq).
 
     Args:
@@ -653,7 +675,9 @@ def _by_joint(plant: MultibodyPlant, positions: Vector) -> _PositionsOfJoints:
     return {joint.name: positions[:, joint.positions] for joint in joints_of(plant)}
 
 
-def _free_positions(run: RecordedRun, pieces: Sequence[str], positions: Vector) -> _PositionsOfJoints:
+def _free_positions(
+    run: RecordedRun, pieces: Sequence[str], positions: Vector
+) -> _PositionsOfJoints:
     """Positions that pieces which hang on something would have as free bodies.
 
     Args:

@@ -54,7 +54,9 @@ class AxisMap:
     num_velocities: int
 
     @classmethod
-    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> "AxisMap":
+    def of_joints(
+        cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None
+    ) -> "AxisMap":
         """Make the map of axes from their joints.
 
         Args:
@@ -70,7 +72,11 @@ class AxisMap:
             raise InvalidParameter(
                 "signs",
                 signs,
-                message("robots.numbers_1_or_minus_1", "{joints} numbers 1 or -1, one a joint", joints=len(joints)),
+                message(
+                    "robots.numbers_1_or_minus_1",
+                    "{joints} numbers 1 or -1, one a joint",
+                    joints=len(joints),
+                ),
             )
         return cls(
             position_places=np.array([joint.position_start() for joint in joints], dtype=np.intp),
@@ -164,7 +170,9 @@ class AxisMap:
             passive: whether each axis is without a motor, shape (n,); None if all axes have one. The only actuator that
                 the joint of such an axis can have is its friction.
         """
-        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
+        actuators = [
+            plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)
+        ]
         # Drake's actuation matrix B gives generalized forces B u. Its columns have a single 1, so its transpose takes
         # generalized forces to the inputs u again.
         columns = [actuator.input_start() for actuator in actuators]
@@ -213,10 +221,12 @@ def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator
 
 
 NotNegativeAxisValues = Annotated[
-    AxisValues, every_axis(lambda value: value >= 0, message("robots.not_negative", "it must not be negative"))
+    AxisValues,
+    every_axis(lambda value: value >= 0, message("robots.not_negative", "it must not be negative")),
 ]
 PositiveAxisValues = Annotated[
-    AxisValues, every_axis(lambda value: value > 0, message("robots.positive", "it must be positive"))
+    AxisValues,
+    every_axis(lambda value: value > 0, message("robots.positive", "it must be positive")),
 ]
 
 
@@ -240,7 +250,9 @@ class AxisUnit:
 
     def shown(self, position: float) -> str:
         """Write a position [rad or m] in the user's unit, such as "110.0 deg"."""
-        return compound("{position} {name}", position=f"{position / self.size:{self.digits}}", name=self.name)
+        return compound(
+            "{position} {name}", position=f"{position / self.size:{self.digits}}", name=self.name
+        )
 
 
 REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
@@ -258,7 +270,11 @@ def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector],
     kinds = list(dict.fromkeys(units))
     return join_texts(
         (
-            compound("{written} {kind}", written=written(values[[unit == kind for unit in units]]), kind=kind)
+            compound(
+                "{written} {kind}",
+                written=written(values[[unit == kind for unit in units]]),
+                kind=kind,
+            )
             for kind in kinds
         ),
         ", ",

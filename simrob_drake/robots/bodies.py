@@ -33,7 +33,9 @@ from simrob_drake.robots.urdf import (
     set_inertia,
 )
 
-_TOOL_NAME = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
+_TOOL_NAME = re.compile(
+    r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE
+)
 """Names that published robots give to the place of the tool."""
 _GRASP_NAME = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
 """The names among them for the point at which fingers grasp."""
@@ -73,11 +75,21 @@ def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[
         floating: whether the root link moves, too.
     """
     # A link without mass is no problem if another link of its body has mass.
-    weightless = {carrier for carrier, links in bodies(robot).items() if not any(mass_of(link) > 0 for link in links)}
-    moving = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
+    weightless = {
+        carrier
+        for carrier, links in bodies(robot).items()
+        if not any(mass_of(link) > 0 for link in links)
+    }
+    moving = {
+        link_of(joint, "child")
+        for joint in robot.iterfind("joint")
+        if joint.get("type") in MOVABLE_JOINTS
+    }
     if floating:
         moving.add(root_link(robot))
-    return [name_of(link) for link in robot.iterfind("link") if name_of(link) in moving & weightless]
+    return [
+        name_of(link) for link in robot.iterfind("link") if name_of(link) in moving & weightless
+    ]
 
 
 @dataclass(frozen=True)
@@ -227,7 +239,9 @@ def _chain_tools(root: ET.Element) -> list[str]:
     """
     carrier_of = carriers(root)
     starts = joints_at(root)
-    moving_joints = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    moving_joints = [
+        joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS
+    ]
     # Bodies on which a moving joint starts are not at the end of a chain.
     inner = {carrier_of[link_of(joint, "parent")] for joint in moving_joints}
     counts = _joint_counts(root)
@@ -237,7 +251,9 @@ def _chain_tools(root: ET.Element) -> list[str]:
         if end in inner:
             continue
         attached = [end, *(link_of(fixed, "child") for fixed in outward(starts, end, rigid=True))]
-        frames = [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in attached]
+        frames = [
+            name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in attached
+        ]
         usual = [name for name in (*frames, *attached) if _TOOL_NAME.search(name)]
         name = usual[-1] if usual else attached[-1]
         found.append(_ChainTool(bool(usual), counts[end], name))

@@ -20,10 +20,24 @@ from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.files import ROBOT_FILE, model_file, robot_files
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
+from simrob_drake.base.sections import (
+    FileName,
+    Number,
+    Positive,
+    Strict,
+    default_of,
+    is_file_name,
+    validated,
+)
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis import Axis, axes_by_name
-from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
+from simrob_drake.robots.axis_map import (
+    PRISMATIC,
+    REVOLUTE,
+    AxisUnit,
+    AxisValues,
+    PositiveAxisValues,
+)
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.coupled_axes import Firmness, firmness_of_values
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
@@ -123,8 +137,12 @@ class RobotModel(Strict):
     def _one_origin(self) -> "RobotModel":
         """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
         if (self.urdf is None) == (self.dh is None):
-            raise ValueError(message("robots.urdf_or_dh", "a robot has either a urdf or a dh table"))
-        if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
+            raise ValueError(
+                message("robots.urdf_or_dh", "a robot has either a urdf or a dh table")
+            )
+        if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(
+            self.folder.resolve()
+        ):
             raise ValueError(
                 message(
                     "robots.urdf_outside_folder",
@@ -135,7 +153,9 @@ class RobotModel(Strict):
         return self
 
     def __repr__(self) -> str:
-        return f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
+        return (
+            f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
+        )
 
     __str__ = __repr__
 
@@ -167,7 +187,10 @@ class RobotModel(Strict):
                 "root",
                 self.root,
                 message(
-                    "robots.root_link_of", "{link}, the root link of {file}", link=root_link(root), file=self.urdf_path
+                    "robots.root_link_of",
+                    "{link}, the root link of {file}",
+                    link=root_link(root),
+                    file=self.urdf_path,
                 ),
             )
         self._apply_passive_axes(root)
@@ -194,7 +217,9 @@ class RobotModel(Strict):
         passive = {joints[self.axis_index(axis, PASSIVE)] for axis in self.servo.passive}
         remove_motors(root, passive)
         # NaN stands for axes without a value.
-        limits = self.axis_vector({} if self.servo.torque_limit is None else self.servo.torque_limit, LIMIT, np.nan)
+        limits = self.axis_vector(
+            {} if self.servo.torque_limit is None else self.servo.torque_limit, LIMIT, np.nan
+        )
         driven = driven_joints(root)
         elements = {name_of(joint): joint for joint in root.iterfind("joint")}
         for axis, joint, limit in zip(self.axes, joints, limits.tolist(), strict=True):
@@ -203,15 +228,26 @@ class RobotModel(Strict):
             if not limit > 0:
                 raise Unsuitable(
                     LIMIT,
-                    message("robots.motor_without_limit", "{key} gives {axis} a motor", key=PASSIVE, axis=axis),
-                    message("robots.give_its_limit", "give {axis} a torque limit, too [N·m or N]", axis=axis),
+                    message(
+                        "robots.motor_without_limit",
+                        "{key} gives {axis} a motor",
+                        key=PASSIVE,
+                        axis=axis,
+                    ),
+                    message(
+                        "robots.give_its_limit",
+                        "give {axis} a torque limit, too [N·m or N]",
+                        axis=axis,
+                    ),
                 )
             child_of(elements[joint], "limit").set("effort", format_number(limit))
             # A transmission is there already if the URDF has one with the effort 0.
             if joint not in transmissions_of(root):
                 add_motor(root, joint, drive=f"{joint}_drive")
 
-    def with_passive_axes(self, passive: list[str], torque_limits: Mapping[str, float]) -> "RobotModel":
+    def with_passive_axes(
+        self, passive: list[str], torque_limits: Mapping[str, float]
+    ) -> "RobotModel":
         """Copy the robot with other passive axes.
 
         Args:
@@ -219,14 +255,20 @@ class RobotModel(Strict):
             torque_limits: largest torque or force of motors, by the name of the axis [N·m or N]. Axes whose joints have
                 a motor in the URDF need none.
         """
-        servo = self.servo.model_copy(update={"passive": passive, "torque_limit": dict(torque_limits)})
+        servo = self.servo.model_copy(
+            update={"passive": passive, "torque_limit": dict(torque_limits)}
+        )
         return self.model_copy(update={"servo": servo})
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
         """Spread the values of a key over the joints, by name; joints of axes without a value are left out."""
         # NaN stands for axes without a value.
         vector = self.axis_vector(values, key, np.nan)
-        return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
+        return {
+            joint: value
+            for joint, value in zip(joints, vector.tolist(), strict=True)
+            if np.isfinite(value)
+        }
 
     def with_drives(self, drives: Drives) -> "RobotModel":
         """Copy the robot with changed drives: the keys that ``drives`` sets replace its own.
@@ -302,7 +344,11 @@ class RobotModel(Strict):
     @property
     def passive_axes(self) -> list[str]:
         """Names of the axes without a motor."""
-        return [axis for axis, is_passive in zip(self.axes, self.passive.tolist(), strict=True) if is_passive]
+        return [
+            axis
+            for axis, is_passive in zip(self.axes, self.passive.tolist(), strict=True)
+            if is_passive
+        ]
 
     @property
     def efforts(self) -> Vector:
@@ -321,7 +367,9 @@ class RobotModel(Strict):
 
         It is 0 for a passive axis, which has no motor and no gear.
         """
-        play = self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
+        play = self.user_units * self.axis_vector(
+            self.drives.backlash_deg or 0.0, "drives.backlash_deg"
+        )
         return np.where(self.passive, 0.0, play)
 
     @cached_property
@@ -336,10 +384,14 @@ class RobotModel(Strict):
     @property
     def accelerations(self) -> Vector:
         """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite if no file gives one."""
-        own = np.array([joint_value(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints])
+        own = np.array(
+            [joint_value(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints]
+        )
         if self.acceleration_deg is None:
             return own
-        return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)
+        return self.user_units * self.axis_vector(
+            self.acceleration_deg, "acceleration_deg", own / self.user_units
+        )
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
@@ -409,7 +461,9 @@ class RobotModel(Strict):
         one_of(message("base.posture_of", "posture of {name}", name=self.name), name, known)
         if name not in self.postures:  # it is `home`, which need not be among the named postures
             return self.home
-        position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
+        position = self.axis_vector(
+            self.postures[name], f"postures.{name}", others / self.user_units
+        )
         return self.with_followers(self.user_units * position)
 
     @cached_property
@@ -511,7 +565,9 @@ def load_robot(name: str) -> RobotModel:
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
     file = model_file("robots", name) if isinstance(name, str) else None
-    return load_robot_file(file or robot_files()[one_of(message("base.robot", "robot"), name, robot_names())])
+    return load_robot_file(
+        file or robot_files()[one_of(message("base.robot", "robot"), name, robot_names())]
+    )
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
@@ -548,7 +604,9 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     root = checked_urdf(path)
     if not movable_joints(root):
         raise InvalidParameter(
-            "robot.urdf", str(path), message("robots.robot_that_moves", "a robot with at least one joint that moves")
+            "robot.urdf",
+            str(path),
+            message("robots.robot_that_moves", "a robot with at least one joint that moves"),
         )
     names = [name for name in (root.get("name", ""), path.stem) if is_file_name(name)]
     hand = fingers_of(root)
@@ -589,7 +647,11 @@ def _home_of_urdf(robot: RobotModel) -> AxisValues:
     # The property `home` fills in the middles of ranges, and the positions of followers.
     home = robot.model_copy(update={"home_deg": opened}).home / robot.user_units
     # Six digits keep a station's file readable.
-    values = {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, home.tolist(), strict=True) if value}
+    values = {
+        axis: float(f"{value:.6g}")
+        for axis, value in zip(robot.axes, home.tolist(), strict=True)
+        if value
+    }
     return values or 0.0
 
 

@@ -38,7 +38,9 @@ class Firmness(IntEnum):
 
 
 def firmness_of_values(
-    values: float | Sequence[float] | Mapping[str, float] | None, count: int, index_of: Callable[[str], int]
+    values: float | Sequence[float] | Mapping[str, float] | None,
+    count: int,
+    index_of: Callable[[str], int],
 ) -> list[Firmness]:
     """Find how firmly the values that a user writes under one key give the position of each axis.
 
@@ -207,7 +209,9 @@ class CoupledAxes:
             # Another UNNAMED axis of the row could give way as well: the caller may have to ask which one.
             if firmness[axis] == Firmness.UNNAMED:
                 others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO).tolist()
-                undecided[axis] = tuple(other for other in others if firmness[other] == Firmness.UNNAMED)
+                undecided[axis] = tuple(
+                    other for other in others if firmness[other] == Firmness.UNNAMED
+                )
         unused = [row for row in range(len(rows)) if row not in row_of.values()]
         conditions = tuple(self._condition(rows[row]) for row in unused)
         return Dependence(matrix, offset, tuple(row_of), undecided, conditions)
@@ -237,7 +241,10 @@ class CoupledAxes:
             index of the row of each axis that gives way, by the index of the axis.
         """
         # Of axes with the same firmness, followers give way first, and then the axis with the lowest index.
-        order = sorted(range(len(self.names)), key=lambda axis: (firmness[axis], not self._is_follower[axis], axis))
+        order = sorted(
+            range(len(self.names)),
+            key=lambda axis: (firmness[axis], not self._is_follower[axis], axis),
+        )
         row_of: dict[int, int] = {}
         for axis in order:
             # Named axes come last in this order, and never give way.
@@ -265,7 +272,9 @@ class CoupledAxes:
         labels = tuple(self.equations[equation].label for equation in sources)
         return AxisCondition(row[:count], float(row[count]), labels)
 
-    def find_violation(self, condition: AxisCondition, positions: Vector, bounds: Vector) -> ConditionViolation | None:
+    def find_violation(
+        self, condition: AxisCondition, positions: Vector, bounds: Vector
+    ) -> ConditionViolation | None:
         """Find the sample at which positions break a condition most.
 
         Args:

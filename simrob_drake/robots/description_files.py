@@ -8,7 +8,9 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.robots.catalog import RobotModel
 
-_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # keys of robots that no station has at its top
+_DESCRIPTION_KEYS = frozenset(
+    ("dh", "urdf", "axes")
+)  # keys of robots that no station has at its top
 
 
 def is_description_file(text: str) -> bool:

@@ -15,9 +15,27 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
+from simrob_drake.base.sections import (
+    ORIGIN,
+    Colour,
+    Inertia,
+    NotNegative,
+    Number,
+    Pose,
+    Positive,
+    Strict,
+    Triple,
+)
 from simrob_drake.robots.pieces import solid_inertia
-from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, format_number, set_inertia
+from simrob_drake.robots.urdf import (
+    Solid,
+    add_colour,
+    add_joint,
+    add_motor,
+    add_solid,
+    format_number,
+    set_inertia,
+)
 
 BASE_LINK = "base_link"
 """Name of the root link."""
@@ -85,7 +103,12 @@ class DhRow(Strict):
             has_other_keys = self.limit_deg is not None or self.velocity_deg is not None
         if limits is None:
             raise ValueError(
-                message("robots.dh_joint_needs", "a {kind} joint needs {key}", kind=self.type, key=limit_key)
+                message(
+                    "robots.dh_joint_needs",
+                    "a {kind} joint needs {key}",
+                    kind=self.type,
+                    key=limit_key,
+                )
             )
         if has_other_keys:
             raise ValueError(
@@ -194,7 +217,9 @@ def described_by_table(content: dict[str, Any]) -> Any:
 def _motion(turn_deg: float, z: float, x: float, twist_deg: float) -> RigidTransform:
     """Compute the transform Rz(turn) Tz(z) Tx(x) Rx(twist)."""
     turn, twist = np.deg2rad([turn_deg, twist_deg])
-    return RigidTransform(RollPitchYaw(twist, 0.0, turn), np.array([x * np.cos(turn), x * np.sin(turn), z]))
+    return RigidTransform(
+        RollPitchYaw(twist, 0.0, turn), np.array([x * np.cos(turn), x * np.sin(turn), z])
+    )
 
 
 _THICKNESS = 0.055
@@ -269,7 +294,9 @@ def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
         add_solid(link, "collision", name, shape.solid)
 
 
-def _add_inertia(link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]) -> None:
+def _add_inertia(
+    link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]
+) -> None:
     """Add the inertia of a link. Values that its row does not give follow from its shapes.
 
     Args:
@@ -289,7 +316,9 @@ def _add_inertia(link: ET.Element, row: DhRow, frame: RigidTransform, shapes: li
     else:
         moments = np.array(row.inertia)
         rotation = frame.rotation()
-    set_inertia(link, mass=row.mass, moments=moments.tolist(), pose=RigidTransform(rotation, centre))
+    set_inertia(
+        link, mass=row.mass, moments=moments.tolist(), pose=RigidTransform(rotation, centre)
+    )
 
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
@@ -297,7 +326,11 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
     ET.SubElement(joint, "axis", xyz="0 0 1")
     lower, upper = row.range
     limit = ET.SubElement(
-        joint, "limit", lower=format_number(lower), upper=format_number(upper), effort=format_number(row.effort)
+        joint,
+        "limit",
+        lower=format_number(lower),
+        upper=format_number(upper),
+        effort=format_number(row.effort),
     )
     if row.speed is not None:
         limit.set("velocity", format_number(row.speed))
@@ -318,7 +351,9 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
         if number == len(table.rows):
             length = _FLANGE_DRUM.length * radius
             # Its outer face is at the tool.
-            flange = _drum(end, radius=_FLANGE_DRUM.radius * radius, length=length, centre=-length / 2)
+            flange = _drum(
+                end, radius=_FLANGE_DRUM.radius * radius, length=length, centre=-length / 2
+            )
             shapes.append(LinkShape(flange, _FLANGE_COLOUR))
         links.append(shapes)
     return links
@@ -356,7 +391,9 @@ def _tubes(end: Vector, radius: float) -> list[Solid]:
 def _foot(radius: float) -> Solid:
     """Make the foot of the base, which is on the ground, for a tube of a radius [m]."""
     length = _FOOT_DRUM.length * radius
-    return _drum(RigidTransform(), radius=_FOOT_DRUM.radius * radius, length=length, centre=length / 2)
+    return _drum(
+        RigidTransform(), radius=_FOOT_DRUM.radius * radius, length=length, centre=length / 2
+    )
 
 
 def _joint(table: DhTable, number: int, radius: float) -> Solid:

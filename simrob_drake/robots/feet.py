@@ -57,7 +57,9 @@ class FootContact(FootSurface):
     def _check_links(self) -> "FootContact":
         """Check that the feet have either spheres or boxes, and that ``others`` names feet only."""
         if bool(self.points) == bool(self.boxes):
-            raise ValueError(message("robots.spheres_or_boxes", "feet are either spheres about points, or boxes"))
+            raise ValueError(
+                message("robots.spheres_or_boxes", "feet are either spheres about points, or boxes")
+            )
         strange = self.others.keys() - {*self.links}
         if strange:
             raise ValueError(
@@ -144,7 +146,9 @@ class Feet(Strict):
         """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
         if name is None:
             return self.contacts[self.default]
-        return self.contacts[one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)]
+        return self.contacts[
+            one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)
+        ]
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
@@ -168,7 +172,9 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
             solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
         else:
             sphere = Sphere(surface.radius)
-            solids = [Solid(RigidTransform(np.array(centre)), sphere) for centre in feet.points[name]]
+            solids = [
+                Solid(RigidTransform(np.array(centre)), sphere) for centre in feet.points[name]
+            ]
         for number, solid in enumerate(solids):
             collision = add_solid(link, "collision", f"{name}_contact_{number}", solid)
             add_contact(collision, _contact_properties(surface))

@@ -26,7 +26,15 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Positive, Strict
 from simrob_drake.robots.bodies import SHAPE_TAGS, carriers
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, joint_limits, joints_at, link_of, name_of, outward, pose_of
+from simrob_drake.robots.urdf import (
+    MOVABLE_JOINTS,
+    joint_limits,
+    joints_at,
+    link_of,
+    name_of,
+    outward,
+    pose_of,
+)
 
 FOLLOWS = "follows"
 """Element in which an import writes a ``mimic``, since Drake's parser would heed that under discrete solvers only."""
@@ -36,7 +44,9 @@ JAW = "jaw"
 _MOST_FINGERS = 5  # largest count of sliding fingers of a hand
 _SAME_DISTANCE = 1e-6  # relative difference below which two distances of fingers count as equal
 _JAW_NAME = re.compile(r"jaw|finger|claw|grip", re.IGNORECASE)
-_WRIST_NAME = re.compile(r"roll|pitch|yaw|rot|twist|wrist", re.IGNORECASE)  # joints that turn a whole hand
+_WRIST_NAME = re.compile(
+    r"roll|pitch|yaw|rot|twist|wrist", re.IGNORECASE
+)  # joints that turn a whole hand
 
 
 class Gripper(Strict):
@@ -53,7 +63,11 @@ class Gripper(Strict):
         still = [axis for axis, (closed, opened) in self.axes.items() if closed == opened]
         if still:
             raise ValueError(
-                message("robots.open_unlike_closed", "{axes} must be open elsewhere than closed", axes=", ".join(still))
+                message(
+                    "robots.open_unlike_closed",
+                    "{axes} must be open elsewhere than closed",
+                    axes=", ".join(still),
+                )
             )
         return self
 
@@ -109,15 +123,23 @@ def fingers_of(root: ET.Element) -> FingerHand | None:
 
     Returns None if there are none, or if it is not clear at which end they are closed.
     """
-    joints = {name_of(joint): joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
+    joints = {
+        name_of(joint): joint
+        for joint in root.iterfind("joint")
+        if joint.get("type") in MOVABLE_JOINTS
+    }
     jaw = _jaw(root, joints)
     if jaw is not None:
         return jaw
     hand = _joints_that_follow(joints) or _joints_that_slide(root, joints)
     if hand is None or not _is_hand(root, joints, hand):
         return None
-    at_first = _mean_distance(root, {name: travel.first for name, travel in hand.travels.items()}, hand.palm)
-    at_second = _mean_distance(root, {name: travel.second for name, travel in hand.travels.items()}, hand.palm)
+    at_first = _mean_distance(
+        root, {name: travel.first for name, travel in hand.travels.items()}, hand.palm
+    )
+    at_second = _mean_distance(
+        root, {name: travel.second for name, travel in hand.travels.items()}, hand.palm
+    )
     if isclose(at_first, at_second, rel_tol=_SAME_DISTANCE):
         return None
     is_closed_second = at_second < at_first
@@ -157,7 +179,11 @@ def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | Non
     # The jaws are closed at the end of the range at which they are nearest to each other; at the lower end if the
     # distances are equal.
     is_closed_low = _distance_from_palm(root, joint, low) <= _distance_from_palm(root, joint, high)
-    finger = FingerRange(closed=low, opened=high) if is_closed_low else FingerRange(closed=high, opened=low)
+    finger = (
+        FingerRange(closed=low, opened=high)
+        if is_closed_low
+        else FingerRange(closed=high, opened=low)
+    )
     return FingerHand({name: finger}, palm)
 
 
@@ -170,7 +196,9 @@ def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) ->
     starts = joints_at(root)
     carrier_of = carriers(root)
     moving_bodies = {carrier_of[link_of(joint, "child")] for joint in joints.values()}
-    leaders = {follows.get("joint", "") for joint in joints.values() for follows in joint.iterfind(FOLLOWS)}
+    leaders = {
+        follows.get("joint", "") for joint in joints.values() for follows in joint.iterfind(FOLLOWS)
+    }
     links_with_shapes = set()
     for link in root.iterfind("link"):
         if any(link.find(tag) is not None for tag in SHAPE_TAGS):
@@ -243,7 +271,9 @@ def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | No
     for name, joint in joints.items():
         follows = joint.find(FOLLOWS)
         leader = "" if follows is None else follows.get("joint", "")
-        if follows is None or leader not in joints:  # it follows no joint, or one that does not move
+        if (
+            follows is None or leader not in joints
+        ):  # it follows no joint, or one that does not move
             continue
         factor, offset = mimic_line(follows)
         if factor == 0:  # the joint does not move, and is no finger
@@ -270,7 +300,9 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
     # For each palm: the limits of the joints that slide on it, by the joint's name.
     limits_by_palm: dict[str, dict[str, _Travel]] = {}
     for name, joint in joints.items():
-        is_last = not any(other.get("type") in MOVABLE_JOINTS for other in _joints_beyond(starts, joint))
+        is_last = not any(
+            other.get("type") in MOVABLE_JOINTS for other in _joints_beyond(starts, joint)
+        )
         limits = _Travel(*joint_limits(joint))
         if is_last and joint.get("type") == "prismatic" and np.isfinite(limits).all():
             limits_by_palm.setdefault(link_of(joint, "parent"), {})[name] = limits
@@ -286,7 +318,9 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
         return _mean_distance(root, {name: travel.first for name, travel in travels.items()}, palm)
 
     # Each finger may be closed at either end of its own travel.
-    both_directions = [(limits, _Travel(limits.second, limits.first)) for limits in limits_of.values()]
+    both_directions = [
+        (limits, _Travel(limits.second, limits.first)) for limits in limits_of.values()
+    ]
     combined = [dict(zip(limits_of, travels, strict=True)) for travels in product(*both_directions)]
     return _HandCandidate(min(combined, key=distance), palm)
 
@@ -311,7 +345,9 @@ def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCand
         if beyond & names:
             moving_branches += 1
     has_moving_palm = len(beyond) < len(joints)
-    finger_names = [name for finger in hand.travels for name in (finger, link_of(joints[finger], "child"))]
+    finger_names = [
+        name for finger in hand.travels for name in (finger, link_of(joints[finger], "child"))
+    ]
     is_named = any(_JAW_NAME.search(name) for name in finger_names)
     return beyond == hand.travels.keys() and moving_branches > 1 and (has_moving_palm or is_named)
 
@@ -342,7 +378,9 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
         poses[child] = pose_of_parent @ pose_of(joint) @ motion
         if name in positions:
             centres.append(poses[child] @ _centre_of_mass(links[child]))
-    distances = [float(np.linalg.norm(first - second)) for first, second in combinations(centres, 2)]
+    distances = [
+        float(np.linalg.norm(first - second)) for first, second in combinations(centres, 2)
+    ]
     return sum(distances) / max(len(distances), 1)
 
 

@@ -34,7 +34,9 @@ class MimicFollower(NamedTuple):
         return {follower: 1.0, self.leader: -self.factor}
 
 
-def followers_among(axes: Mapping[str, Axis], joints: Sequence[ET.Element]) -> dict[str, MimicFollower]:
+def followers_among(
+    axes: Mapping[str, Axis], joints: Sequence[ET.Element]
+) -> dict[str, MimicFollower]:
     """Find the axes that follow other axes.
 
     Args:
@@ -62,7 +64,9 @@ def followers_among(axes: Mapping[str, Axis], joints: Sequence[ET.Element]) -> d
     return found
 
 
-def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], positions: Vector) -> Vector:
+def with_followers(
+    axes: Sequence[str], followers: Mapping[str, MimicFollower], positions: Vector
+) -> Vector:
     """Move followers to the positions that their leaders demand; all other axes keep their positions.
 
     Args:
@@ -79,7 +83,12 @@ def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], 
     for axis, follower in followers.items():
         equations.append(
             Equation(
-                message("robots.axis_follows", "{axis} follows {leader}", axis=axis, leader=follower.leader),
+                message(
+                    "robots.axis_follows",
+                    "{axis} follows {leader}",
+                    axis=axis,
+                    leader=follower.leader,
+                ),
                 follower.ratios(axis),
                 follower.offset,
             )

@@ -261,11 +261,15 @@ class _Hand:
         gaps = []
         for opening in _OPENINGS:
             self._open(opening)
-            left, right = (self._pose(tip) @ point for tip, point in zip(meeting.tips, touching, strict=True))
+            left, right = (
+                self._pose(tip) @ point for tip, point in zip(meeting.tips, touching, strict=True)
+            )
             gaps.append((right - left) @ meeting.direction)
         reaches = [reach.distance for reach in self._reaches().values()]
         fingers = sum(distance > _FINGER_REACH * max(reaches) for distance in reaches)
-        return Stroke(gaps=np.maximum.accumulate(gaps), fingers=fingers, travel=_travel(self._model))
+        return Stroke(
+            gaps=np.maximum.accumulate(gaps), fingers=fingers, travel=_travel(self._model)
+        )
 
     def meeting(self) -> _Meeting | None:
         """Find where two fingers meet first when they close. Returns None if no two fingers close on each other."""
@@ -350,14 +354,18 @@ class _Hand:
 
     def _pose(self, tip: _Tip) -> RigidTransform:
         """Pose of a tip at the present opening."""
-        return self._robot.plant.CalcRelativeTransform(self._context, self.palm, tip.body.body_frame())
+        return self._robot.plant.CalcRelativeTransform(
+            self._context, self.palm, tip.body.body_frame()
+        )
 
     def _tip_middles(self, tips: list[_Tip], opening: float) -> Vector:
         """Compute the middle of the corners of two tips at an opening, shape (2, 3) [m]."""
         self._open(opening)
         return np.array([self._pose(tip) @ tip.points.mean(axis=0) for tip in tips])
 
-    def _find_meeting(self, tips: list[_Tip], direction: Vector, rotation: Vector) -> _Meeting | None:
+    def _find_meeting(
+        self, tips: list[_Tip], direction: Vector, rotation: Vector
+    ) -> _Meeting | None:
         """Find the opening at which two faces meet, by bisection, or the closed hand if they never touch.
 
         Args:
@@ -389,10 +397,14 @@ class _Hand:
         # Of a face that is longer than wide, only the outermost square counts.
         is_in_square = out >= out.max() - np.ptp(across) - _SMALLEST
         origin = face_points[is_in_square].mean(axis=0)
-        pose = RigidTransform(RotationMatrix(rotation), np.round(origin, 6) + 0.0)  # the sum turns -0.0 into 0.0
+        pose = RigidTransform(
+            RotationMatrix(rotation), np.round(origin, 6) + 0.0
+        )  # the sum turns -0.0 into 0.0
         return _Meeting(tips, direction, opening, pose, float(measured.gaps.min()))
 
-    def _measure_gaps(self, tips: list[_Tip], direction: Vector, rotation: Vector, opening: float) -> _Gaps | None:
+    def _measure_gaps(
+        self, tips: list[_Tip], direction: Vector, rotation: Vector, opening: float
+    ) -> _Gaps | None:
         """Measure the gap between two tips along the lines of a grid, over the area that both cover.
 
         Args:
@@ -407,7 +419,9 @@ class _Hand:
         self._open(opening)
         # The area that both tips cover: the common part of their extents across the direction.
         poses = [self._pose(tip) for tip in tips]
-        corners = [(pose @ tip.points.T).T @ rotation for tip, pose in zip(tips, poses, strict=True)]
+        corners = [
+            (pose @ tip.points.T).T @ rotation for tip, pose in zip(tips, poses, strict=True)
+        ]
         lower = np.max([points.min(axis=0) for points in corners], axis=0)
         upper = np.min([points.max(axis=0) for points in corners], axis=0)
         x = 0

@@ -81,7 +81,9 @@ class ImportOptions(Strict):
         return {name: Path(folder).absolute() for name, _, folder in pairs}
 
 
-EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]
+EntryKind = Literal[
+    "read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"
+]
 ENTRY_KINDS: tuple[EntryKind, ...] = get_args(EntryKind)
 
 CHANGES: dict[EntryKind, str] = {
@@ -175,7 +177,10 @@ class ImportReport:
     @property
     def changed(self) -> bool:
         """Whether the result differs from the source in anything."""
-        return any(entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost") for entry in self.entries)
+        return any(
+            entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost")
+            for entry in self.entries
+        )
 
     def summary(self) -> str:
         """Write the counts of entries in one line, such as ``3 repaired, 6 defaulted``."""
@@ -185,7 +190,9 @@ class ImportReport:
             for kind in ENTRY_KINDS
             if counts[kind] and kind != "read"
         ]
-        return join_texts(parts) if parts else message("robots.nothing_to_repair", "nothing to repair")
+        return (
+            join_texts(parts) if parts else message("robots.nothing_to_repair", "nothing to repair")
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Convert the report to the content of a report file."""

@@ -133,7 +133,11 @@ class AxisLimits:
             axis=axis,
             value=value_text,
             limits=message(
-                "robots.range_of", "{lower} to {upper} {unit}", lower=lower_text, upper=upper_text, unit=unit
+                "robots.range_of",
+                "{lower} to {upper} {unit}",
+                lower=lower_text,
+                upper=upper_text,
+                unit=unit,
             ),
             limit=limit_text,
             excess=f"{abs(value - limit):.3g}",

@@ -30,7 +30,15 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
-from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copy_of, format_number, name_of, set_inertia
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    add_joint,
+    child_of,
+    copy_of,
+    format_number,
+    name_of,
+    set_inertia,
+)
 
 MOTORS_FILE = "motors.yaml"
 """Name of the file with the motors that have names, in the folder of models."""
@@ -149,7 +157,9 @@ _OneMotor = Annotated[
     Discriminator(lambda choice: "name" if isinstance(choice, str) else "values"),
 ]
 Motors = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Motor, Tag("values")] | Annotated[dict[str, _OneMotor], Tag("axes")],
+    Annotated[str, Tag("name")]
+    | Annotated[Motor, Tag("values")]
+    | Annotated[dict[str, _OneMotor], Tag("axes")],
     Discriminator(_kind),
 ]
 """One motor for all axes, or a mapping of motors by axis name or alias. A motor is given by its name or its values."""
@@ -186,12 +196,16 @@ _GEAR_INERTIA = 1e-7
 _Figure = Annotated[
     AxisValues,
     every_axis(
-        lambda value: 0 <= value <= 1e9, message("robots.not_negative_below", "it is not negative, and at most 1e9")
+        lambda value: 0 <= value <= 1e9,
+        message("robots.not_negative_below", "it is not negative, and at most 1e9"),
     ),
 ]
 _Ratio = Annotated[
     AxisValues,
-    every_axis(lambda value: 1e-6 <= value <= 1e6, message("robots.positive_within", "it is positive, of 1e-6 to 1e6")),
+    every_axis(
+        lambda value: 1e-6 <= value <= 1e6,
+        message("robots.positive_within", "it is positive, of 1e-6 to 1e6"),
+    ),
 ]
 
 
@@ -241,7 +255,9 @@ def set_drives(robot: ET.Element, key: str, values: Mapping[str, float]) -> None
         for joint in transmission.iterfind("joint"):
             if name_of(joint) in values:
                 actuator = child_of(transmission, "actuator")
-                child_of(actuator, f"{DRAKE}{key}").set("value", format_number(values[name_of(joint)]))
+                child_of(actuator, f"{DRAKE}{key}").set(
+                    "value", format_number(values[name_of(joint)])
+                )
 
 
 def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
@@ -271,7 +287,9 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
         )
         play_joint.extend(map(copy_of, joint.findall("axis")))
         half = play[name] / 2
-        ET.SubElement(play_joint, "limit", lower=format_number(-half), upper=format_number(half), effort="0")
+        ET.SubElement(
+            play_joint, "limit", lower=format_number(-half), upper=format_number(half), effort="0"
+        )
         child.set("link", name_of(gear))
 
 

@@ -26,7 +26,12 @@ from simrob_drake.robots.urdf import copy_of, drop_collision, with_absolute_mesh
 
 
 def add_urdf(
-    plant: MultibodyPlant, robot: ET.Element, *, name: str, where: Path | str, collision: bool = True
+    plant: MultibodyPlant,
+    robot: ET.Element,
+    *,
+    name: str,
+    where: Path | str,
+    collision: bool = True,
 ) -> ModelInstanceIndex:
     """Add a robot to a plant. Links that are fixed to each other become one body; each keeps a frame of its name.
 
@@ -54,15 +59,23 @@ def add_urdf(
     parser = Parser(plant, model_name_prefix=name)
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
-    except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
+    except (
+        RuntimeError,
+        ValueError,
+        SystemExit,
+    ) as problem:  # failed assertions come as SystemExit
         # Drake names the place in the text, which the user has never seen.
         text = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
         raise InvalidModel(
-            where, "", message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text)
+            where,
+            "",
+            message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text),
         ) from problem
 
 
-def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:
+def held_robot(
+    model: RobotModel, element: ET.Element | None = None
+) -> tuple[MultibodyPlant, Frame]:
     """Make a plant of a robot alone, whose root is fixed to the world at its origin.
 
     The plant has no shapes, so that files of meshes are not read.
@@ -110,8 +123,12 @@ class LoneRobot:
     def origins(self) -> Vector:
         """Compute the origins of the m bodies at the default posture, shape (m, 3) [m], without that of the world."""
         context = self.plant.CreateDefaultContext()
-        bodies = [self.plant.get_body(BodyIndex(index)) for index in range(1, self.plant.num_bodies())]
-        return np.array([self.plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies])
+        bodies = [
+            self.plant.get_body(BodyIndex(index)) for index in range(1, self.plant.num_bodies())
+        ]
+        return np.array(
+            [self.plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies]
+        )
 
     @property
     def size(self) -> float:

@@ -103,11 +103,15 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
         about_centre.append(shifted.CalcRotationalInertia().CopyToFullMatrix3())
     moments = six_moments(np.sum(about_centre, axis=0))
     is_rounding = abs(moments) < _NOTHING * moments.max()
-    return SolidInertia(volume=float(volumes.sum()), centre=centre, moments=np.where(is_rounding, 0.0, moments))
+    return SolidInertia(
+        volume=float(volumes.sum()), centre=centre, moments=np.where(is_rounding, 0.0, moments)
+    )
 
 
 @lru_cache(maxsize=64)
-def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | None) -> SpatialInertia:
+def _mesh_inertia(
+    file: Path, scale: float, closed: bool, state: FileState | None
+) -> SpatialInertia:
     """Compute the inertia of the volume that a mesh encloses, for a density of 1 kg/m³, in the mesh's own frame.
 
     Results are cached until the file changes.
@@ -132,14 +136,20 @@ def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | Non
             raise InvalidModel(file, "", problem)
         shape = Mesh(str(file), scale) if encloses_volume else Convex(str(file), scale)
         return CalcSpatialInertia(shape, 1.0)
-    except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
+    except (
+        RuntimeError,
+        ValueError,
+        SystemExit,
+    ) as problem:  # failed assertions come as SystemExit
         if isinstance(problem, InvalidModel):
             raise
         raise InvalidModel(
             file,
             "",
             message(
-                "robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=" ".join(str(problem).split())
+                "robots.drake_cannot_read",
+                "Drake cannot read it: {problem}",
+                problem=" ".join(str(problem).split()),
             ),
         ) from problem
 
@@ -246,7 +256,10 @@ class PieceShape(Strict):
         kinds = (self.box, self.cylinder, self.sphere, self.mesh)
         if sum(kind is not None for kind in kinds) != 1:
             raise ValueError(
-                message("robots.one_of_shapes", "a shape has exactly one of box, cylinder, sphere and mesh")
+                message(
+                    "robots.one_of_shapes",
+                    "a shape has exactly one of box, cylinder, sphere and mesh",
+                )
             )
         return self
 
@@ -301,17 +314,25 @@ class PieceModel(Strict):
     def _check_values(self) -> "PieceModel":
         """Check that values do not contradict each other, and that each frame has a name of its own."""
         if self.density is not None and "mass" in self.model_fields_set:
-            raise ValueError(message("robots.mass_or_density", "a piece has either a mass or a density"))
+            raise ValueError(
+                message("robots.mass_or_density", "a piece has either a mass or a density")
+            )
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
         if any(np.prod([step.count for step in steps]) > _MOST_FRAMES for steps in series):
             raise ValueError(
-                message("robots.too_many_frames", "a series of frames has at most {most}", most=_MOST_FRAMES)
+                message(
+                    "robots.too_many_frames",
+                    "a series of frames has at most {most}",
+                    most=_MOST_FRAMES,
+                )
             )
         names = [name for name, _ in self._named_poses()]
         for index, name in enumerate(names):
             check_plain(name)
             if name in names[:index]:
-                raise ValueError(message("robots.frame_twice", "the frame '{name}' stands twice", name=name))
+                raise ValueError(
+                    message("robots.frame_twice", "the frame '{name}' stands twice", name=name)
+                )
         return self
 
     @property
@@ -382,7 +403,11 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
         removed |= {"mass", "com", "inertia"}
     if "mass" in changes:
         removed.add("density")
-    kept = {key: value for key, value in piece.model_dump(exclude_unset=True).items() if key not in removed}
+    kept = {
+        key: value
+        for key, value in piece.model_dump(exclude_unset=True).items()
+        if key not in removed
+    }
     return with_mass_properties(validated(PieceModel, {**kept, **changes}, where))
 
 
@@ -408,9 +433,13 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
         raise InvalidModel(
             piece.folder,
             "density",
-            message("robots.density_without_shapes", "is given, but the piece has no shapes to fill"),
+            message(
+                "robots.density_without_shapes", "is given, but the piece has no shapes to fill"
+            ),
         )
-    whole = solid_inertia([shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None)
+    whole = solid_inertia(
+        [shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None
+    )
     density = piece.density or piece.mass / whole.volume
     computed: dict[str, Any] = {
         "mass": density * whole.volume,
@@ -458,7 +487,9 @@ FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
 """Friction of all pieces and floors, by the names of the coefficients in Drake. The Simulink library has the same."""
 
 
-def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:
+def add_piece(
+    robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform
+) -> None:
     """Add a piece to a robot's URDF, in place, as a link that is fixed to another link.
 
     Args:
@@ -492,7 +523,9 @@ def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
     """Add the link of a piece to a URDF, with its inertia, shapes and frames."""
     link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
-        set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))
+        set_inertia(
+            link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com))
+        )
     for index, (shape, shape_name) in enumerate(zip(piece.shapes, piece.shape_names, strict=True)):
         solid = shape.solid(piece.folder)
         if shape.visible:

@@ -19,7 +19,16 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
-from simrob_drake.robots.urdf import ENDLESS, joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
+from simrob_drake.robots.urdf import (
+    ENDLESS,
+    joint_limits,
+    link_of,
+    mass_of,
+    moments_of,
+    name_of,
+    pose_of,
+    root_link,
+)
 
 # Bounds of plausible numbers. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
 # millimetres for metres 1e9 times as small, kg mm² for kg m² moments 1e6 times as large. Published robots reach the
@@ -32,7 +41,9 @@ LIGHTEST = 0.1
 _LEAST_MOMENTS = 1e-5
 _MOST_MOMENTS = 1e3
 _NEGLIGIBLE = 1e-3  # a link with a smaller share of the robot's mass does not affect the motion
-_SMALLEST_VOLUME = 1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
+_SMALLEST_VOLUME = (
+    1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
+)
 # Plausible distance of a centre of mass from the middle of its shapes or, without shapes, from its link's joint:
 # _FAR [m] plus _SIZES times the size of the shapes or of the link.
 _FAR = 1.0
@@ -124,7 +135,9 @@ def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Dou
     if inertial is None:
         return []
     where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
-    own = MassProperties(mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial))))
+    own = MassProperties(
+        mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial)))
+    )
     # With a density of 1 kg/m³ the mass of the shapes is their volume in m³.
     solid = inertia_of_shapes(link, folder, 1.0)
     if solid is None or solid.get_mass() < _SMALLEST_VOLUME:
@@ -245,7 +258,9 @@ def moving_mass(robot: ET.Element) -> float:
     root = root_link(robot)
     # Links that fixed joints connect to the root have the root as their carrier: no joint moves them.
     carrier_of_link = carriers(robot)
-    return sum(mass_of(link) for link in robot.iterfind("link") if carrier_of_link[name_of(link)] != root)
+    return sum(
+        mass_of(link) for link in robot.iterfind("link") if carrier_of_link[name_of(link)] != root
+    )
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
@@ -255,7 +270,8 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
         offset = float(np.linalg.norm(pose_of(joint).translation()))
         if offset > _LONGEST:
             question = message(
-                "robots.were_millimetres_meant", "were millimetres meant? lengths of a URDF are in metres"
+                "robots.were_millimetres_meant",
+                "were millimetres meant? lengths of a URDF are in metres",
             )
             text = message(
                 "robots.far_from_last_joint",
@@ -263,12 +279,17 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
                 offset=offset,
                 question=question,
             )
-            yield Doubt(message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), text)
+            yield Doubt(
+                message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), text
+            )
             break
     for joint in robot.iterfind("joint"):
         doubt = _limit_doubt(joint)
         if doubt:
-            yield Doubt(message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)), doubt)
+            yield Doubt(
+                message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)),
+                doubt,
+            )
 
 
 def _limit_doubt(joint: ET.Element) -> str:

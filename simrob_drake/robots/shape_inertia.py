@@ -11,10 +11,18 @@ from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
 _LEAST_VOLUME = 1e-9  # smaller shapes are decals, not bodies; a cube of 1 mm has this volume [m³]
 # Drake's class of each tag; the order of its arguments is that of SHAPE_SIZES.
-_CLASSES = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
+_CLASSES = {
+    "box": Box,
+    "cylinder": Cylinder,
+    "capsule": Capsule,
+    "sphere": Sphere,
+    "ellipsoid": Ellipsoid,
+}
 
 
-def inertia_of_shapes(link: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
+def inertia_of_shapes(
+    link: ET.Element, folder: Path | None, density: float
+) -> SpatialInertia | None:
     """Compute the inertia of a link's collision shapes or, if these have no volume, of its visual shapes.
 
     Shapes that overlap count twice.
@@ -42,7 +50,9 @@ def inertia_of_shapes(link: ET.Element, folder: Path | None, density: float) -> 
     return None
 
 
-def _inertia_of_shape(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
+def _inertia_of_shape(
+    element: ET.Element, folder: Path | None, density: float
+) -> SpatialInertia | None:
     """Compute the inertia of one shape about the link's origin, in the axes of the link.
 
     Args:
@@ -61,7 +71,11 @@ def _inertia_of_shape(element: ET.Element, folder: Path | None, density: float) 
         if shape is None:
             return None
         inertia = CalcSpatialInertia(shape=shape, density=density)
-    except (RuntimeError, ValueError, SystemExit):  # flat or empty meshes; failed assertions come as SystemExit
+    except (
+        RuntimeError,
+        ValueError,
+        SystemExit,
+    ):  # flat or empty meshes; failed assertions come as SystemExit
         return None
     # From the frame of the shape to that of the link.
     pose = pose_of(element)

@@ -68,7 +68,13 @@ def add_frame(robot: ET.Element, name: str, link: str, pose: RigidTransform) -> 
 
 
 def add_joint(
-    robot: ET.Element, name: str, *, parent: str, child: str, pose: RigidTransform, kind: str = "fixed"
+    robot: ET.Element,
+    name: str,
+    *,
+    parent: str,
+    child: str,
+    pose: RigidTransform,
+    kind: str = "fixed",
 ) -> ET.Element:
     """Add a joint between two links, without axis and limits, and return it."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
@@ -121,7 +127,9 @@ def shape_element(shape: Shape | Path, scale: float = 1.0) -> ET.Element:
     if isinstance(shape, Box):
         return ET.Element("box", size=format_numbers(shape.size()))
     if isinstance(shape, Cylinder):
-        return ET.Element("cylinder", radius=format_number(shape.radius()), length=format_number(shape.length()))
+        return ET.Element(
+            "cylinder", radius=format_number(shape.radius()), length=format_number(shape.length())
+        )
     if isinstance(shape, Sphere):
         return ET.Element("sphere", radius=format_number(shape.radius()))
     return ET.Element("mesh", filename=f"file://{shape}", scale=format_numbers([scale] * 3))
@@ -143,10 +151,14 @@ def add_contact(collision: ET.Element, values: Mapping[str, float | None]) -> No
     """
     properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
     for key, value in values.items():
-        ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": format_number(value)})
+        ET.SubElement(
+            properties, f"{DRAKE}{key}", {} if value is None else {"value": format_number(value)}
+        )
 
 
-def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vector, pose: RigidTransform) -> None:
+def set_inertia(
+    link: ET.Element, *, mass: float, moments: Sequence[float] | Vector, pose: RigidTransform
+) -> None:
     """Write the inertia of a link. An inertia that the link has is replaced.
 
     Args:
@@ -252,14 +264,23 @@ def read_urdf(path: Path) -> ET.Element:
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
         ) from None
     if text.count("<") > MOST_TAGS:
-        raise InvalidModel(path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
+        raise InvalidModel(
+            path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS)
+        )
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
         raise InvalidModel(
-            path, "", message("robots.expand_xacro", "is a xacro file; expand it first, with simrob import")
+            path,
+            "",
+            message("robots.expand_xacro", "is a xacro file; expand it first, with simrob import"),
         )
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(
-            path, "", message("robots.has_entities", "declares entities or a document type, which a URDF never needs")
+            path,
+            "",
+            message(
+                "robots.has_entities",
+                "declares entities or a document type, which a URDF never needs",
+            ),
         )
     try:
         # Files declare the prefix ``drake:`` in several ways or, since Drake accepts that, not at all. So all of them
@@ -268,17 +289,23 @@ def read_urdf(path: Path) -> ET.Element:
         declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
         root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
     except ET.ParseError as problem:
-        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from None
+        raise InvalidModel(
+            path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)
+        ) from None
     if root.tag != "robot":
         raise InvalidModel(
-            path, f"<{root.tag}>", message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
+            path,
+            f"<{root.tag}>",
+            message("robots.outermost_robot", "the outermost element of a URDF is <robot>"),
         )
     return root
 
 
 def movable_joints(root: ET.Element) -> list[str]:
     """List the names of the joints that move, in file order."""
-    return [name_of(joint) for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    return [
+        name_of(joint) for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS
+    ]
 
 
 def transmissions_of(root: ET.Element) -> dict[str, list[ET.Element]]:
@@ -342,7 +369,9 @@ def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
     return joints
 
 
-def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False) -> list[ET.Element]:
+def outward(
+    starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False
+) -> list[ET.Element]:
     """Find all joints that a link of a tree carries. Each comes after the joints that carry it.
 
     Args:
@@ -390,9 +419,15 @@ def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
     """
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name, factor in factors.items():
-        link = links[one_of(message("robots.link_under_mass_factors", "link (under mass_factors)"), name, links)]
+        link = links[
+            one_of(
+                message("robots.link_under_mass_factors", "link (under mass_factors)"), name, links
+            )
+        ]
         for element in (*link.iterfind("inertial/mass"), *link.iterfind("inertial/inertia")):
-            element.attrib.update({key: repr(factor * float(value)) for key, value in element.attrib.items()})
+            element.attrib.update(
+                {key: repr(factor * float(value)) for key, value in element.attrib.items()}
+            )
 
 
 def drop_collision(robot: ET.Element) -> None:
@@ -415,7 +450,11 @@ def mesh_file(uri: str, folder: Path) -> Path:
     try:
         path = (folder / uri.removeprefix("file://")).resolve()
         exists = path.is_file()
-    except (OSError, RuntimeError, ValueError) as problem:  # a name that no file can have, or links in a circle
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+    ) as problem:  # a name that no file can have, or links in a circle
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri)),
@@ -425,7 +464,10 @@ def mesh_file(uri: str, folder: Path) -> Path:
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
-            message("robots.no_packages_here", "packages are not resolved here; name the mesh relative to the URDF"),
+            message(
+                "robots.no_packages_here",
+                "packages are not resolved here; name the mesh relative to the URDF",
+            ),
         )
     is_of_package = folder.resolve().is_relative_to(models_root())
     allowed_folder = models_root() if is_of_package else folder.resolve()
@@ -445,7 +487,11 @@ def mesh_file(uri: str, folder: Path) -> Path:
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
-            message("robots.mesh_format", "Drake reads {formats}; convert the mesh", formats=", ".join(MESH_FORMATS)),
+            message(
+                "robots.mesh_format",
+                "Drake reads {formats}; convert the mesh",
+                formats=", ".join(MESH_FORMATS),
+            ),
         )
     return path
 

@@ -34,7 +34,20 @@ from simrob_drake.robots.urdf import (
 
 NUMBER_COUNTS = {
     **dict.fromkeys(("xyz", "rpy", "size"), (3,)),
-    **dict.fromkeys(("lower", "upper", "effort", "velocity", "damping", "friction", "radius", "length", "value"), (1,)),
+    **dict.fromkeys(
+        (
+            "lower",
+            "upper",
+            "effort",
+            "velocity",
+            "damping",
+            "friction",
+            "radius",
+            "length",
+            "value",
+        ),
+        (1,),
+    ),
     **dict.fromkeys((*MOMENTS, "multiplier", "offset"), (1,)),
     "scale": (1, 3),
     "rgba": (4,),
@@ -110,7 +123,13 @@ def check_urdf(root: ET.Element, path: Path) -> None:
             problem = shape_defect(shape)
             if problem:
                 raise refuse(
-                    message("robots.tag_of_link", "link '{link}' <{tag}>", link=name_of(link), tag=shape.tag), problem
+                    message(
+                        "robots.tag_of_link",
+                        "link '{link}' <{tag}>",
+                        link=name_of(link),
+                        tag=shape.tag,
+                    ),
+                    problem,
                 )
     _check_actuators(root, refuse)
     _check_materials(root, refuse)
@@ -156,11 +175,17 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
                 )
             for word in words:
                 if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-                    raise refuse(where, message("robots.not_finite", "'{text}' is not finite", text=text))
+                    raise refuse(
+                        where, message("robots.not_finite", "'{text}' is not finite", text=text)
+                    )
                 if not NUMBER.fullmatch(word):
-                    raise refuse(where, message("robots.not_a_number", "'{text}' is not a number", text=text))
+                    raise refuse(
+                        where, message("robots.not_a_number", "'{text}' is not a number", text=text)
+                    )
                 if not math.isfinite(float(word)):
-                    raise refuse(where, message("robots.not_finite", "'{text}' is not finite", text=text))
+                    raise refuse(
+                        where, message("robots.not_finite", "'{text}' is not finite", text=text)
+                    )
 
 
 def _check_tree(root: ET.Element, refuse: Refuse) -> None:
@@ -169,12 +194,19 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
         names = [name_of(element) for element in root.iterfind(tag)]
         if "" in names:
             raise refuse(
-                message("robots.element_number", "<{tag}> number {index}", tag=tag, index=names.index("") + 1),
+                message(
+                    "robots.element_number",
+                    "<{tag}> number {index}",
+                    tag=tag,
+                    index=names.index("") + 1,
+                ),
                 message("robots.without_name", "has no name"),
             )
         repeated = [name for name, count in Counter(names).items() if count > 1]
         for name in repeated:
-            raise refuse(f"{tag} '{name}'", message("robots.name_twice", "stands twice; names are unique"))
+            raise refuse(
+                f"{tag} '{name}'", message("robots.name_twice", "stands twice; names are unique")
+            )
     links = {name_of(link): None for link in root.iterfind("link")}
     if _WORLD in links:
         raise refuse(
@@ -186,7 +218,12 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
             if link_of(joint, end) not in links:
                 raise refuse(
                     message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
-                    message("robots.no_such_link", "its {end} '{link}' is no link", end=end, link=link_of(joint, end)),
+                    message(
+                        "robots.no_such_link",
+                        "its {end} '{link}' is no link",
+                        end=end,
+                        link=link_of(joint, end),
+                    ),
                 )
     parents = check_parents(root, refuse)
     roots = [link for link in links if link not in parents]
@@ -222,11 +259,18 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
             )
         if child in holders:
             both = message(
-                "robots.two_joints", "'{first}' and '{second}'", first=name_of(holders[child]), second=name_of(joint)
+                "robots.two_joints",
+                "'{first}' and '{second}'",
+                first=name_of(holders[child]),
+                second=name_of(joint),
             )
             raise refuse(
                 message("robots.link_called", "link '{link}'", link=child),
-                message("robots.child_of_two", "is the child of two joints, {both}; a URDF is a tree", both=both),
+                message(
+                    "robots.child_of_two",
+                    "is the child of two joints, {both}; a URDF is a tree",
+                    both=both,
+                ),
             )
         holders[child] = joint
     parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
@@ -236,7 +280,12 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
     except CycleError as problem:
         loop = " - ".join(problem.args[1])
         raise refuse(
-            "", message("robots.loop", "has a loop: {loop}; a URDF is a tree, so leave one joint out", loop=loop)
+            "",
+            message(
+                "robots.loop",
+                "has a loop: {loop}; a URDF is a tree, so leave one joint out",
+                loop=loop,
+            ),
         ) from None
     return parents
 
@@ -260,15 +309,23 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
         return
     if joint.find("mimic") is not None:
         raise refuse(
-            where, message("robots.mimics", "mimics another joint; import the robot, so that stations couple the two")
+            where,
+            message(
+                "robots.mimics",
+                "mimics another joint; import the robot, so that stations couple the two",
+            ),
         )
     axis = joint.find("axis")
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
-        raise refuse(compound("{where} <axis>", where=where), message("robots.zero_axis", "is zero; it is a direction"))
+        raise refuse(
+            compound("{where} <axis>", where=where),
+            message("robots.zero_axis", "is zero; it is a direction"),
+        )
     _check_limit(joint, where, refuse)
     if joint_value(joint, "damping", "dynamics") < 0:
         raise refuse(
-            compound("{where} <dynamics>", where=where), message("robots.negative_damping", "damping is negative")
+            compound("{where} <dynamics>", where=where),
+            message("robots.negative_damping", "damping is negative"),
         )
 
 
@@ -283,7 +340,10 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
     limit = joint.find("limit")
     if limit is None:
         if joint.get("type") in LIMITED_JOINTS:
-            raise refuse(where, message("robots.needs_limit", "a revolute or prismatic joint needs a <limit>"))
+            raise refuse(
+                where,
+                message("robots.needs_limit", "a revolute or prismatic joint needs a <limit>"),
+            )
         return
     where = compound("{where} <limit>", where=where)
     if "lower" in limit.attrib or "upper" in limit.attrib or joint.get("type") in LIMITED_JOINTS:
@@ -312,7 +372,13 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
     for key in ("velocity", "effort"):
         if float(limit.get(key, 0)) < 0:
             raise refuse(
-                where, message("robots.negative_value", "{key} {value} is negative", key=key, value=limit.get(key))
+                where,
+                message(
+                    "robots.negative_value",
+                    "{key} {value} is negative",
+                    key=key,
+                    value=limit.get(key),
+                ),
             )
 
 
@@ -327,13 +393,17 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
     if mass is None or inertia is None:
         raise refuse(where, message("robots.needs_mass_and_inertia", "needs <mass> and <inertia>"))
     if mass_of(link) < 0:
-        raise refuse(where, message("robots.negative_mass", "mass {mass} kg is negative", mass=mass.get("value")))
+        raise refuse(
+            where,
+            message("robots.negative_mass", "mass {mass} kg is negative", mass=mass.get("value")),
+        )
     moments = moments_of(inertial)
     if mass_of(link) == 0 and moments.diagonal().any():
         raise refuse(
             where,
             message(
-                "robots.moments_without_mass", "has moments of inertia but no mass; Drake would give it 1 kg in silence"
+                "robots.moments_without_mass",
+                "has moments of inertia but no mass; Drake would give it 1 kg in silence",
             ),
         )
     # Drake would replace impossible moments by those of a sphere without a word.
@@ -360,7 +430,12 @@ def shape_defect(shape: ET.Element) -> str:
                 count=count,
             )
         if not all(number > 0 for number in numbers):
-            return message("robots.not_positive", 'has {key}="{text}", which is not positive', key=key, text=text)
+            return message(
+                "robots.not_positive",
+                'has {key}="{text}", which is not positive',
+                key=key,
+                text=text,
+            )
     return ""
 
 
@@ -379,7 +454,9 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
     Drake reads nothing else of a material.
     """
     materials = [*root.iterfind("material"), *root.iterfind("link/visual/material[@name]")]
-    defined = {name_of(material) for material in materials if material.find("color[@rgba]") is not None}
+    defined = {
+        name_of(material) for material in materials if material.find("color[@rgba]") is not None
+    }
     for material in materials:
         if material.find("texture") is not None or name_of(material) not in defined:
             raise refuse(
@@ -401,7 +478,9 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
         own = transmissions.get(name_of(joint), [])
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         if not own and not has_motors:
-            missing = message("robots.no_transmission", "has no <transmission>, so no motor can move it; add one")
+            missing = message(
+                "robots.no_transmission", "has no <transmission>, so no motor can move it; add one"
+            )
             raise refuse(where, missing)
         if not own:
             continue
@@ -420,5 +499,8 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
         if joint_value(joint, "effort") <= 0 and not is_passive:
             raise refuse(
                 compound("{where} <limit>", where=where),
-                message("robots.effort_not_positive", "effort is not positive [N·m], so its motor could not move it"),
+                message(
+                    "robots.effort_not_positive",
+                    "effort is not positive [N·m], so its motor could not move it",
+                ),
             )

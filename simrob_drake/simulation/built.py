@@ -16,7 +16,11 @@ from simrob_drake.blocks.references import Reference, as_reference, corner_times
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import output_owners
-from simrob_drake.parts.controllers.section import ControllerSection, TimedCommand, commanded_sections
+from simrob_drake.parts.controllers.section import (
+    ControllerSection,
+    TimedCommand,
+    commanded_sections,
+)
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
@@ -86,7 +90,9 @@ class StationDiagrams:
 
     def forget(self) -> None:
         """Remove the trajectories from the sources of all diagrams, since they may take much memory."""
-        nothing = {robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()}
+        nothing = {
+            robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()
+        }
         self._play(nothing, {})
 
     def _play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
@@ -142,7 +148,9 @@ class StationDiagrams:
 
     def _sensors_in_loops(self) -> list[str]:
         """List the names of the sensors that controllers read."""
-        return sorted(sensors_read(readers_of(self._station.config.controllers), self._station.sensors))
+        return sorted(
+            sensors_read(readers_of(self._station.config.controllers), self._station.sensors)
+        )
 
     def _build(self, *, sensors: Sequence[str], has_forces: bool = True) -> ClosedStation:
         """Build a diagram.
@@ -189,7 +197,9 @@ class CommandRelay:
     The functions are called after each accepted step. A command acts from the controller's next sample on.
     """
 
-    def __init__(self, config: StationConfig, functions: CommandFunctions | None, *, begin: float = 0.0) -> None:
+    def __init__(
+        self, config: StationConfig, functions: CommandFunctions | None, *, begin: float = 0.0
+    ) -> None:
         """Take the functions that command the controllers of a station.
 
         Args:
@@ -268,7 +278,9 @@ class CommandRelay:
         return tuple(self._commands)
 
 
-def _checked_command(section: ControllerSection, name: str, time: float, answer: Sequence[float]) -> TimedCommand:
+def _checked_command(
+    section: ControllerSection, name: str, time: float, answer: Sequence[float]
+) -> TimedCommand:
     """Check the value that a user's function returned as a command, and make the command.
 
     Args:
@@ -283,7 +295,9 @@ def _checked_command(section: ControllerSection, name: str, time: float, answer:
     values = numbers(answer)
     parts = section.command_parts
     if values.shape != (len(parts),) or not np.isfinite(values).all():
-        described = join_texts((compound("{part} [{unit}]", part=part.name, unit=part.unit) for part in parts), ", ")
+        described = join_texts(
+            (compound("{part} [{unit}]", part=part.name, unit=part.unit) for part in parts), ", "
+        )
         expected = message(
             "simulation.list_of_numbers",
             "a list of {count} numbers: {described}",
@@ -291,7 +305,9 @@ def _checked_command(section: ControllerSection, name: str, time: float, answer:
             described=described,
         )
         raise InvalidParameter(
-            message("simulation.commands_at", "commands: {name} at {time:g} s", name=name, time=time),
+            message(
+                "simulation.commands_at", "commands: {name} at {time:g} s", name=name, time=time
+            ),
             quoted(answer),
             expected,
         )

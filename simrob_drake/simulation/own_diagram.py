@@ -90,7 +90,9 @@ def simulate_diagram(
 
 def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
     """Check the diagram of a run, and that it contains the station; raises InvalidParameter if it does not."""
-    expected = message("simulation.diagram_with_station", "a Diagram of Drake that contains a station")
+    expected = message(
+        "simulation.diagram_with_station", "a Diagram of Drake that contains a station"
+    )
     instance(diagram, "diagram", Diagram, expected)
     expected = message("simulation.station_ports", "what add_station() gave, or station.ports")
     instance(ports, "ports", StationPorts, expected)
@@ -131,7 +133,12 @@ def _own_blocks(diagram: Diagram) -> dict[str, LeafSystem]:
 
 
 def _context_at_begin(
-    diagram: Diagram, ports: StationPorts, *, context: Context | None, start: State | None, start_time: StartTime
+    diagram: Diagram,
+    ports: StationPorts,
+    *,
+    context: Context | None,
+    start: State | None,
+    start_time: StartTime,
 ) -> Context:
     """Find the context in which a run begins: the user's own, or a new one, perhaps in a state of the user's.
 
@@ -160,7 +167,10 @@ def _context_at_begin(
             raise InvalidParameter(
                 "start",
                 message("simulation.start_and_context", "given together with a context"),
-                message("simulation.start_or_context", "one of the two: a run begins in a state or in a context"),
+                message(
+                    "simulation.start_or_context",
+                    "one of the two: a run begins in a state or in a context",
+                ),
             )
         _check_context(diagram, context)
         return context
@@ -189,11 +199,16 @@ def _check_context(diagram: Diagram, context: Context) -> None:
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
     """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
-    velocities = [ports.outputs.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
+    velocities = [
+        ports.outputs.value(f"{robot.prefix}velocity", context)
+        for robot in ports.plant.robots.values()
+    ]
     return any(velocity.any() for velocity in velocities)
 
 
-def _with_signals(diagram: Diagram, ports: StationPorts, signals: Mapping[str, OutputPort] | None) -> StationPorts:
+def _with_signals(
+    diagram: Diagram, ports: StationPorts, signals: Mapping[str, OutputPort] | None
+) -> StationPorts:
     """Copy the ports of a station, with outputs of the user's own blocks among the signals.
 
     Args:
@@ -206,19 +221,25 @@ def _with_signals(diagram: Diagram, ports: StationPorts, signals: Mapping[str, O
     """
     if not signals:
         return ports
-    expected = message("simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports")
+    expected = message(
+        "simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports"
+    )
     instance(signals, "signals", Mapping, expected)
     extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
         if not is_name:
-            example = message("simulation.block_and_output", "<block>.<output>, such as planner.target")
+            example = message(
+                "simulation.block_and_output", "<block>.<output>, such as planner.target"
+            )
             raise InvalidParameter(place, quoted(name), example)
         if name in extended.outputs:
             found = message("simulation.signal_taken", "the name of another output")
             raise InvalidParameter(place, found, message("simulation.other_name", "another name"))
-        expected = message("simulation.vector_port", "a vector-valued output port of a system in the diagram")
+        expected = message(
+            "simulation.vector_port", "a vector-valued output port of a system in the diagram"
+        )
         instance(port, place, OutputPort, expected)
         is_vector = port.get_data_type() == PortDataType.kVectorValued
         if not is_vector or not _contains(diagram, port.get_system()):

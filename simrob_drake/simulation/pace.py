@@ -111,9 +111,15 @@ class Slow:
         else:
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
-            problem = message("simulation.stiff_forces_make", "forces that are stiff for what they move make")
+            problem = message(
+                "simulation.stiff_forces_make", "forces that are stiff for what they move make"
+            )
             if spring:
-                problem = message("simulation.stiff_spring_makes", "{spring} is so stiff that it makes", spring=spring)
+                problem = message(
+                    "simulation.stiff_spring_makes",
+                    "{spring} is so stiff that it makes",
+                    spring=spring,
+                )
         is_cenic_better = pair is not None and not solver.engine.takes_any_contact_stiffness
         remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
         return message(
@@ -132,7 +138,9 @@ class Slow:
         if self.own_blocks:  # no trials are possible: any contact is suspect
             return next(iter(self._touching_pairs(self.context)), None)
         counts = Counter[Pair]()  # count of steps of a trial in which each pair touches
-        baseline = self._distance_reached((), lambda context: counts.update(self._touching_pairs(context)))
+        baseline = self._distance_reached(
+            (), lambda context: counts.update(self._touching_pairs(context))
+        )
         if not counts or self._distance_reached(counts) < _GAIN * baseline:
             return None
         # Without all contacts the run is fast. The pair whose removal helps most is to blame.
@@ -161,7 +169,9 @@ class Slow:
         plant = self.built.ports.plant
         root = self.context.Clone()
         shapes = plant.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity)
-        filters = plant.scene_graph.collision_filter_manager(plant.scene_graph.GetMyMutableContextFromRoot(root))
+        filters = plant.scene_graph.collision_filter_manager(
+            plant.scene_graph.GetMyMutableContextFromRoot(root)
+        )
         for pair in without:
             sets = []
             for name in pair:
@@ -175,11 +185,15 @@ class Slow:
         """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible."""
         if self.own_blocks:
             return remedy.text
-        with suppress(SimrobError, RuntimeError, SystemExit):  # the settings may be impossible for this station
+        with suppress(
+            SimrobError, RuntimeError, SystemExit
+        ):  # the settings may be impossible for this station
             other = closed_station(resolve(remedy.config), self.built.references, monitors=False)
             simulator = Simulator(other.diagram)
             root = simulator.get_mutable_context()
-            State.of(self.built.diagram, self.built.ports, self.context).put(other.diagram, other.ports, root)
+            State.of(self.built.diagram, self.built.ports, self.context).put(
+                other.diagram, other.ports, root
+            )
             root.SetTime(self.context.get_time())
             rate = _time_reached(simulator, remedy.config, self.step) / _TRIAL
             return message(
@@ -220,16 +234,27 @@ class Slow:
             cost = _seconds(partial(self._find_contacts, self.context.Clone(), has_surfaces))
             remedy = message("simulation.fewer_shapes", "give bodies fewer collision shapes")
             if has_surfaces:
-                remedy = message("simulation.point_contact", "set contact.model=point or a coarser contact.resolution")
-            expenses.append(Expense(message("simulation.finding_contacts", "finding contacts"), cost, remedy))
+                remedy = message(
+                    "simulation.point_contact",
+                    "set contact.model=point or a coarser contact.resolution",
+                )
+            expenses.append(
+                Expense(message("simulation.finding_contacts", "finding contacts"), cost, remedy)
+            )
         for block in self.built.diagram.GetSystems():
             if isinstance(block, SampledBlock):
                 name = block.get_name()
                 cost = _seconds(partial(_sample, block, self.context.Clone()))
                 remedy = message(
-                    "simulation.lower_rate", "lower {name}.rate", name=name.replace("controller.", "controllers.")
+                    "simulation.lower_rate",
+                    "lower {name}.rate",
+                    name=name.replace("controller.", "controllers."),
                 )
-                expenses.append(Expense(message("simulation.the_block", "the block {name}", name=name), cost, remedy))
+                expenses.append(
+                    Expense(
+                        message("simulation.the_block", "the block {name}", name=name), cost, remedy
+                    )
+                )
         return expenses
 
     def _find_contacts(self, root: Context, surfaces: bool) -> None:
@@ -246,13 +271,18 @@ class Slow:
         )  # setting positions clears Drake's cache, so that contacts are computed again
         query = plant.query(root)
         if surfaces:
-            query.ComputeContactSurfacesWithFallback(plant.plant.get_contact_surface_representation())
+            query.ComputeContactSurfacesWithFallback(
+                plant.plant.get_contact_surface_representation()
+            )
         else:
             query.ComputePointPairPenetration()
 
 
 def _time_reached(
-    simulator: Simulator, config: StationConfig, step: float, look: Callable[[Context], object] = lambda context: None
+    simulator: Simulator,
+    config: StationConfig,
+    step: float,
+    look: Callable[[Context], object] = lambda context: None,
 ) -> float:
     """Measure how far a simulator gets within the duration of a trial [s of simulated time].
 
@@ -276,7 +306,9 @@ def _time_reached(
         return EventStatus.DidNothing()
 
     simulator.set_monitor(watch)
-    with suppress(RuntimeError, SystemExit):  # the trial diverged; Drake's failed assertions come as SystemExit
+    with suppress(
+        RuntimeError, SystemExit
+    ):  # the trial diverged; Drake's failed assertions come as SystemExit
         simulator.AdvanceTo(begin + _LONGEST)
     simulator.clear_monitor()
     return float(simulator.get_context().get_time() - begin)
@@ -301,7 +333,11 @@ def _seconds(work: Callable[[], object]) -> float:
 def _cenic(config: StationConfig) -> FasterStation:
     """Remedy: the scheme ``cenic``, which takes long steps in contact."""
     solver = ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-3, max_step=0.01)
-    text = message("simulation.use_cenic", "set solver.scheme=cenic and solver.max_step={step:g}", step=solver.max_step)
+    text = message(
+        "simulation.use_cenic",
+        "set solver.scheme=cenic and solver.max_step={step:g}",
+        step=solver.max_step,
+    )
     return FasterStation(text, config.model_copy(update={"solver": solver}))
 
 
@@ -440,7 +476,9 @@ class PaceWatch:
         advanced = context.get_time() - self._since
         left = self._end - context.get_time()
         share = self._worked / self._waited
-        rate: str = message("simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited)
+        rate: str = message(
+            "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited
+        )
         rate_alone = advanced / self._worked if self._worked > 0 else np.inf
         is_machine_busy = share < _BUSY
         if is_machine_busy:
@@ -451,7 +489,9 @@ class PaceWatch:
                 rate=rate_alone,
             )
         if is_machine_busy and rate_alone >= _SLOWEST:
-            cause: str = message("simulation.machine_is_busy", "the machine is busy with other work")
+            cause: str = message(
+                "simulation.machine_is_busy", "the machine is busy with other work"
+            )
         else:
             step = advanced / self._steps
             cost = self._worked / self._steps
@@ -489,7 +529,9 @@ _FLIGHT_ACCURACY = 1e-3
 
 _LOOK_EVERY = 5  # steps between two checks
 CHECKS_KEPT = 12  # count of the last checks of a run that are kept, for a run that continues it
-_JUST_OVER = 1e-3  # a body that is this far above another one at the start counts as touching it [m]
+_JUST_OVER = (
+    1e-3  # a body that is this far above another one at the start counts as touching it [m]
+)
 _FALLS = 0.3  # all shapes are checked only if a body gains downward speed at this share of gravity
 
 
@@ -499,7 +541,9 @@ class Flight:
     The steps of ``cenic`` are first-order: while something flies, nothing else limits their error.
     """
 
-    def __init__(self, plant: MultibodyPlant, solver: ContinuousSolver, simulator: Simulator) -> None:
+    def __init__(
+        self, plant: MultibodyPlant, solver: ContinuousSolver, simulator: Simulator
+    ) -> None:
         """Prepare to check all floating bodies of a plant.
 
         Args:
@@ -509,7 +553,9 @@ class Flight:
         """
         self._plant = plant
         self._solver = solver
-        self._simulator = weakref.ref(simulator)  # weak, since the monitor of the simulator holds this object
+        self._simulator = weakref.ref(
+            simulator
+        )  # weak, since the monitor of the simulator holds this object
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
         # The collision shapes of each floating body and of all bodies that joints connect to it.
@@ -580,7 +626,9 @@ class Flight:
         """
         time = root.get_time()
         last_time = self._last_time
-        speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[self._vertical_velocities]
+        speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[
+            self._vertical_velocities
+        ]
         gain = (self._last_speeds - speeds).max()  # of downward speed [m/s]
         self._last_time = time
         self._last_speeds = speeds

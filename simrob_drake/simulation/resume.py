@@ -66,8 +66,14 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
     if trace.flight_checks:
         # `cenic` takes other steps while a body flies, that is, touches nothing. This is checked now and then, so a run
         # begins at such a check.
-        known = [(_row_of(history, known_check), known_check) for known_check in trace.flight_checks]
-        early = [(found, known_check) for found, known_check in known if found is not None and found <= row]
+        known = [
+            (_row_of(history, known_check), known_check) for known_check in trace.flight_checks
+        ]
+        early = [
+            (found, known_check)
+            for found, known_check in known
+            if found is not None and found <= row
+        ]
         if not early:
             return []
         row, check = early[-1]
@@ -137,8 +143,12 @@ def is_same_motion(first: StationConfig, second: StationConfig) -> bool:
 
 def other_station(config: StationConfig) -> tuple[Message, Message]:
     """Texts of an error for a run that is no run of a station: what it is, and what is expected."""
-    found = message("simulation.run_of_other_station", "a run of a station that moves in another way")
-    return found, message("simulation.run_of_this_station", "a run of this station, {name}", name=config.name)
+    found = message(
+        "simulation.run_of_other_station", "a run of a station that moves in another way"
+    )
+    return found, message(
+        "simulation.run_of_this_station", "a run of this station, {name}", name=config.name
+    )
 
 
 def continuable_trace(result: RecordedRun) -> Trace:
@@ -150,10 +160,16 @@ def continuable_trace(result: RecordedRun) -> Trace:
     Raises:
         InvalidParameter: the run cannot be continued, with the reason.
     """
-    if result.trace is not None and not result.in_own_diagram and result.ending in ("completed", INTERRUPTED):
+    if (
+        result.trace is not None
+        and not result.in_own_diagram
+        and result.ending in ("completed", INTERRUPTED)
+    ):
         return result.trace
     if result.runs:
-        found = message("simulation.program_of_runs", "a program of {count} runs", count=len(result.runs))
+        found = message(
+            "simulation.program_of_runs", "a program of {count} runs", count=len(result.runs)
+        )
         expected = message("simulation.resume_last_run", "a single run, such as result.runs[-1]")
     elif result.in_own_diagram:
         found = message("simulation.run_in_own_diagram", "a run in a diagram of your own")
@@ -164,9 +180,15 @@ def continuable_trace(result: RecordedRun) -> Trace:
             'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
         )
     elif result.ending not in ("completed", INTERRUPTED):
-        found = message("simulation.run_that_ended", "a run that ended early ({ending})", ending=result.ending)
-        expected = message("simulation.complete_run", "a run that went to its end or was interrupted by the user")
+        found = message(
+            "simulation.run_that_ended", "a run that ended early ({ending})", ending=result.ending
+        )
+        expected = message(
+            "simulation.complete_run", "a run that went to its end or was interrupted by the user"
+        )
     else:
-        found = message("simulation.run_without_states", "a run of another engine, without recorded states")
+        found = message(
+            "simulation.run_without_states", "a run of another engine, without recorded states"
+        )
         expected = message("simulation.run_of_runner", "a run of simulate() or Runner")
     raise InvalidParameter("result", found, expected)

@@ -39,7 +39,10 @@ from simrob_drake.stations.ports import StationPorts
 OnStep = Callable[[float, Vector], None]
 """Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
 
-_INCOMPLETE_ENDINGS = (FAILED, "diverged")  # after such an ending, not every signal can be evaluated
+_INCOMPLETE_ENDINGS = (
+    FAILED,
+    "diverged",
+)  # after such an ending, not every signal can be evaluated
 _ROUNDING = 1e-9  # times that differ by less are equal [s]
 _NO_STATES = StateHistory(np.zeros(1), np.zeros((1, 0)))  # for a sampler that gets its states later
 
@@ -112,7 +115,9 @@ class Run:
         Raises:
             StepsDiffer: the run continues another one, but the steps that it repeats differ.
         """
-        repeated = None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
+        repeated = (
+            None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
+        )
         watchers = list[Callable[[Context], None]]()
         if hand is not None:
             watchers.append(self._after_repeated(hand))
@@ -139,7 +144,11 @@ class Run:
         if recorder.times[-1] < self.begin:
             # The user interrupted it within the steps that are repeated: there is no run yet.
             raise KeyboardInterrupt
-        known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
+        known: dict[str, Any] = {
+            "stepping_time": stepping_time,
+            "references": references,
+            "start": start,
+        }
         try:
             return self._make_result(recorder, watch, outcome, **known)
         except KeyboardInterrupt:  # the user does not want to lose the run
@@ -150,9 +159,13 @@ class Run:
                 ),
                 shown=progress,
             )
-            return self._make_result(recorder, watch, interruption_outcome(self.config, recorder, self.end), **known)
+            return self._make_result(
+                recorder, watch, interruption_outcome(self.config, recorder, self.end), **known
+            )
 
-    def _make_result(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
+    def _make_result(
+        self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any
+    ) -> SimulationResult:
         """Evaluate the signals of a run that has been stepped, and make its result.
 
         Args:
@@ -183,7 +196,9 @@ class Run:
         outcome = samples.outcome
         position_count = ports.plant.plant.num_positions()
         has_contacts = self.config.has_contact_forces
-        origin = self.origin or MotionOrigin(config, None, self.begin, self.stepper.begins_in_motion)
+        origin = self.origin or MotionOrigin(
+            config, None, self.begin, self.stepper.begins_in_motion
+        )
         free_row = last_free_row(sampler.history, config)
         trace = Trace(sampler.history, self.stepper.flight_checks, origin, free_row)
         is_whole = outcome.ending in ("completed", INTERRUPTED) and not self.in_own_diagram
@@ -376,7 +391,9 @@ def make_recorder(
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.outputs.monitors else None
     compare = [] if repeated is None else [repeated.compare]
-    recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace(), inspect=compare)
+    recorder = Recorder(
+        stepper.simulator, *watchers, look=look, pace=stepper.pace(), inspect=compare
+    )
     return recorder, watch
 
 
@@ -454,22 +471,33 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     """
     if pushes is None:
         return config
-    instance(pushes, "pushes", Mapping, message("simulation.pushes_by_name", "a mapping of names to pushes"))
-    forces: dict[str, Any] = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
+    instance(
+        pushes,
+        "pushes",
+        Mapping,
+        message("simulation.pushes_by_name", "a mapping of names to pushes"),
+    )
+    forces: dict[str, Any] = {
+        name: force for name, force in config.forces.items() if not isinstance(force, Push)
+    }
     for name, push in pushes.items():
         key = message("simulation.push_called", "pushes: {name}", name=name)
         if isinstance(push, Push):
             forces[name] = push
             continue
         expected = message(
-            "simulation.a_push", "a mapping of at, start, duration and force, as under forces: in a station"
+            "simulation.a_push",
+            "a mapping of at, start, duration and force, as under forces: in a station",
         )
         instance(push, key, Mapping, expected)
         try:
             forces[name] = validated(Push, {"kind": "push", **push}, key)
         except InvalidConfig as problem:
             wrong = compound(
-                "{expected} ({key}: {problem})", expected=expected, key=problem.key, problem=problem.problem
+                "{expected} ({key}: {problem})",
+                expected=expected,
+                key=problem.key,
+                problem=problem.problem,
             )
             raise InvalidParameter(key, quoted(push), wrong) from None
     return config.model_copy(update={"forces": forces})
@@ -497,7 +525,11 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
             raise InvalidParameter(
                 "reference",
                 message("simulation.one_for_all", "one for all"),
-                message("simulation.mapping_by_robot", "a mapping by robot: {robots}", robots=", ".join(config.robots)),
+                message(
+                    "simulation.mapping_by_robot",
+                    "a mapping by robot: {robots}",
+                    robots=", ".join(config.robots),
+                ),
             )
         references = {config.only_robot: reference}
     return {
@@ -518,10 +550,14 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
-        empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
+        empty = (
+            isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
+        )
         if empty or not reference.rows() or reference.cols() != 1:
             shape = (
-                message("simulation.no_segment", "no segment") if empty else f"{reference.rows()} x {reference.cols()}"
+                message("simulation.no_segment", "no segment")
+                if empty
+                else f"{reference.rows()} x {reference.cols()}"
             )
             raise InvalidParameter(
                 "reference",

@@ -17,14 +17,33 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_argument
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
-from simrob_drake.parts.controllers.own import OwnController, named_blocks, output_owners, with_driven
+from simrob_drake.parts.controllers.own import (
+    OwnController,
+    named_blocks,
+    output_owners,
+    with_driven,
+)
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import CommandFunctions, CommandRelay, StationDiagrams
-from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
-from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, make_recorder, with_duration, with_pushes
+from simrob_drake.simulation.resume import (
+    StepsDiffer,
+    continuable_trace,
+    is_same_motion,
+    other_station,
+    restarts_of,
+)
+from simrob_drake.simulation.run import (
+    OnStep,
+    ReferencesLike,
+    Run,
+    by_robot,
+    make_recorder,
+    with_duration,
+    with_pushes,
+)
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import StationConfig
@@ -103,7 +122,9 @@ def simulate(
         "start_time": start_time,
         "pushes": pushes,
     }
-    return runner.run(**arguments, progress=progress, on_step=on_step, commands=commands, strict=strict)
+    return runner.run(
+        **arguments, progress=progress, on_step=on_step, commands=commands, strict=strict
+    )
 
 
 @dataclass(frozen=True)
@@ -156,7 +177,11 @@ class Runner:
     """
 
     def __init__(
-        self, station: StationLike, *, blocks: Blocks = (), overrides: Mapping[str, Any] | None = None
+        self,
+        station: StationLike,
+        *,
+        blocks: Blocks = (),
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
 
@@ -171,7 +196,9 @@ class Runner:
         inputs = with_driven(self.config.inputs, self._blocks)
         # The same object where nothing changes: it was resolved when it was loaded.
         is_same = inputs == self.config.inputs
-        self._station = resolve(self.config if is_same else self.config.model_copy(update={"inputs": inputs}))
+        self._station = resolve(
+            self.config if is_same else self.config.model_copy(update={"inputs": inputs})
+        )
         self._diagrams: dict[Any, StationDiagrams] = {}
         self._is_running = False
 
@@ -262,7 +289,10 @@ class Runner:
                 raise InvalidParameter(
                     "start_time",
                     quoted("keep"),
-                    message("simulation.keep_needs_start", "a start whose time is kept, such as result.final_state"),
+                    message(
+                        "simulation.keep_needs_start",
+                        "a start whose time is kept, such as result.final_state",
+                    ),
                 )
             origins = first_state.origins or None
             plan = replace(plan, start=first_state, begin=first_state.time, origins=origins)
@@ -311,14 +341,25 @@ class Runner:
         check_callback(on_step)
         end = seconds(until, "until")
         if end <= result.stop_time:
-            later = message("simulation.later_than", "later than the end of the run, {end:g} s", end=result.stop_time)
+            later = message(
+                "simulation.later_than",
+                "later than the end of the run, {end:g} s",
+                end=result.stop_time,
+            )
             raise InvalidParameter("until", compound("{until:g} s", until=end), later)
         if result.commanded:
             commanded = {name: result.config.controllers[name] for name in result.commanded}
             controllers = {**self.config.controllers, **commanded}
-            runner = type(self)(self.config.model_copy(update={"controllers": controllers}), blocks=self._user_blocks)
+            runner = type(self)(
+                self.config.model_copy(update={"controllers": controllers}),
+                blocks=self._user_blocks,
+            )
             return runner.resume(
-                replace(result, commanded=()), until=end, progress=progress, on_step=on_step, strict=strict
+                replace(result, commanded=()),
+                until=end,
+                progress=progress,
+                on_step=on_step,
+                strict=strict,
             )
         config = with_duration(self.config, end - result.start_time)
         config = config.model_copy(update={"forces": result.config.forces})
@@ -339,7 +380,9 @@ class Runner:
         elapsed = result.stepping_time + resumed.stepping_time
         return replace(resumed, stepping_time=elapsed).check(strict)
 
-    def _continue(self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace) -> SimulationResult | None:
+    def _continue(
+        self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace
+    ) -> SimulationResult | None:
         """Run a plan from recorded steps of an earlier run, which are repeated and compared.
 
         Args:
@@ -409,8 +452,15 @@ class Runner:
             origins=dict(plan.origins or {}),
         )
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
-        own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
-        watch = (lambda context: relay.pass_on(stepper.built.diagram, context)) if callbacks.commands else None
+        own = {
+            **config.controllers,
+            **{name: blocks[name] for name in blocks if name not in config.controllers},
+        }
+        watch = (
+            (lambda context: relay.pass_on(stepper.built.diagram, context))
+            if callbacks.commands
+            else None
+        )
         result = run.result(
             progress=callbacks.progress,
             on_step=callbacks.on_step,
@@ -461,11 +511,16 @@ class Runner:
         start = self._start_of(config, None)
         diagrams = self._diagrams_for(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
-        return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+        return RunBranch(
+            self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion
+        )
 
     def fork(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
         """Former name of :meth:`branch`. It goes in 0.2."""
-        text = message("simulation.fork_is_branch", "Runner.fork() is now Runner.branch(); the former name goes in 0.2")
+        text = message(
+            "simulation.fork_is_branch",
+            "Runner.fork() is now Runner.branch(); the former name goes in 0.2",
+        )
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.branch(at, reference=reference)
 
@@ -483,7 +538,9 @@ class Runner:
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
         if start is not None:
-            diagrams = self._diagrams_for(self.config, by_robot(self.config, reference), _origins(start))
+            diagrams = self._diagrams_for(
+                self.config, by_robot(self.config, reference), _origins(start)
+            )
             built = diagrams.diagram_at(0.0)
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
@@ -591,19 +648,30 @@ def _without_playable_keys(config: StationConfig) -> StationConfig:
     Two configurations whose copies are equal can use the same diagrams: references and pushes are played by them, and
     duration and sample rate belong to the run.
     """
-    robots = {name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()}
+    robots = {
+        name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()
+    }
     forces = dict(config.forces)
     for name, force in config.forces.items():
         if isinstance(force, Push):
             forces[name] = force.model_copy(update={"start": 0.0, "duration": 0.0, "force": ()})
-    ignored = {"reference": None, "duration": 0.0, "sample_rate": 0.0, "start": None, "name": "", "description": ""}
+    ignored = {
+        "reference": None,
+        "duration": 0.0,
+        "sample_rate": 0.0,
+        "start": None,
+        "name": "",
+        "description": "",
+    }
     return config.model_copy(update={**ignored, "robots": robots, "forces": forces})
 
 
 def check_callback(on_step: OnStep | None) -> None:
     """Check the user's callback after each step; raises InvalidParameter: it cannot be called."""
     if on_step is not None and not callable(on_step):
-        expected = message("simulation.function_of_time_and_positions", "a function of time and positions")
+        expected = message(
+            "simulation.function_of_time_and_positions", "a function of time and positions"
+        )
         raise InvalidParameter("on_step", on_step, expected)
 
 
@@ -682,7 +750,9 @@ class RunBranch:
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
-        self._trunk: SimulationResult | None = None  # the run up to the branch, with signals; made when it is needed
+        self._trunk: SimulationResult | None = (
+            None  # the run up to the branch, with signals; made when it is needed
+        )
         config_until_branch = self._config.model_copy(update={"duration": at})
         self._stepper = self._make_stepper(config_until_branch, begins_in_motion=begins_in_motion)
         if start is not None:
@@ -704,7 +774,9 @@ class RunBranch:
             return self.begun
         config = with_pushes(self._config, pushes)
         self._diagrams.play(self._references, config.forces)
-        return self._outcome(self._make_stepper(config, reached=self._stepper.simulator.get_context()))
+        return self._outcome(
+            self._make_stepper(config, reached=self._stepper.simulator.get_context())
+        )
 
     @drake_asserts()
     def run(
@@ -760,7 +832,11 @@ class RunBranch:
         own = self._config.forces
         if pushes is None:
             return dict(own)
-        earlier = {name: force for name, force in own.items() if isinstance(force, Push) and force.start < self.at}
+        earlier = {
+            name: force
+            for name, force in own.items()
+            if isinstance(force, Push) and force.start < self.at
+        }
         forces = with_pushes(self._config, pushes).forces
         for name in pushes:
             push = forces[name]
@@ -768,13 +844,19 @@ class RunBranch:
                 raise InvalidParameter(
                     message("simulation.push_called", "pushes: {name}", name=name),
                     message("simulation.push_at_time", "a push at {start:g} s", start=push.start),
-                    message("simulation.push_after_branch", "one at {at:g} s, the branch, or later", at=self.at),
+                    message(
+                        "simulation.push_after_branch",
+                        "one at {at:g} s, the branch, or later",
+                        at=self.at,
+                    ),
                 )
         return {**earlier, **forces}
 
     def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
         """Make a stepper of the branch's diagrams. Further arguments are those of :class:`Stepper`."""
-        return Stepper(config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more)
+        return Stepper(
+            config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more
+        )
 
     def _outcome(self, stepper: Stepper) -> Outcome:
         """Step to the end of the stepper's run. Returns how it ended."""

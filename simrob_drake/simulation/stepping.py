@@ -204,7 +204,9 @@ class Stepper:
         has_variable_steps = controlled_by(config) is not None
         self.shortened = 0 if has_variable_steps else None
         self.begins_in_motion = begins_in_motion or reached is not None
-        self._flight: Flight | None = None  # adapts the steps that are taken now; None for other schemes than cenic
+        self._flight: Flight | None = (
+            None  # adapts the steps that are taken now; None for other schemes than cenic
+        )
         self._flight_checks: list[FlightCheck] = []  # of the flights before this one
         context = self.simulator.get_mutable_context()
         context.SetTime(begin)
@@ -278,17 +280,24 @@ class Stepper:
             with suppress(Exception):
                 recorder.look()
             failed = self.failure_outcome(problem, self.simulator.get_context(), recorder.times[-1])
-            return self._monitor_outcome(watch) or failed or self._divergence_outcome(recorder, problem)
+            return (
+                self._monitor_outcome(watch)
+                or failed
+                or self._divergence_outcome(recorder, problem)
+            )
         recorder.look()  # the monitors have not seen the last steps yet
         stopped = self._monitor_outcome(watch)
         if stopped is not None:
             return stopped
         if not recorder.is_sane():
             return self._divergence_outcome(
-                recorder, RuntimeError(message("simulation.state_ran_away", "a state ran away to infinity"))
+                recorder,
+                RuntimeError(message("simulation.state_ran_away", "a state ran away to infinity")),
             )
         if status.reason() == _ENDED:
-            return Outcome("monitor", status.system().get_name().rpartition(".")[2], self._reason(status))
+            return Outcome(
+                "monitor", status.system().get_name().rpartition(".")[2], self._reason(status)
+            )
         return Outcome(
             "completed",
             None,
@@ -316,7 +325,9 @@ class Stepper:
         Raises:
             RuntimeError: the state diverged.
         """
-        before = int((history.times < time).sum()) - 1  # row of the last recorded state before the time
+        before = (
+            int((history.times < time).sum()) - 1
+        )  # row of the last recorded state before the time
         built = self._diagram_at(float(history.times[before]))
         # A copy of the caller's context has its parameters, which a default context may not have.
         own_context = None if self.user_context is None else self.user_context.Clone()
@@ -327,7 +338,10 @@ class Stepper:
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError(
-                message("simulation.state_ran_away_between", "a state ran away between two recorded ones")
+                message(
+                    "simulation.state_ran_away_between",
+                    "a state ran away between two recorded ones",
+                )
             )
         return recorder.history().last()
 
@@ -414,7 +428,9 @@ class Stepper:
             built: the diagram.
             context: context that the simulator advances; None for a default context.
         """
-        simulator = Simulator(built.diagram) if context is None else Simulator(built.diagram, context)
+        simulator = (
+            Simulator(built.diagram) if context is None else Simulator(built.diagram, context)
+        )
         set_solver(simulator, self._config)
         return simulator
 
@@ -422,7 +438,9 @@ class Stepper:
         """Outcome of a run that a monitor ended, or None if none did."""
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
-    def failure_outcome(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
+    def failure_outcome(
+        self, problem: BaseException, context: Context, time: float
+    ) -> Outcome | None:
         """Outcome of a run that ended by an exception of Python code, or None if the solver diverged.
 
         The exception is an error, or the report of a block that cannot go on (`BlockFails`).
@@ -464,7 +482,10 @@ class Stepper:
         if isinstance(problem, _PROGRAMMING_ERRORS):
             frame, line = trace[-1]
             where = message(
-                "simulation.module_and_line", "{module}, line {line}", module=frame.f_globals.get("__name__"), line=line
+                "simulation.module_and_line",
+                "{module}, line {line}",
+                module=frame.f_globals.get("__name__"),
+                line=line,
             )
             text = message(
                 "simulation.fault_of_program",
@@ -484,11 +505,17 @@ class Stepper:
             problem: the exception, whose first sentence is shown.
         """
         first_sentence = message_of(problem)
-        if not isinstance(first_sentence, Message):  # an error of Drake, which may have several sentences and lines
+        if not isinstance(
+            first_sentence, Message
+        ):  # an error of Drake, which may have several sentences and lines
             first_sentence = " ".join(first_sentence.split()).split(". ")[0].rstrip(".")
         # A block that cannot compute its output says so itself. Otherwise solver and servos are examined.
         has_cause = isinstance(problem, ValueError) or "cannot be computed" in first_sentence
-        cause = "" if has_cause else compound("; {cause}", cause=likely_cause(self._config, self.built.ports.plant))
+        cause = (
+            ""
+            if has_cause
+            else compound("; {cause}", cause=likely_cause(self._config, self.built.ports.plant))
+        )
         return Outcome(
             "diverged",
             DIVERGED,

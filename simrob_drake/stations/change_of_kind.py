@@ -131,7 +131,9 @@ def _is_default(
     declared = section_class.model_fields[key]
     # A default may be a value or, for sections and mappings, a function that makes the value.
     # A required key has no default, so whatever it has was given by somebody.
-    return not declared.is_required() and section[key] == declared.get_default(call_default_factory=True)
+    return not declared.is_required() and section[key] == declared.get_default(
+        call_default_factory=True
+    )
 
 
 def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
@@ -140,7 +142,9 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
         kinds = SOLVERS
     elif _is_entry(path):
         kinds = _ENTRY_KINDS[path[0]]
-    elif path[-1] == "reference":  # of the only robot or, as robots.<name>.reference, of one of several
+    elif (
+        path[-1] == "reference"
+    ):  # of the only robot or, as robots.<name>.reference, of one of several
         kinds = references.KINDS
     else:
         return None

@@ -128,7 +128,9 @@ def _mount_text(piece: ResolvedPiece) -> str:
     if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += message("stations.at_frame", ", at {frame}", frame=frame)
-    text += message("stations.its_origin_at", ", its origin at {origin} m", origin=join_texts(coordinates, " "))
+    text += message(
+        "stations.its_origin_at", ", its origin at {origin} m", origin=join_texts(coordinates, " ")
+    )
     # The carrier is the robot that moves it, perhaps through other pieces.
     if piece.carrier not in (piece.parent, WORLD):
         text += message("stations.carried_by", "; {carrier} carries it", carrier=piece.carrier)
@@ -156,7 +158,10 @@ def _reference_findings(
             Finding(
                 "note",
                 subject,
-                message("stations.controller_decides", "not looked at: a controller says where the robot goes"),
+                message(
+                    "stations.controller_decides",
+                    "not looked at: a controller says where the robot goes",
+                ),
             )
         ]
     # First the limits: a reference beyond them is an error, and its speeds do not matter.
@@ -197,7 +202,9 @@ def _reference_findings(
     if np.isfinite(limits).any():
         # An axis without a speed limit (inf) has a share of 0. An axis at rest with the limit 0 has none (NaN).
         largest_share = np.nanmax(speeds / limits)
-        text += message("stations.share_of_speed", ", at most {share:.0%} of their speed", share=largest_share)
+        text += message(
+            "stations.share_of_speed", ", at most {share:.0%} of their speed", share=largest_share
+        )
     return [Finding("ok", subject, text)]
 
 
@@ -242,7 +249,9 @@ def _jump_findings(
         others=others,
         remedy=remedy,
     )
-    return [Finding("warning", message("stations.start_of", "start of {robot}", robot=robot.name), text)]
+    return [
+        Finding("warning", message("stations.start_of", "start of {robot}", robot=robot.name), text)
+    ]
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
@@ -255,7 +264,11 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     doubtful = doubtful_efforts(robot.model.element)
     axes = [
         message(
-            "stations.axis_and_effort", "{name} ({effort:g} N·m, {mass:.3g} kg)", name=name, effort=effort, mass=mass
+            "stations.axis_and_effort",
+            "{name} ({effort:g} N·m, {mass:.3g} kg)",
+            name=name,
+            effort=effort,
+            mass=mass,
         )
         for name, (effort, mass) in doubtful.items()
     ]
@@ -266,7 +279,11 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
         "more than their links' motors may have: {axes}; set servo.torque_limit",
         axes=listed(axes),
     )
-    return [Finding("warning", message("stations.efforts_of", "efforts of {robot}", robot=robot.name), text)]
+    return [
+        Finding(
+            "warning", message("stations.efforts_of", "efforts of {robot}", robot=robot.name), text
+        )
+    ]
 
 
 def _motor_findings(robot: StationRobot) -> list[Finding]:
@@ -306,7 +323,10 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
         )
     if motor.rated_torque:
         text += message(
-            "stations.continuously", ", {torque:g} {effort} continuously", torque=motor.rated_torque, effort=unit.effort
+            "stations.continuously",
+            ", {torque:g} {effort} continuously",
+            torque=motor.rated_torque,
+            effort=unit.effort,
         )
     return compound(
         "{text} ({source})",
@@ -322,8 +342,14 @@ def _holding_findings(
 ) -> list[Finding]:
     """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
-        text = message("stations.controller_decides", "not looked at: a controller says where the robot goes")
-        return [Finding("note", message("stations.torques_of", "torques of {robot}", robot=robot.name), text)]
+        text = message(
+            "stations.controller_decides", "not looked at: a controller says where the robot goes"
+        )
+        return [
+            Finding(
+                "note", message("stations.torques_of", "torques of {robot}", robot=robot.name), text
+            )
+        ]
     positions = reference_samples(reference, ports.config.duration)[1]
     return holding_findings(ports, robot, positions)
 
@@ -375,8 +401,14 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
 
 def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
     """Check the height of a robot's lowest point: the robot must not drop on the ground, and not begin inside of it."""
-    parts = message("stations.of_feet", "feet's") if robot.feet else message("stations.of_shapes", "collision shapes'")
-    side = message("stations.over", "over") if found.gap >= 0 else message("stations.below", "below")
+    parts = (
+        message("stations.of_feet", "feet's")
+        if robot.feet
+        else message("stations.of_shapes", "collision shapes'")
+    )
+    side = (
+        message("stations.over", "over") if found.gap >= 0 else message("stations.below", "below")
+    )
     text = message(
         "stations.lowest_point",
         "the {parts} lowest point is {gap:.2f} mm {side} the floor at the start",
@@ -391,8 +423,16 @@ def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
 
 def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
     """Check that the centre of mass of a robot that stands is well inside of the support area."""
-    side = message("stations.inside", "inside") if found.margin >= 0 else message("stations.outside", "outside")
-    links = message("stations.of_ends", " of {ends}", ends=", ".join(found.ends)) if len(found.ends) <= _LISTED else ""
+    side = (
+        message("stations.inside", "inside")
+        if found.margin >= 0
+        else message("stations.outside", "outside")
+    )
+    links = (
+        message("stations.of_ends", " of {ends}", ends=", ".join(found.ends))
+        if len(found.ends) <= _LISTED
+        else ""
+    )
     text = message(
         "stations.mass_on_points",
         "{mass:.3f} kg on {contacts} points{links}, ",
@@ -441,7 +481,9 @@ def _standing_torque(
         return _standing_on_passive(robot, axis, torque)
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
-    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
+    subject = message(
+        "stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+    )
     text = message(
         "stations.standing_takes",
         "standing takes {torque:z.2f} {effort} and the limit is {limit:g} {effort}",
@@ -457,7 +499,9 @@ def _standing_torque(
     if kp > 0:
         # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
         sag = abs(torque) / kp
-        text += message("stations.sags_by", "; it sags by {sag:.2f} {unit}", sag=sag / unit.size, unit=unit.name)
+        text += message(
+            "stations.sags_by", "; it sags by {sag:.2f} {unit}", sag=sag / unit.size, unit=unit.name
+        )
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if sag > bound:
             level = "warning"
@@ -475,8 +519,12 @@ def _standing_torque(
 
 def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Finding:
     """Check that a robot can stand although an axis is passive: the axis must not need a torque [N·m or N]."""
-    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
-    text = message("stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely")
+    subject = message(
+        "stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+    )
+    text = message(
+        "stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely"
+    )
     if abs(torque) <= NO_TORQUE:
         return Finding("note", subject, text)
     needed = message(
@@ -504,7 +552,11 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
     elif config.contact.model == "point":
         text = message("stations.meet_at_points", "shapes meet at points")
     else:
-        text = message("stations.meet_over_surfaces", "shapes meet over surfaces ({model})", model=config.contact.model)
+        text = message(
+            "stations.meet_over_surfaces",
+            "shapes meet over surfaces ({model})",
+            model=config.contact.model,
+        )
     return [Finding("ok", "contact.model", text)]
 
 

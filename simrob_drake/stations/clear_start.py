@@ -17,7 +17,13 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, neighbouring_postures, reduce_own_overlaps
+from simrob_drake.stations.clearance import (
+    SLIDES,
+    TURNS,
+    Clearance,
+    neighbouring_postures,
+    reduce_own_overlaps,
+)
 from simrob_drake.stations.posed import posture_range
 
 # Limits of the first move.
@@ -97,12 +103,26 @@ def _faults_in_words(faults: Vector) -> list[str]:
     words = list[str]()
     if low:
         words.append(
-            message("stations.too_low", "{low:.2g} m below the height that it should keep over the floor", low=low)
+            message(
+                "stations.too_low",
+                "{low:.2g} m below the height that it should keep over the floor",
+                low=low,
+            )
         )
     if overlap:
-        words.append(message("stations.overlaps_itself", "overlap of {overlap:.2g} m with itself", overlap=overlap))
+        words.append(
+            message(
+                "stations.overlaps_itself",
+                "overlap of {overlap:.2g} m with itself",
+                overlap=overlap,
+            )
+        )
     if overload:
-        words.append(message("stations.lacks_torque", "{share:.2g} of its motors' torque short", share=overload))
+        words.append(
+            message(
+                "stations.lacks_torque", "{share:.2g} of its motors' torque short", share=overload
+            )
+        )
     return words
 
 
@@ -147,9 +167,13 @@ class ClearStart:
         self._random_postures = self._draw_postures()
         # Each body that moves has to be as high as the search requires, or as high as it can be: `_highest` is its
         # greatest height in any of these postures.
-        bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
+        bodies = [
+            clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)
+        ]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
-        heights = np.array([self._heights(posture) for posture in [self._home, *self._random_postures]])
+        heights = np.array(
+            [self._heights(posture) for posture in [self._home, *self._random_postures]]
+        )
         self._place_root(heights, moves)
         self._highest = np.where(moves, heights.max(axis=0) + self.height, -np.inf)
         self._require_height(_OVER)
@@ -160,7 +184,9 @@ class ClearStart:
     def _draw_postures(self) -> Vector:
         """Draw random postures within the limits, shape (_RANDOM, n) [rad or m], with fingers as at home."""
         model = self._robot.model
-        postures = self._random.uniform(*posture_range(self._robot), (_RANDOM, len(self._robot.axes)))
+        postures = self._random.uniform(
+            *posture_range(self._robot), (_RANDOM, len(self._robot.axes))
+        )
         fingers = list(model.fingers)
         postures[:, fingers] = self._home[fingers]
         return model.with_followers(postures)
@@ -317,7 +343,12 @@ class ClearStart:
         world = plant.world_frame()
         # Rows: three of the angular velocity, then three of the velocity of the body's origin.
         jacobian = plant.CalcJacobianSpatialVelocity(
-            self._clearance.context, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), world, world
+            self._clearance.context,
+            JacobianWrtVariable.kV,
+            body.body_frame(),
+            np.zeros(3),
+            world,
+            world,
         )
         columns = self._robot.axis_map.velocities(jacobian)[:, axes]
         reach = float(np.abs(columns[3:]).max())
@@ -381,7 +412,9 @@ class ClearStart:
                 tried = combined.copy()
                 tried[axis] = travel
                 tried = self._with_followers(posture, tried)
-                if self._is_within_limits(posture + tried) and self._is_clear(posture, tried, _FEW_PARTS):
+                if self._is_within_limits(posture + tried) and self._is_clear(
+                    posture, tried, _FEW_PARTS
+                ):
                     combined = tried
                     break
         return combined
@@ -436,7 +469,9 @@ class ClearStart:
         if not np.array_equal(posture, self._home):
             # The faults are those at the height that the search required last.
             faults = self._faults(self._home)
-            why: list[str] = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
+            why: list[str] = [
+                text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault
+            ]
             # A home without faults is passed over if it is near a singularity, or if no first move from it is clear.
             if not why:
                 why.append(
@@ -446,7 +481,11 @@ class ClearStart:
                     )
                 )
             reasons = join_texts(why)
-            remarks.append(message("stations.not_at_home", "Not at home, where it is {reasons}.", reasons=reasons))
+            remarks.append(
+                message(
+                    "stations.not_at_home", "Not at home, where it is {reasons}.", reasons=reasons
+                )
+            )
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:

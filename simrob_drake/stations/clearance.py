@@ -166,8 +166,14 @@ def shape_points(
     found = []
     for body in map(plant.get_body, plant.GetBodyIndices(robot.instance)):
         for shape in station.shapes_of_body(body):
-            pose_in_floor = world_in_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape)
-            points_in_floor = lowest_points(inspector.GetShape(shape), pose_in_floor, shape_corners(inspector, shape))
+            pose_in_floor = (
+                world_in_floor
+                @ plant.EvalBodyPoseInWorld(context, body)
+                @ inspector.GetPoseInFrame(shape)
+            )
+            points_in_floor = lowest_points(
+                inspector.GetShape(shape), pose_in_floor, shape_corners(inspector, shape)
+            )
             in_world = np.asarray((floor_pose @ points_in_floor.T).T)
             found.append(ShapePoints(body, in_world))
     return found
@@ -188,7 +194,9 @@ def _support_points(
         frame = station.plant.GetFrameByName(link, robot.instance)
         pose_in_floor = floor_pose.inverse() @ frame.CalcPoseInWorld(context)
         # The description of the feet takes several poses (m, 4, 4); here there is one.
-        points_in_floor = robot.feet.lowest_points(link, pose_in_floor.GetAsMatrix4()[np.newaxis])[0]
+        points_in_floor = robot.feet.lowest_points(link, pose_in_floor.GetAsMatrix4()[np.newaxis])[
+            0
+        ]
         in_world = np.asarray((floor_pose @ points_in_floor.T).T)
         found.append(SupportPoints(frame, in_world))
     return found
@@ -264,7 +272,9 @@ def _vertical_jacobian(
     frame = contact.frame
     in_frame = frame.CalcPoseInWorld(context).inverse() @ contact.point
     world = plant.world_frame()
-    jacobian = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, frame, in_frame, world, world)
+    jacobian = plant.CalcJacobianTranslationalVelocity(
+        context, JacobianWrtVariable.kV, frame, in_frame, world, world
+    )
     return np.asarray(jacobian[2])
 
 
@@ -443,7 +453,9 @@ def reduce_own_overlaps(
     Returns:
         the posture with the smallest overlaps that was found, shape (n,) [rad or m].
     """
-    axes_of_link = {f"{robot.prefix}{body.name()}": set(chain) for body, chain in clearance.chains(robot)}
+    axes_of_link = {
+        f"{robot.prefix}{body.name()}": set(chain) for body, chain in clearance.chains(robot)
+    }
 
     def total_depth(tried: Vector) -> float:
         return sum(overlap.depth for overlap in clearance.own_overlaps(robot, tried))

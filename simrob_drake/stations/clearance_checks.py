@@ -90,13 +90,22 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
         heights = measured.heights[name]
         has_shapes = bool(heights[0])
         if not has_shapes:
-            text = message("stations.no_colliding_shapes", "not looked at: the robot has no shapes that collide")
-            findings.append(Finding("note", message("stations.clearance_of", "clearance of {name}", name=name), text))
+            text = message(
+                "stations.no_colliding_shapes",
+                "not looked at: the robot has no shapes that collide",
+            )
+            findings.append(
+                Finding(
+                    "note", message("stations.clearance_of", "clearance of {name}", name=name), text
+                )
+            )
             continue
         when_checked = message("stations.where_it_starts", "where it starts")
         if name in references:
             when_checked = message(
-                "stations.at_times_along_reference", "at {count} times along its reference", count=len(measured.times)
+                "stations.at_times_along_reference",
+                "at {count} times along its reference",
+                count=len(measured.times),
             )
         # A robot that floats touches the floor with its feet, which is no collision.
         if not robot.floats:
@@ -141,7 +150,13 @@ def _floor_findings(
     ground = clearance.station.ground
     subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
     if not (ground.has_floor or ground.boxes):
-        return [Finding("note", subject, message("stations.there_is_no_floor", "not looked at: there is no floor"))]
+        return [
+            Finding(
+                "note",
+                subject,
+                message("stations.there_is_no_floor", "not looked at: there is no floor"),
+            )
+        ]
     # The same bound judges the run later, see the section `verdict`.
     allowed_depth = bound_value(clearance.config.verdict.below_floor)
     fixed_heights, moving_heights = _split_by_motion(clearance, robot, measured)
@@ -158,7 +173,10 @@ def _floor_findings(
         findings.append(Finding("warning", subject, text))
 
     if not moving_heights:
-        text = message("stations.no_moving_shape", "not looked at: no link that moves has a shape to touch with")
+        text = message(
+            "stations.no_moving_shape",
+            "not looked at: no link that moves has a shape to touch with",
+        )
         return [*findings, Finding("note", subject, text)]
     # The tuples are compared by their heights first.
     lowest = min(moving_heights)
@@ -181,7 +199,9 @@ def _floor_findings(
         depth=-lowest.height * 1e3,
         time=lowest.time,
     )
-    remedy = message("stations.raise_base_or_change", "raise its base, or change initial_deg and reference")
+    remedy = message(
+        "stations.raise_base_or_change", "raise its base, or change initial_deg and reference"
+    )
     return [*findings, _contact_finding(clearance, subject, text, remedy)]
 
 
@@ -356,5 +376,9 @@ def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
         time=time,
     )
     if other_pairs:
-        text += message("stations.and_more_pairs", ", and {pairs} {pairs:more pair|more pairs}", pairs=other_pairs)
+        text += message(
+            "stations.and_more_pairs",
+            ", and {pairs} {pairs:more pair|more pairs}",
+            pairs=other_pairs,
+        )
     return text

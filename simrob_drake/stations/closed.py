@@ -156,7 +156,9 @@ def closed_station(
             # signals.
             ports.edges.extend(corner_times(reference))
             caption = ports.config.reference_of(robot.name).caption(robot.model)
-            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrap_label(caption), robot)
+            ports.picture.draw(
+                f"{robot.prefix}reference_source", "reference", wrap_label(caption), robot
+            )
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
@@ -180,7 +182,9 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
             continue
         zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
         builder.Connect(zero, port)
-        owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
+        owner = next(
+            (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
+        )
         ports.picture.draw(f"{name}.zero", "reference", "0", owner)
 
 
@@ -190,7 +194,9 @@ def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
     was_built_before = "been built into a different Diagram" in str(problem)
     cause = message("stations.signals_in_circle", "signals must not go around in a circle")
     if was_built_before:
-        cause = message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
+        cause = message(
+            "stations.block_serves_one_diagram", "a block serves one diagram; make it anew"
+        )
     text = message(
         "stations.blocks_cannot_be_wired",
         "the blocks {blocks} cannot be wired so; {cause} ({problem})",
@@ -261,9 +267,13 @@ def _source(
     """
     # The names are in the order of the derivatives, so an index is the order of a derivative.
     highest_derivative = _MOTION.index(taken[-1])
-    source = add_reference(builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative)
+    source = add_reference(
+        builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative
+    )
     outputs = zip(_MOTION, (source.position, source.velocity, source.acceleration), strict=True)
-    driven = {f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None}
+    driven = {
+        f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None
+    }
     return _DrivenInputs(source, driven)
 
 
@@ -286,7 +296,9 @@ def _add_prescribed(
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
-    motion = add_multiplexer(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
+    motion = add_multiplexer(
+        builder, f"{name}.motion", source.position, source.velocity, source.acceleration
+    )
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
@@ -350,7 +362,9 @@ def _check_start(robot: ResolvedRobot, start: Vector) -> None:
         robot=robot.name,
         size=len(start),
     )
-    expected = message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes))
+    expected = message(
+        "stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)
+    )
     raise InvalidParameter("start", found, expected)
 
 
@@ -420,7 +434,11 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
             unit=violation.unit,
             time=times[violation.row],
         )
-        expected = message("stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits)
+        expected = message(
+            "stations.within_limits",
+            "within the joint's limits of {limits}",
+            limits=violation.limits,
+        )
         raise InvalidParameter(subject, found, expected)
 
 
@@ -441,6 +459,10 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
         raise InvalidParameter(
             "reference",
             message("stations.array_of", "an array of {shape}", shape=shape),
-            message("stations.columns_a_joint", "of {count} columns, one a joint [rad]", count=len(robot.axes)),
+            message(
+                "stations.columns_a_joint",
+                "of {count} columns, one a joint [rad]",
+                count=len(robot.axes),
+            ),
         )
     return interpolate_samples(samples[0], positions, linear=linear)

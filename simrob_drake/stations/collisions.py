@@ -272,7 +272,11 @@ class CollisionPolicy:
         touching = self.touching(own_only=True)
         self._posed.place(before)
         pieces = self._posed.resolved.pieces
-        return {bodies: overlap.robot for bodies, overlap in touching.items() if pieces.keys().isdisjoint(bodies)}
+        return {
+            bodies: overlap.robot
+            for bodies, overlap in touching.items()
+            if pieces.keys().isdisjoint(bodies)
+        }
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:
@@ -286,7 +290,10 @@ class CollisionPolicy:
         counts = Counter[Bodies]()  # count of postures in which two links overlap
         robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
-            postures = {name: random_posture(robot, random) for name, robot in self._posed.station.robots.items()}
+            postures = {
+                name: random_posture(robot, random)
+                for name, robot in self._posed.station.robots.items()
+            }
             self._posed.place_robots(postures)
             touching = self.touching(refined_from=OWN_TOLERANCE, own_only=True)
             for bodies, overlap in touching.items():
@@ -295,7 +302,9 @@ class CollisionPolicy:
                     robot_of[bodies] = overlap.robot
         self._posed.place(before)
         least_count = _NEARLY_ALL * _SAMPLES
-        return {bodies: robot_of[bodies] for bodies, count in counts.items() if count >= least_count}
+        return {
+            bodies: robot_of[bodies] for bodies, count in counts.items() if count >= least_count
+        }
 
     @cached_property
     def left_out(self) -> Mapping[Bodies, str]:

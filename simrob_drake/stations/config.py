@@ -36,7 +36,12 @@ from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
-from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.axis_map import (
+    AxisValues,
+    NotNegativeAxisValues,
+    PositiveAxisValues,
+    every_axis,
+)
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.stations.piece_config import PieceConfig, with_scattered_copies
@@ -152,12 +157,18 @@ class ServoConfig(Renamed):
                 )
             )
         if self.motor is not None and self.admittance_gain > 0:
-            raise ValueError(message("stations.admittance_without_motor", "admittance_gain goes without a motor"))
+            raise ValueError(
+                message("stations.admittance_without_motor", "admittance_gain goes without a motor")
+            )
         if self.law != "pid" and self.admittance_gain > 0:
-            raise ValueError(message("stations.admittance_with_pid", "admittance_gain goes with law pid"))
+            raise ValueError(
+                message("stations.admittance_with_pid", "admittance_gain goes with law pid")
+            )
         # Only a cascade has a loop whose command is a speed.
         if self.speed_limit is not None and self.law != "cascade":
-            raise ValueError(message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade"))
+            raise ValueError(
+                message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade")
+            )
         if self.law == "computed_torque":
             # A feedforward would count gravity and inertia twice.
             if self.feedforward != "none":
@@ -237,9 +248,13 @@ class RobotConfig(Renamed):
     def _one_origin(self) -> "RobotConfig":
         # True if both are given, and if neither is.
         if (self.model is None) == (self.urdf is None):
-            raise ValueError(message("stations.model_or_urdf", "a robot has either a model or a urdf"))
+            raise ValueError(
+                message("stations.model_or_urdf", "a robot has either a model or a urdf")
+            )
         if self.urdf is None and self.import_options is not None:
-            raise ValueError(message("stations.options_go_with_urdf", "import_options go with a urdf"))
+            raise ValueError(
+                message("stations.options_go_with_urdf", "import_options go with a urdf")
+            )
         return self
 
 
@@ -352,7 +367,9 @@ class StationConfig(Renamed):
 
     def __repr__(self) -> str:
         """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""
-        robots = ", ".join(f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items())
+        robots = ", ".join(
+            f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items()
+        )
         pieces = f", pieces {', '.join(self.pieces)}" if self.pieces else ""
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
 
@@ -364,7 +381,9 @@ class StationConfig(Renamed):
         check_effort(self)
         return self
 
-    @field_validator("robots", "pieces", "sensors", "monitors", "couplings", "forces", "controllers")
+    @field_validator(
+        "robots", "pieces", "sensors", "monitors", "couplings", "forces", "controllers"
+    )
     @classmethod
     def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
@@ -448,11 +467,17 @@ def check_effort(config: StationConfig) -> None:
     """
     # Free pieces first: their bound is the smaller one.
     if len(config.free_pieces) > MOST_FREE_PIECES:
-        found = message("stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces))
+        found = message(
+            "stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces)
+        )
         raise InvalidParameter(
             "pieces",
             found,
-            message("stations.most_free_pieces", "with at most {most} of free: true", most=MOST_FREE_PIECES),
+            message(
+                "stations.most_free_pieces",
+                "with at most {most} of free: true",
+                most=MOST_FREE_PIECES,
+            ),
         )
     if len(config.pieces) > MOST_PIECES:
         raise InvalidParameter(
@@ -481,7 +506,9 @@ def check_effort(config: StationConfig) -> None:
             duration=duration,
             steps=MOST_STEPS,
         )
-        raise InvalidParameter(f"solver.{solver.step_key}", compound("{step:g} s", step=solver.step), shortest)
+        raise InvalidParameter(
+            f"solver.{solver.step_key}", compound("{step:g} s", step=solver.step), shortest
+        )
     for name, sensor in config.sensors.items():
         # Only sampled sensors have a rate; the others count as never sampled.
         sensor_rate = getattr(sensor, "rate", None) or 0.0
@@ -493,7 +520,9 @@ def check_effort(config: StationConfig) -> None:
                 duration=duration,
                 samples=MOST_STEPS,
             )
-            raise InvalidParameter(f"sensors.{name}.rate", compound("{rate:g} Hz", rate=sensor_rate), most)
+            raise InvalidParameter(
+                f"sensors.{name}.rate", compound("{rate:g} Hz", rate=sensor_rate), most
+            )
         delay = getattr(sensor, "delay", 0.0)
         # The block of a sensor keeps every sample that is on its way.
         if delay * sensor_rate > MOST_LATE:
@@ -504,4 +533,6 @@ def check_effort(config: StationConfig) -> None:
                 rate=sensor_rate,
                 samples=MOST_LATE,
             )
-            raise InvalidParameter(f"sensors.{name}.delay", compound("{delay:g} s", delay=delay), most)
+            raise InvalidParameter(
+                f"sensors.{name}.delay", compound("{delay:g} s", delay=delay), most
+            )

@@ -101,7 +101,8 @@ def apply_materials(
         touches_at_points = contact_of_piece is not None and contact_of_piece.model == "point"
         if touches_at_points and contact.model == "hydroelastic":
             expected = message(
-                "stations.hydroelastic_with_fallback", "hydroelastic_with_fallback, as a piece meets others at points"
+                "stations.hydroelastic_with_fallback",
+                "hydroelastic_with_fallback, as a piece meets others at points",
             )
             raise InvalidParameter("contact.model", contact.model, expected)
         material = _material(config, contact, piece)
@@ -148,7 +149,9 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
             "{finest:.2g} m or more: finer ones give the shapes of this station too many faces",
             finest=finest,
         )
-        raise InvalidParameter("contact.resolution", compound("{resolution:g} m", resolution=resolution), expected)
+        raise InvalidParameter(
+            "contact.resolution", compound("{resolution:g} m", resolution=resolution), expected
+        )
 
 
 def check_stiffnesses(
@@ -186,10 +189,16 @@ def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector)
 
     Returns a text for each pair, such as "table and cube", in alphabetical order.
     """
-    rigid = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if _is_rigid(inspector, shape)]
+    rigid = [
+        shape
+        for shape in inspector.GetAllGeometryIds(Role.kProximity)
+        if _is_rigid(inspector, shape)
+    ]
     pairs = set()
     for first, second in combinations(rigid, 2):
-        bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)]
+        bodies = [
+            plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)
+        ]
         # Two bodies that cannot move do not fall into each other.
         is_fixed = all(plant.IsAnchored(body) for body in bodies)
         if not is_fixed and not inspector.CollisionFiltered(first, second):
@@ -208,7 +217,10 @@ def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
 
 def _is_hydroelastic(properties: ProximityProperties) -> bool:
     """Whether a shape with these properties takes part in hydroelastic contact."""
-    return bool(properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type"))
+    return bool(
+        properties.HasGroup("hydroelastic")
+        and properties.HasProperty("hydroelastic", "compliance_type")
+    )
 
 
 def _material(
@@ -251,11 +263,15 @@ def _write_modulus(
     own modulus if the material gives none; all other shapes get MODULUS then.
     """
     if not _is_hydroelastic(properties):
-        AddCompliantHydroelasticProperties(contact.resolution, material.hydroelastic_modulus or MODULUS, properties)
+        AddCompliantHydroelasticProperties(
+            contact.resolution, material.hydroelastic_modulus or MODULUS, properties
+        )
         return
     is_compliant = properties.HasProperty("hydroelastic", "hydroelastic_modulus")
     if material.hydroelastic_modulus is not None and is_compliant:
-        properties.UpdateProperty("hydroelastic", "hydroelastic_modulus", material.hydroelastic_modulus)
+        properties.UpdateProperty(
+            "hydroelastic", "hydroelastic_modulus", material.hydroelastic_modulus
+        )
 
 
 def largest_stiffness(solver: SolverConfig, mass: float) -> float:
@@ -275,7 +291,9 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     engine = solver.engine
     if engine.softens_contacts:
         # The third case of the list above: k = 4 pi² m / (3.3 h (h + 0.1 s)).
-        softened = 4 * np.pi**2 * mass / (_SAP_FACTOR * solver.step * (solver.step + _SAP_RELAXATION))
+        softened = (
+            4 * np.pi**2 * mass / (_SAP_FACTOR * solver.step * (solver.step + _SAP_RELAXATION))
+        )
         return float(softened)
     if engine.takes_any_contact_stiffness:
         return np.inf
@@ -305,7 +323,9 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
             body=body.name(),
             mass=body.default_mass(),
         )
-        expected = compound("{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step)
+        expected = compound(
+            "{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step
+        )
         raise InvalidParameter("contact.stiffness", stiffness, expected)
 
 
@@ -384,7 +404,9 @@ def with_friction(
     friction = _sliding(builder, ports, robot, speeds)
     if not weights.all():
         # A diagonal matrix of ones and zeros drops the friction of the other axes.
-        friction = add_matrix_gain(builder, f"{robot.prefix}friction.counted", np.diag(weights), friction)
+        friction = add_matrix_gain(
+            builder, f"{robot.prefix}friction.counted", np.diag(weights), friction
+        )
     return add_sum(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 

@@ -179,7 +179,9 @@ def add_contact_points(
     return points
 
 
-def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> list[tuple[GeometryId, GeometryId]]:
+def filter_contact_points(
+    scene_graph: SceneGraph, points: ContactPoints
+) -> list[tuple[GeometryId, GeometryId]]:
     """Exclude the pairs of shapes that would count a contact twice, after the plant is finalized.
 
     * Balls do not touch balls.
@@ -276,7 +278,10 @@ class _ShapeOwners:
         if robot.feet is None or piece is not None:
             return True
         # Feet may be named after links that were merged into other bodies, so that bodies are compared, not names.
-        feet = [self.plant.GetFrameByName(link, robot.instance).body().index() for link in robot.feet.links]
+        feet = [
+            self.plant.GetFrameByName(link, robot.instance).body().index()
+            for link in robot.feet.links
+        ]
         return self.body(shape).index() in feet
 
     def is_support(self, shape: GeometryId) -> bool:
@@ -323,7 +328,9 @@ def _register_balls(
         # The ball's name begins with that of the shape, so that forces on it count as forces on the shape's piece.
         centre = RigidTransform(pose.multiply(ball.centre))
         properties = ProximityProperties(material)
-        return owners.plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
+        return owners.plant.RegisterCollisionGeometry(
+            body, centre, Sphere(ball.radius), f"{name}.{label}", properties
+        )
 
     depth = _sinking_depth(owners.station.config, owners.piece(shape), load)
     corners = shape_corners(inspector, shape)

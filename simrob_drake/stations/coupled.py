@@ -17,7 +17,12 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import plain_name
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.coupled_axes import AxisCondition, ConditionViolation, CoupledAxes, Firmness
+from simrob_drake.robots.coupled_axes import (
+    AxisCondition,
+    ConditionViolation,
+    CoupledAxes,
+    Firmness,
+)
 from simrob_drake.stations.config import RobotConfig, StationConfig
 
 # Deviations from a coupling that count as rounding, of revolute axes [deg] and of prismatic axes [m]: stations hold
@@ -51,17 +56,23 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
     Returns:
         the gears, by their keys under ``couplings``.
     """
-    axes_of_own_gears = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
+    axes_of_own_gears = [
+        gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)
+    ]
     gears = {}
     for name, model in models.items():
         if not config.robots[name].mimic:
             continue
         prefix = config.prefix(name)
         for axis, follower in model.followers.items():
-            ratios = {f"{prefix}{own_name}": ratio for own_name, ratio in follower.ratios(axis).items()}
+            ratios = {
+                f"{prefix}{own_name}": ratio for own_name, ratio in follower.ratios(axis).items()
+            }
             is_replaced = any(ratios.keys() <= axes for axes in axes_of_own_gears)
             if not is_replaced:
-                gears[gear_name(config, name, axis)] = Gear(kind="gear", ratios=ratios, total=follower.offset)
+                gears[gear_name(config, name, axis)] = Gear(
+                    kind="gear", ratios=ratios, total=follower.offset
+                )
     return gears
 
 
@@ -203,7 +214,9 @@ def coupled_start(
         InvalidParameter: ``initial_deg`` contradicts a coupling, or couplings contradict each other.
     """
     # A coupling without a total keeps the sum of the initial posture, so any initial posture obeys it.
-    with_totals = CoupledAxes(coupled.names, [equation for equation in coupled.equations if equation.total is not None])
+    with_totals = CoupledAxes(
+        coupled.names, [equation for equation in coupled.equations if equation.total is not None]
+    )
     if not with_totals:
         return dict(positions)
     # The axes of all robots in one vector: a coupling may tie axes of two robots.
@@ -228,12 +241,20 @@ def coupled_start(
                 names=units.names[axis],
             )
             raise InvalidParameter(
-                message("stations.initial_of", "initial_deg of {axis}", axis=with_totals.names[axis]), value, expected
+                message(
+                    "stations.initial_of", "initial_deg of {axis}", axis=with_totals.names[axis]
+                ),
+                value,
+                expected,
             )
 
     # Axes that obey their couplings up to rounding keep the very numbers of the station file.
     solved = dependence.matrix @ initial + dependence.offset
-    moved = [axis for axis in dependence.moved if abs(solved[axis] - initial[axis]) > units.rounding[axis]]
+    moved = [
+        axis
+        for axis in dependence.moved
+        if abs(solved[axis] - initial[axis]) > units.rounding[axis]
+    ]
     if not moved:
         return dict(positions)
     starts = initial.copy()
@@ -255,9 +276,16 @@ def _check_solvable(condition: AxisCondition) -> None:
     has_no_axis = np.abs(condition.ratios).max(initial=0.0) < _ZERO_RATIO
     if has_no_axis and abs(condition.total) > ROUNDING_METRES:
         *others, last = condition.labels
-        expected = message("stations.such_that_one_posture", "left out, or such that one posture fulfils all of them")
+        expected = message(
+            "stations.such_that_one_posture",
+            "left out, or such that one posture fulfils all of them",
+        )
         raise InvalidParameter(
-            last, message("stations.in_contradiction", "in contradiction to {others}", others=listed(others)), expected
+            last,
+            message(
+                "stations.in_contradiction", "in contradiction to {others}", others=listed(others)
+            ),
+            expected,
         )
 
 
@@ -279,7 +307,9 @@ def starting_positions(
     Raises:
         InvalidParameter: ``initial_deg`` is beyond the limits of an axis, or contradicts a coupling.
     """
-    positions = {name: _initial_position(config.robots[name], name, model) for name, model in models.items()}
+    positions = {
+        name: _initial_position(config.robots[name], name, model) for name, model in models.items()
+    }
     axes = [f"{config.prefix(name)}{axis}" for name, model in models.items() for axis in model.axes]
     coupled = coupled_axes(config, unheld_gears, axes)
     starts = coupled_start(config, coupled, models, positions)
@@ -342,7 +372,9 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
                 leader=leader,
             )
         raise InvalidParameter(
-            message("stations.initial_of", "initial_deg of {axis}", axis=axis), violation.value, expected
+            message("stations.initial_of", "initial_deg of {axis}", axis=axis),
+            violation.value,
+            expected,
         )
     clamped = position.copy()
     clamped[checked] = limits.clamp(position[checked], key)

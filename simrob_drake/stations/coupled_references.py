@@ -120,7 +120,9 @@ def _check_conditions(
         )
         expected = expected_position(coupled, condition, violation, position, units)
         raise InvalidParameter(
-            message("stations.reference_of_joint", "reference of {axis}", axis=coupled.names[axis]), value, expected
+            message("stations.reference_of_joint", "reference of {axis}", axis=coupled.names[axis]),
+            value,
+            expected,
         )
 
 
@@ -284,15 +286,23 @@ def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParame
     """
     names = [coupled.names[axis] for axis in candidates]
     # The couplings that tie at least two of these axes.
-    labels = [equation.label for equation in coupled.equations if len(set(names) & equation.ratios.keys()) > 1]
+    labels = [
+        equation.label
+        for equation in coupled.equations
+        if len(set(names) & equation.ratios.keys()) > 1
+    ]
     problem = message(
-        "stations.no_value_for", "no value for {names}", names=join_texts(names, message("base.and", " and "))
+        "stations.no_value_for",
+        "no value for {names}",
+        names=join_texts(names, message("base.and", " and ")),
     )
     return InvalidParameter(
         "reference",
         problem,
         message(
-            "stations.value_for_one", "a value for one of them, since {labels} moves either", labels=listed(labels)
+            "stations.value_for_one",
+            "a value for one of them, since {labels} moves either",
+            labels=listed(labels),
         ),
     )
 
@@ -333,5 +343,7 @@ def _let_follow(
         # Robots on which the combination does not depend are left out: a sine cannot be combined with other motions.
         used = [other for other, axes in ranges.items() if matrix[:, list(axes)].any()]
         columns = [index for other in used for index in ranges[other]]
-        results[name] = combine_references([motions[other] for other in used], matrix[:, columns], offset)
+        results[name] = combine_references(
+            [motions[other] for other in used], matrix[:, columns], offset
+        )
     return results

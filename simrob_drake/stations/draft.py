@@ -64,7 +64,12 @@ _REPEATED_OPTIONS = ("mesh_path", "packages", "xacro_arg")
 _ORIGINS = ("urdf", "model", "import_options")
 
 # Sections of drafted stations: the solver of an arm, and that of an arm for which it takes too long.
-_CONTINUOUS: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
+_CONTINUOUS: dict[str, Any] = {
+    "kind": "continuous",
+    "scheme": "radau3",
+    "accuracy": 1e-2,
+    "max_step": 0.1,
+}
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
 # Sections of a station whose robot has fingers: surfaces in contact hold a part more steadily than points.
 _WITH_FINGERS: dict[str, Any] = {
@@ -111,7 +116,11 @@ def draft_station(
     if is_description and options is not None:
         raise Unsuitable(
             "options",
-            message("stations.describes_a_robot", "{file} describes a robot, and nothing is imported", file=file.name),
+            message(
+                "stations.describes_a_robot",
+                "{file} describes a robot, and nothing is imported",
+                file=file.name,
+            ),
         )
     robot = read_robot(file, options)
     remarks = list[str]()
@@ -154,7 +163,9 @@ def draft_station(
     header = _header(robot, file, options) if is_kinematic else [_FIRST_LINE]
     # Comments are in the language of the output: a user reads them on the screen and in the file.
     comments = "".join(f"# {translate(remark)}\n" for remark in (*header, *remarks))
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    text = yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+    )
     return comments + text
 
 
@@ -198,8 +209,14 @@ def _check_floating_base(robot: RobotModel, file: Path) -> None:
     if _falls_through(robot):
         raise Unsuitable(
             compound("{file}: {key}", file=file.name, key="base"),
-            message("stations.floating_unshaped", "it is floating, but no link has a collision shape to stand on"),
-            message("stations.give_shapes_or_fix", "give the feet collision shapes, or write base: fixed"),
+            message(
+                "stations.floating_unshaped",
+                "it is floating, but no link has a collision shape to stand on",
+            ),
+            message(
+                "stations.give_shapes_or_fix",
+                "give the feet collision shapes, or write base: fixed",
+            ),
         )
 
 
@@ -217,7 +234,9 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
         couplings[follower_key(axis)] = {
             "kind": "gear",
             # Nine digits keep the file readable, and adding 0.0 turns -0.0 into 0.0.
-            "ratios": {name: float(f"{ratio:.9g}") for name, ratio in follower.ratios(axis).items()},
+            "ratios": {
+                name: float(f"{ratio:.9g}") for name, ratio in follower.ratios(axis).items()
+            },
             "total": float(f"{follower.offset:.9g}") + 0.0,
         }
     return couplings
@@ -260,7 +279,9 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
     config_at_home = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
     # Contacts of links at home count here: the search judges the home posture itself.
     clearance = Clearance(config_at_home, trusts_home=False)
-    search = ClearStart(clearance, clearance.station.robots[ONLY_ROBOT], _MOVE, torque=not is_kinematic)
+    search = ClearStart(
+        clearance, clearance.station.robots[ONLY_ROBOT], _MOVE, torque=not is_kinematic
+    )
     start = search.find()
     height = round(start.height, 4)
     if height > 0:
@@ -331,8 +352,16 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     content["reference"] = {"kind": "move", "target_deg": target_deg, "duration": _MOVE}
     content["duration"] = _DURATION
     return [
-        message("stations.drafted_loops", "Loops are closed by couplings: {loops}.", loops=", ".join(robot.loops)),
-        message("stations.drafted_passive", "These axes have no motor: {axes}.", axes=", ".join(names_of_passive)),
+        message(
+            "stations.drafted_loops",
+            "Loops are closed by couplings: {loops}.",
+            loops=", ".join(robot.loops),
+        ),
+        message(
+            "stations.drafted_passive",
+            "These axes have no motor: {axes}.",
+            axes=", ".join(names_of_passive),
+        ),
     ]
 
 
@@ -354,7 +383,10 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
             continue
         # position - travel / (travel of the leader) * (position of the leader) stays as at the start, without a total.
         ratio = float(f"{-travels[index] / travels[leader]:.6g}")
-        couplings[follower_key(finger)] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
+        couplings[follower_key(finger)] = {
+            "kind": "gear",
+            "ratios": {finger: 1.0, axes[leader]: ratio},
+        }
     content |= _WITH_FINGERS
     content["program"] = {"moves": _first_moves(robot, content.pop("reference"))}
     content["reference"] = {"kind": "hold"}
@@ -420,8 +452,12 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         trial = stands(_config(robot, content))
         if trial.is_standing:
             return [
-                message("stations.drafted_stands", "It stands {stance}.", stance=_stance_text(stance)),
-                message("stations.drafted_tried", "It was tried: {outcome}.", outcome=trial.outcome),
+                message(
+                    "stations.drafted_stands", "It stands {stance}.", stance=_stance_text(stance)
+                ),
+                message(
+                    "stations.drafted_tried", "It was tried: {outcome}.", outcome=trial.outcome
+                ),
             ]
         if first_stance is None:
             first_stance = stance
@@ -430,9 +466,13 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         _set_stance(robot, content, first_stance)
         return [
             message(
-                "stations.drafted_by_statics", "By statics it would stand {stance}.", stance=_stance_text(first_stance)
+                "stations.drafted_by_statics",
+                "By statics it would stand {stance}.",
+                stance=_stance_text(first_stance),
             ),
-            message("stations.drafted_but", "But when it was tried, {outcome}.", outcome=first_outcome),
+            message(
+                "stations.drafted_but", "But when it was tried, {outcome}.", outcome=first_outcome
+            ),
         ]
     home = stances.as_it_is()
     assert home is not None  # it has shapes
@@ -497,7 +537,9 @@ def _set_initial_posture(
     """
     content["robot"].pop("initial_deg", None)
     positions = _by_axis(robot, _in_user_units(robot, posture))
-    initial = {axis: value for axis, value in positions.items() if value and axis not in robot.followers}
+    initial = {
+        axis: value for axis, value in positions.items() if value and axis not in robot.followers
+    }
     if initial:
         content["robot"]["initial_deg"] = initial
     elif robot.home.any():
@@ -551,7 +593,9 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
     """
     missing = ", ".join(robot.links_without_inertia)
     reason = message(
-        "stations.drafted_kinematic", "Kinematic, since these links have no inertia: {links}.", links=missing
+        "stations.drafted_kinematic",
+        "Kinematic, since these links have no inertia: {links}.",
+        links=missing,
     )
     if is_yaml_name(file):
         remedy = message(
@@ -560,8 +604,14 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
             file=file.name,
         )
     else:
-        command = shlex.join(["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)])
-        remedy = message("stations.drafted_estimate", "For motion by torque begin anew: {command}", command=command)
+        command = shlex.join(
+            ["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)]
+        )
+        remedy = message(
+            "stations.drafted_estimate",
+            "For motion by torque begin anew: {command}",
+            command=command,
+        )
     return [_FIRST_LINE, reason, remedy]
 
 
@@ -596,7 +646,11 @@ def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Write values of all axes (n,) for a key of the servos: without those of passive axes, which have no servo."""
     if not robot.passive.any():
         return _number_or_mapping(robot, values)
-    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.passive_axes}
+    return {
+        axis: value
+        for axis, value in _by_axis(robot, values).items()
+        if axis not in robot.passive_axes
+    }
 
 
 def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, float]:
@@ -641,11 +695,16 @@ def gets_through(config: StationConfig) -> bool:
 
     def stop_if_expensive(_: Context) -> EventStatus:
         if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
-            return EventStatus.ReachedTermination(closed.diagram, message("stations.too_much_work", "too much work"))
+            return EventStatus.ReachedTermination(
+                closed.diagram, message("stations.too_much_work", "too much work")
+            )
         return EventStatus.DidNothing()
 
     simulator.set_monitor(stop_if_expensive)
-    return _advances(simulator, config.duration) and simulator.get_context().get_time() >= config.duration
+    return (
+        _advances(simulator, config.duration)
+        and simulator.get_context().get_time() >= config.duration
+    )
 
 
 def _advances(simulator: Simulator, time: float) -> bool:
@@ -686,7 +745,9 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
         return StandingTrial(False, message("stations.it_diverged", "it diverged"))
     time = simulator.get_context().get_time()
     if time < duration:
-        return StandingTrial(False, message("stations.it_fell", "it fell at {time:.2f} s", time=time))
+        return StandingTrial(
+            False, message("stations.it_fell", "it fell at {time:.2f} s", time=time)
+        )
 
     after = robot.root.CalcPoseInWorld(context)
     # The direction of the root that pointed up at the start, in the root's frame.

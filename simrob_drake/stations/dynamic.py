@@ -18,7 +18,12 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Role, Signal, applied_signal
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer, add_sum
 from simrob_drake.blocks.command_bus import CommandBus
-from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward, add_model_torque
+from simrob_drake.blocks.model_torque import (
+    add_admittance,
+    add_computed_torque,
+    add_feedforward,
+    add_model_torque,
+)
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
@@ -37,7 +42,11 @@ from simrob_drake.stations.ports import (
     draw_integral,
     draw_servos,
 )
-from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, uses_reaction_forces
+from simrob_drake.stations.prescribed import (
+    add_prescribed_motion,
+    add_prescribed_torque,
+    uses_reaction_forces,
+)
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
 """Inputs of a robot's desired motion in addition to the positions."""
@@ -70,7 +79,9 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
         joints = ports.plant.joints
-        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping, joints=joints)
+        stops = add_joint_stops(
+            builder, ports.plant.plant, stiffness=stiffness, damping=damping, joints=joints
+        )
         if stops is not None:
             ports.generalized_forces.append(stops)
     for name, coupling in config.couplings.items():
@@ -137,7 +148,9 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     stated = config.joint_stops.model_dump()
     # Values by axis do not say what holds for a joint that is no axis.
     usual = JointStops().model_dump()
-    for_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
+    for_all = [
+        usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()
+    ]
     stops = np.tile(np.array(for_all)[:, np.newaxis], plant.plant.num_velocities())
     for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
@@ -252,7 +265,9 @@ def _add_signals(
     # From the plant's state to positions and velocities in the order and the signs of the axes.
     state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
-    ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
+    ports.outputs.add_report(
+        builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity"
+    )
     reference = ports.add_input(builder, robot, "reference")
     if robot.prescribed:
         # Prescribed axes follow their own input, so the servos' reference gets its position in
@@ -322,7 +337,9 @@ def _add_bus(
         builder.Connect(port, block.GetInputPort(key))
     label = message("stations.block_bus", "Bus\n{rate:g} Hz", rate=bus.rate)
     if bus.delay:
-        label += message("stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate)
+        label += message(
+            "stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate
+        )
     ports.picture.draw(name, "servo", label, robot)
     return block.GetOutputPort("reference"), {key: block.GetOutputPort(key) for key in optional}
 
@@ -451,7 +468,9 @@ def _add_servo_blocks(
 
     if servo.law == "computed_torque":
         name = f"{prefix}computed_torque"
-        command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
+        command = add_computed_torque(
+            builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name
+        )
         if not in_actuators:
             command = add_limits(command)
         draw_computed_torque(ports, robot)
@@ -487,10 +506,18 @@ def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
         turns: whether it is a torque.
     """
     if turns:
-        title = message("stations.external_torque_at", "external torque at {place}, in its axes", place=place)
-        return title, message("stations.block_external_torque", "External torque\nat {place}", place=place)
-    title = message("stations.external_force_at", "external force at {place}, in its axes", place=place)
-    return title, message("stations.block_external_force", "External force\nat {place}", place=place)
+        title = message(
+            "stations.external_torque_at", "external torque at {place}, in its axes", place=place
+        )
+        return title, message(
+            "stations.block_external_torque", "External torque\nat {place}", place=place
+        )
+    title = message(
+        "stations.external_force_at", "external force at {place}, in its axes", place=place
+    )
+    return title, message(
+        "stations.block_external_force", "External force\nat {place}", place=place
+    )
 
 
 def _add_admittance_servos(
@@ -537,7 +564,9 @@ monitors would miss all that happens before."""
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
 
-def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[InputPorts, OutputPort]:
+def add_motion_inputs(
+    builder: DiagramBuilder, plant: StationPlant
+) -> tuple[InputPorts, OutputPort]:
     """Add inputs of position, velocity and acceleration for every robot of a kinematic station.
 
     Returns:
@@ -547,7 +576,9 @@ def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[Inp
     motions: list[OutputPort] = []
     for robot in plant.robots.values():
         for signal in _MOTION:
-            block = builder.AddNamedSystem(f"{robot.prefix}{signal}", PassThrough(len(robot.joints)))
+            block = builder.AddNamedSystem(
+                f"{robot.prefix}{signal}", PassThrough(len(robot.joints))
+            )
             inputs[f"{robot.prefix}{signal}"] = block.get_input_port()
             if signal != "reference_acceleration":  # the state has no accelerations
                 motions.append(block.get_output_port())
@@ -567,13 +598,16 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     for robot in robots:
         # The blocks of the inputs pass the values on unchanged.
         position, velocity, acceleration = (
-            ports.inputs[f"{robot.prefix}{signal}"].get_system().get_output_port() for signal in _MOTION
+            ports.inputs[f"{robot.prefix}{signal}"].get_system().get_output_port()
+            for signal in _MOTION
         )
         # The robot follows its reference exactly, so the position serves as the reference as well.
         add_motion(ports, robot, position, position, velocity)
         accelerations.append(acceleration)
     # tau = M(q) dv/dt + C(q, v) v + tau_g(q) of the desired motion.
-    dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
+    dynamics = InverseDynamics(
+        ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics
+    )
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
     # Accelerations are in the order of the plant's velocities.
@@ -585,7 +619,9 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     for robot in robots:
         # Drake's plant has no friction of joints, so it is added to the torques that move the
         # robot.
-        torque = add_matrix_gain(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
+        torque = add_matrix_gain(
+            builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force
+        )
         declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
     # Nothing else limits the steps of a kinematic station, see STEP.

@@ -132,7 +132,9 @@ def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
         settings that add the sensors to another station.
     """
     reads = section.get("reads", {}) if isinstance(section, dict) else {}
-    sensors_read = {str(value) for value in reads.values()} if isinstance(reads, dict) else set[str]()
+    sensors_read = (
+        {str(value) for value in reads.values()} if isinstance(reads, dict) else set[str]()
+    )
     contents = content.get("sensors", {})
     sensors = TypeAdapter(Sensors).validate_python(contents)
     # A loop may read other signals, too: names that are no sensors drop out.

@@ -138,7 +138,9 @@ def _absolute_path(path: object, key: str, folder: Path, border: Border | None) 
         return str(package_path(text, own_border))
     except OutsideBorder as problem:
         raise InvalidConfig(
-            own_border.source, key, compound("{path} {problem}", path=shortened(text, 300), problem=problem)
+            own_border.source,
+            key,
+            compound("{path} {problem}", path=shortened(text, 300), problem=problem),
         ) from None
 
 

@@ -254,7 +254,9 @@ class FineShapes:
         if body is None or len(plant.GetCollisionGeometriesForBody(body)) > 1:
             return None  # several collision shapes are convex parts already
         visuals = plant.GetVisualGeometriesForBody(body)
-        has_meshes_only = all(isinstance(inspector.GetShape(visual), Mesh | Convex) for visual in visuals)
+        has_meshes_only = all(
+            isinstance(inspector.GetShape(visual), Mesh | Convex) for visual in visuals
+        )
         if not visuals or not has_meshes_only:
             return None
 

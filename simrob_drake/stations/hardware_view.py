@@ -66,7 +66,9 @@ class HardwareStation(Diagram):
         config = config_of(station, overrides)
         check_steps_plant(config)
         # Manipulation's station has an input of torques, which are added to those of the servos.
-        config = config.model_copy(update={"inputs": tuple(dict.fromkeys((*config.inputs, "feedforward")))})
+        config = config.model_copy(
+            update={"inputs": tuple(dict.fromkeys((*config.inputs, "feedforward")))}
+        )
         robots = resolve(config).robots
         names = dict(grippers or {})
         for robot in robots.values():
@@ -78,7 +80,9 @@ class HardwareStation(Diagram):
             """Name each robot's model instance as the robot, as in a scenario, and call the user's callback."""
             plant = parser.plant()
             for name, robot in robots.items():
-                instance = plant.GetModelInstanceByName(f"{name}::{robot.model.element.get('name')}")
+                instance = plant.GetModelInstanceByName(
+                    f"{name}::{robot.model.element.get('name')}"
+                )
                 plant.RenameModelInstance(instance, name)
             PlantHooks(prefinalize=prefinalize).finish(parser)
 
@@ -176,17 +180,24 @@ def _export_robot(
             port = block.get_output_port()
         builder.ExportOutput(port, name)
 
-    outputs = {key: ports.outputs[f"{robot.prefix}{key}"] for key in ("reference", "position", "velocity", "torque")}
+    outputs = {
+        key: ports.outputs[f"{robot.prefix}{key}"]
+        for key in ("reference", "position", "velocity", "torque")
+    }
     export(f"{robot.name}.position_commanded", arm_rows, outputs["reference"])
     export(f"{robot.name}.position_measured", arm_rows, outputs["position"])
     export(f"{robot.name}.velocity_estimated", arm_rows, outputs["velocity"])
     # Both ports give what the motors apply: no sensor of torques is simulated between them.
     export(f"{robot.name}.torque_commanded", arm_rows, outputs["torque"])
     export(f"{robot.name}.torque_measured", arm_rows, outputs["torque"])
-    state = add_multiplexer(builder, f"hardware.{robot.name}.state", outputs["position"], outputs["velocity"])
+    state = add_multiplexer(
+        builder, f"hardware.{robot.name}.state", outputs["position"], outputs["velocity"]
+    )
     nothing = np.zeros_like(arm_rows)
     # The state has positions, then velocities, so the selection is done twice along the diagonal.
-    export(f"{robot.name}.state_estimated", np.block([[arm_rows, nothing], [nothing, arm_rows]]), state)
+    export(
+        f"{robot.name}.state_estimated", np.block([[arm_rows, nothing], [nothing, arm_rows]]), state
+    )
 
     position = builder.AddNamedSystem(f"hardware.{robot.name}.position", PassThrough(len(arm)))
     torque = builder.AddNamedSystem(f"hardware.{robot.name}.torque", PassThrough(len(arm)))
@@ -201,16 +212,24 @@ def _export_robot(
         both = np.ones((1, len(fingers)))
         # Each finger moves by half of the opening.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
-        reference = add_multiplexer(builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port())
+        reference = add_multiplexer(
+            builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port()
+        )
         # The opening is the sum of the positions of both fingers.
         widths = both @ finger_rows
         no_width = np.zeros_like(widths)
-        export(f"{gripper}.state_measured", np.block([[widths, no_width], [no_width, widths]]), state)
+        export(
+            f"{gripper}.state_measured", np.block([[widths, no_width], [no_width, widths]]), state
+        )
         # Positive where the fingers press what is between them.
         export(f"{gripper}.force_measured", -widths / _FINGERS, outputs["torque"])
-    whole_reference = add_matrix_gain(builder, f"hardware.{robot.name}.whole_reference", spread, reference)
+    whole_reference = add_matrix_gain(
+        builder, f"hardware.{robot.name}.whole_reference", spread, reference
+    )
     builder.Connect(whole_reference, ports.inputs[f"{robot.prefix}reference"])
-    feedforward = add_matrix_gain(builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port())
+    feedforward = add_matrix_gain(
+        builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port()
+    )
     builder.Connect(feedforward, ports.inputs[f"{robot.prefix}feedforward"])
 
 
@@ -221,7 +240,10 @@ def _export_plant(builder: DiagramBuilder, ports: StationPorts) -> None:
         output = plant.get_output_port(index)
         builder.ExportOutput(output, output.get_name())
     builder.ExportOutput(ports.plant.scene_graph.get_query_output_port(), "query_object")
-    for port in (plant.get_applied_generalized_force_input_port(), plant.get_applied_spatial_force_input_port()):
+    for port in (
+        plant.get_applied_generalized_force_input_port(),
+        plant.get_applied_spatial_force_input_port(),
+    ):
         if not builder.IsConnectedOrExported(port):
             builder.ExportInput(port, port.get_name())
     for name, port in ports.inputs.items():

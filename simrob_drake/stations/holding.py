@@ -87,7 +87,9 @@ def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
         count=len(lacking),
         link=lacking[0],
     )
-    subject = message("stations.torques_and_payload", "torques and payload of {robot}", robot=robot.name)
+    subject = message(
+        "stations.torques_and_payload", "torques and payload of {robot}", robot=robot.name
+    )
     return Finding("note", subject, text)
 
 
@@ -99,8 +101,12 @@ def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding
         axis: index of the axis.
         torques: torques that would hold the axis at postures along the reference, shape (m,) [N·m or N].
     """
-    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
-    text = message("stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely")
+    subject = message(
+        "stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+    )
+    text = message(
+        "stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely"
+    )
     largest = float(np.abs(torques).max())
     if largest > NO_TORQUE:
         text += message(
@@ -128,7 +134,9 @@ def _axis_finding(
         torques: torques that hold the axis at postures along the reference, shape (m,) [N·m or N].
         sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
     """
-    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
+    subject = message(
+        "stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+    )
     limit = robot.gains.limit_at_rest[axis]
     effort_unit = robot.model.units[axis].effort
     largest = torques[np.argmax(np.abs(torques))]  # with its sign
@@ -151,21 +159,32 @@ def _axis_finding(
             limit=limit,
         )
         text += message(
-            "stations.joint_will_not_hold", "the joint will not hold; raise servo.torque_limit or lighten the load"
+            "stations.joint_will_not_hold",
+            "the joint will not hold; raise servo.torque_limit or lighten the load",
         )
         return Finding("warning", subject, text)
     if not config.engine.moves_by_forces:
         # A kinematic station has no servos, so there is nothing more to judge than the limit above.
         return Finding("note", subject, text, torque_share(largest, limit))
 
-    text += message("stations.the_limit_is", "; the limit is {limit:g} {effort}", limit=limit, effort=effort_unit)
+    text += message(
+        "stations.the_limit_is",
+        "; the limit is {limit:g} {effort}",
+        limit=limit,
+        effort=effort_unit,
+    )
     level: Level = "ok"
     if holds_by_model(config, robot):
-        text += message("stations.holds_without_sagging", "; the servo's model holds it without sagging")
+        text += message(
+            "stations.holds_without_sagging", "; the servo's model holds it without sagging"
+        )
     elif sag is not None:
         unit = robot.model.units[axis]
         text += message(
-            "stations.sags_there", "; it sags by {sag:.3g} {unit} there", sag=abs(sag) / unit.size, unit=unit.name
+            "stations.sags_there",
+            "; it sags by {sag:.3g} {unit} there",
+            sag=abs(sag) / unit.size,
+            unit=unit.name,
         )
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if abs(sag) > bound:
@@ -258,7 +277,11 @@ def _sags(
     from scipy.optimize import root
 
     gains = robot.gains
-    if not config.engine.moves_by_forces or holds_by_model(config, robot) or not (gains.kp > 0).all():
+    if (
+        not config.engine.moves_by_forces
+        or holds_by_model(config, robot)
+        or not (gains.kp > 0).all()
+    ):
         return None
     has_integral = gains.ki > 0
     if has_integral.all():
@@ -307,7 +330,9 @@ def _tool_findings(
         depth=depth * 1e3,
         bound=bound * 1e3,
     )
-    remedy = message("stations.raise_kp_or_feedforward", "raise servo.kp, or set servo.feedforward to gravity")
+    remedy = message(
+        "stations.raise_kp_or_feedforward", "raise servo.kp, or set servo.feedforward to gravity"
+    )
     subject = message("stations.tool_of", "tool of {robot}", robot=robot.name)
     return [Finding("warning", subject, compound("{text}; {remedy}", text=text, remedy=remedy))]
 

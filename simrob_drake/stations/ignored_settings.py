@@ -94,7 +94,10 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
             materials[f"pieces.{name}.contact"] = piece.contact
     findings = []
     for key, material in materials.items():
-        texts = [*_ignored_by_solver(config, key, material), *_ignored_by_model(contact, key, material)]
+        texts = [
+            *_ignored_by_solver(config, key, material),
+            *_ignored_by_model(contact, key, material),
+        ]
         findings += [Finding("warning", key, text) for text in texts]
     return findings
 

@@ -57,7 +57,9 @@ def import_findings(
         text = _loss_text(group)
         # The text alone becomes a warning of a run, so it names the file; the subject is only a title.
         title = message("stations.lost_mechanics", "lost mechanics")
-        whole_text = message("stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text)
+        whole_text = message(
+            "stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text
+        )
         findings.append(Finding("warning", title, whole_text))
     estimated = estimated_inertias(robot.model, source)
     if estimated:
@@ -206,7 +208,9 @@ def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message
     for entry in report.of("defaulted"):
         link = _LINK_OF_ENTRY.match(entry.element)
         if link is not None and _ESTIMATED.search(entry.text):
-            links.append(compound("{link} ({mass:.3g} kg)", link=link[1], mass=masses.get(link[1], 0.0)))
+            links.append(
+                compound("{link} ({mass:.3g} kg)", link=link[1], mass=masses.get(link[1], 0.0))
+            )
     if not links:
         return None
     file = (source or report.source).name
@@ -234,5 +238,9 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
         leader=leader,
         scheme=scheme,
     )
-    text += message("stations.own_motor", "own motor; take solver.kind discrete, or scheme radau3 or cenic")
-    return Finding("warning", message("stations.mimic_of", "mimic of {follower}", follower=follower), text)
+    text += message(
+        "stations.own_motor", "own motor; take solver.kind discrete, or scheme radau3 or cenic"
+    )
+    return Finding(
+        "warning", message("stations.mimic_of", "mimic of {follower}", follower=follower), text
+    )

@@ -102,7 +102,11 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[BodyChain]:
     A body is at an end if no body farther outward has a collision shape.
     """
     bodies_with_shapes = set(clearance.lowest(robot))
-    chains = [chain for chain in clearance.chains(robot) if chain.axes and chain.body.name() in bodies_with_shapes]
+    chains = [
+        chain
+        for chain in clearance.chains(robot)
+        if chain.axes and chain.body.name() in bodies_with_shapes
+    ]
     # All proper beginnings of chains: a chain among them goes on to another body.
     beginnings = {tuple(chain.axes[:count]) for chain in chains for count in range(len(chain.axes))}
     return [chain for chain in chains if tuple(chain.axes) not in beginnings]
@@ -122,7 +126,9 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     groups = [group for group in _equal_chains(clearance, robot) if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
     # A fixed seed, so that the same robot has the same legs in every run.
-    random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
+    random = np.random.default_rng(0).uniform(
+        *posture_range(robot), (_RANDOM_POSTURES, len(robot.axes))
+    )
     trials = [(natural, 0.0), ([*natural, *random], 0.0)]
     if _stands_on_ends(clearance, robot, groups):
         trials.append((natural, _lowest_hip(clearance, robot, groups)))
@@ -137,7 +143,9 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     return []
 
 
-def _stands_on_ends(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> bool:
+def _stands_on_ends(
+    clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]
+) -> bool:
     """Whether the lowest part of a robot is an end of these chains, with all axes at zero: not on a base or wheels."""
     put_upright(clearance, robot, straight(robot))
     heights = clearance.lowest(robot)
@@ -145,7 +153,9 @@ def _stands_on_ends(clearance: Clearance, robot: StationRobot, groups: Sequence[
     return any(leg.foot.name() == lowest for group in groups for leg in group)
 
 
-def _lowest_hip(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> float:
+def _lowest_hip(
+    clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]
+) -> float:
     """Height of the lowest first joint of all chains over the root's frame [m], with all axes at zero."""
     put_upright(clearance, robot, straight(robot))
     hips = [robot.joints[leg.axes[0]].frame_on_child() for group in groups for leg in group]

@@ -23,7 +23,13 @@ from typing import Any
 import yaml
 
 from simrob_drake.base.arguments import as_path, instance
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.base.errors import (
+    InvalidConfig,
+    InvalidParameter,
+    SimrobError,
+    UnknownName,
+    quoted,
+)
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
 from simrob_drake.base.messages import Message, join_texts, message
@@ -97,7 +103,9 @@ def load_station(
     folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
     # Checked here, since a wrong type would only show as an unclear error of the code below.
     mapping = message("stations.mapping_to_values", "a mapping of keys to values")
-    text_keys = message("stations.keys_are_texts", "a mapping whose keys are texts, such as 'servo.kp'")
+    text_keys = message(
+        "stations.keys_are_texts", "a mapping whose keys are texts, such as 'servo.kp'"
+    )
     for key in instance(changes, "overrides", Mapping, mapping):
         instance(key, "overrides", str, text_keys)
 
@@ -112,7 +120,9 @@ def load_station(
         if not culprits:
             raise
     # Load once more: the error is raised again, and now names the overrides that cause it instead of the file.
-    names: dict[str, str] = {key: message("stations.override", "override {key}", key=key) for key in culprits}
+    names: dict[str, str] = {
+        key: message("stations.override", "override {key}", key=key) for key in culprits
+    }
     names.update(called or {})
     return load(changes, join_texts(names[key] for key in culprits))
 
@@ -249,7 +259,9 @@ def _make_config(
     """
     # An override may change one axis, such as servo.kp.joint_1, where the content, or another override, has one number
     # for all axes. The names of the axes are known only after the other overrides, which may choose another robot.
-    keys_of_axes = [key for key in overrides if _is_below_number(content, overrides, key.split("."))]
+    keys_of_axes = [
+        key for key in overrides if _is_below_number(content, overrides, key.split("."))
+    ]
     axes: dict[str, Sequence[str]] = {}
     others = {key: value for key, value in overrides.items() if key not in keys_of_axes}
     if keys_of_axes:
@@ -295,7 +307,9 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         # Pydantic's key has the section `robots`, though the user may have written `robot`.
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from None
+        raise InvalidConfig(
+            where, _in_short_form(problem.key), _in_short_form(problem.problem)
+        ) from None
     for name, controller in config.controllers.items():
         if controller.runs_code and not allow_code:
             expected = message(
@@ -327,11 +341,15 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     """
     entries = content.get("extensions", ())
     # If the value has a wrong type, the validation reports it later.
-    are_names = isinstance(entries, list | tuple) and all(isinstance(entry, str) for entry in entries)
+    are_names = isinstance(entries, list | tuple) and all(
+        isinstance(entry, str) for entry in entries
+    )
     if not entries or not are_names:
         return
     for entry in entries:
-        matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
+        matching = [
+            found for found in installed_extensions() if entry in (found.package, found.name)
+        ]
         if not matching:
             problem = message(
                 "stations.needs_package",
@@ -435,7 +453,9 @@ def _merged(lower: Content, upper: Content) -> Content:
     result = dict(lower)
     for key, value in upper.items():
         below = result.get(key)
-        result[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+        result[key] = (
+            _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+        )
     return result
 
 
@@ -484,7 +504,9 @@ def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None
         only: keys to write, as pydantic's ``include``; all by default.
     """
     content = station_content(config, only=only)
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+    return yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
+    )
 
 
 def _station_file(name_or_path: str | Path) -> Path:
@@ -496,7 +518,9 @@ def _station_file(name_or_path: str | Path) -> Path:
         InvalidConfig: the path is a folder, or the file does not exist.
     """
     if not isinstance(name_or_path, (str, Path)):
-        expected = message("stations.station_name_or_file", "a name of `simrob list`, or a YAML file")
+        expected = message(
+            "stations.station_name_or_file", "a name of `simrob list`, or a YAML file"
+        )
         raise InvalidParameter("station", quoted(name_or_path), expected)
     path = Path(name_or_path)
     # Names come before paths, so that a file of that name in the working directory changes nothing.
@@ -507,7 +531,9 @@ def _station_file(name_or_path: str | Path) -> Path:
         inside = path / "station.yaml"
         hint = ""
         if isfile(inside):
-            hint = message("stations.did_you_mean_inside", "; did you mean {inside}?", inside=inside)
+            hint = message(
+                "stations.did_you_mean_inside", "; did you mean {inside}?", inside=inside
+            )
         problem = message(
             "stations.is_a_folder",
             "is a folder, and a station is a name or a YAML file{hint}",
@@ -518,7 +544,9 @@ def _station_file(name_or_path: str | Path) -> Path:
         # A plain word is a misspelt name of a station, and so is an existing file that is not YAML.
         has_form_of_path = bool(path.suffix) or len(path.parts) > 1
         if exists(path) or not has_form_of_path:
-            raise UnknownName(message("stations.station", "station"), str(name_or_path), station_names())
+            raise UnknownName(
+                message("stations.station", "station"), str(name_or_path), station_names()
+            )
     if not exists(path):
         raise InvalidConfig(path, "", message("stations.no_such_file", "there is no such file"))
     return path.resolve()

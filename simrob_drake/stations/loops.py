@@ -89,10 +89,16 @@ class LoopsOfRobot:
             if deviation <= _CLOSED:
                 closed_postures.append(solution.x)
         if not closed_postures:
-            expected = message("stations.closed_within_limits", "closed in some posture within the limits")
+            expected = message(
+                "stations.closed_within_limits", "closed in some posture within the limits"
+            )
             raise InvalidParameter(
                 message("stations.each_loop", "each loop"),
-                message("stations.open_at_best", "open by {deviation:.3g} m or rad at best", deviation=least_deviation),
+                message(
+                    "stations.open_at_best",
+                    "open by {deviation:.3g} m or rad at best",
+                    deviation=least_deviation,
+                ),
                 expected,
             )
         candidates = np.array(closed_postures)

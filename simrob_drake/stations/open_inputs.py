@@ -105,7 +105,9 @@ def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iter
                 name = name_of(_key(system.get_input_port(port_index)))
                 if name is not None:
                     known.append(name)
-            own_name = message("stations.input_of_diagram", "{port} of the diagram", port=port.get_name())
+            own_name = message(
+                "stations.input_of_diagram", "{port} of the diagram", port=port.get_name()
+            )
             yield known[0] if known else own_name
 
 

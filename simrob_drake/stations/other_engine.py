@@ -49,7 +49,11 @@ class OtherEngine(SolverSection):
         plant, which is not stepped.
         """
         return replace(
-            self.answers, name=self.kind, time_step=self.time_step, has_fixed_steps=True, steps_drakes_plant=False
+            self.answers,
+            name=self.kind,
+            time_step=self.time_step,
+            has_fixed_steps=True,
+            steps_drakes_plant=False,
         )
 
     @property

@@ -112,7 +112,8 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
     # A single point on each finger holds a piece against shifting, but not against turning.
     elif config.contact.model == "point" and not uses_contact_points(config):
         problem = message(
-            "stations.points_let_creep", "points let a held piece turn and creep; take contact.model hydroelastic"
+            "stations.points_let_creep",
+            "points let a held piece turn and creep; take contact.model hydroelastic",
         )
     elif not config.engine.has_realistic_grip:
         problem = message(

@@ -61,7 +61,11 @@ class Scatter(Strict):
         # Two corners become a pair (lower, upper) for each of x, y and z.
         ranges = [*zip(*self.within, strict=True), self.turn_deg]
         if any(lower > upper for lower, upper in ranges):
-            raise ValueError(message("stations.lower_values_first", "within and turn_deg have the lower values first"))
+            raise ValueError(
+                message(
+                    "stations.lower_values_first", "within and turn_deg have the lower values first"
+                )
+            )
         return self
 
     def poses(self) -> list[Pose]:
@@ -175,7 +179,9 @@ class PieceConfig(Strict):
     @property
     def sources(self) -> list[str]:
         """The given keys that describe the piece's shape: at most one is allowed."""
-        return [key for key in ("model", "mesh", *FORMS, "shapes") if getattr(self, key) is not None]
+        return [
+            key for key in ("model", "mesh", *FORMS, "shapes") if getattr(self, key) is not None
+        ]
 
     @model_validator(mode="after")
     def _free_of_parents(self) -> "PieceConfig":
@@ -217,7 +223,9 @@ class PieceConfig(Strict):
         if self.scale is not None and self.mesh is None:
             raise ValueError(message("stations.scale_goes_with_mesh", "a scale goes with a mesh"))
         if self.density is not None and self.mass is not None:
-            raise ValueError(message("stations.mass_or_density", "a piece has either a mass or a density"))
+            raise ValueError(
+                message("stations.mass_or_density", "a piece has either a mass or a density")
+            )
         return self
 
 
@@ -239,7 +247,12 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
             poses = entry.scatter.poses()
         except ValueError as problem:
             raise ValueError(
-                message("stations.scatter_has", "{name}.scatter has {problem}", name=name, problem=problem)
+                message(
+                    "stations.scatter_has",
+                    "{name}.scatter has {problem}",
+                    name=name,
+                    problem=problem,
+                )
             ) from problem
         changes: dict[str, Any] = {"scatter": None, "free": True}
         if not entry.sources:

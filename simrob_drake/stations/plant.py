@@ -21,8 +21,18 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    JointActuatorIndex,
+    ModelInstanceIndex,
+    RigidBody,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, SimrobError
@@ -40,7 +50,11 @@ from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
-from simrob_drake.stations.contact_points import ContactPoints, add_contact_points, filter_contact_points
+from simrob_drake.stations.contact_points import (
+    ContactPoints,
+    add_contact_points,
+    filter_contact_points,
+)
 from simrob_drake.stations.other_engine import add_plant_block, other_engine
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
@@ -169,11 +183,14 @@ def add_plant(
     return replace(station, stand_in=add_plant_block(builder, engine_in_place, resolved, station))
 
 
-def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
+def add_empty_plant(
+    builder: DiagramBuilder, config: StationConfig
+) -> tuple[MultibodyPlant, SceneGraph]:
     """Add a plant without bodies and its scene graph to a diagram, with the settings of a station."""
     engine = config.engine
     settings = MultibodyPlantConfig(
-        time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
+        time_step=engine.time_step,
+        contact_model=config.contact.model if config.contact else "point",
     )
     if engine.has_discrete_states:
         # Schemes of the discrete solver have Drake's names of the approximation.
@@ -240,9 +257,16 @@ def add_models(
 
     def own_shapes() -> list[GeometryId]:
         """Collision shapes that this station has added so far."""
-        return [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in shapes_before]
+        return [
+            shape
+            for shape in inspector.GetAllGeometryIds(Role.kProximity)
+            if shape not in shapes_before
+        ]
 
-    robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
+    robots = {
+        name: add_robot(plant, resolved, robot, collision=collision)
+        for name, robot in resolved.robots.items()
+    }
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     if floor:
         _add_floor(plant, resolved, collision)
@@ -284,7 +308,9 @@ def complete_plant(models: StationModels) -> StationPlant:
     station = models.plant
     plant = station.plant
     for robot in station.robots.values():
-        for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
+        for joint, sign, angle in zip(
+            robot.joints, robot.axis_map.signs, robot.initial, strict=True
+        ):
             # The default positions are those of every context that is created from now on.
             joint.set_default_positions(np.array([sign * angle]))
     for robot in station.robots.values():
@@ -315,7 +341,11 @@ def _add_standing_pieces(
         if piece.carrier == WORLD:
             robot = piece_robot(name, piece.model)
             instance = add_urdf(
-                plant, robot, name=f"{station.scope}{name}", where=f"pieces.{name}", collision=collision
+                plant,
+                robot,
+                name=f"{station.scope}{name}",
+                where=f"pieces.{name}",
+                collision=collision,
             )
             if piece.free:
                 free[name] = plant.GetBodyByName(name, instance)
@@ -347,10 +377,14 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
         # could fall.
         slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
         below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
-        plant.RegisterVisualGeometry(plant.world_body(), floor_pose @ below, slab, FLOOR, _FLOOR_COLOUR)
+        plant.RegisterVisualGeometry(
+            plant.world_body(), floor_pose @ below, slab, FLOOR, _FLOOR_COLOUR
+        )
         if collision:
             surface = _floor_surface(config, None)
-            plant.RegisterCollisionGeometry(plant.world_body(), floor_pose, HalfSpace(), FLOOR, surface)
+            plant.RegisterCollisionGeometry(
+                plant.world_body(), floor_pose, HalfSpace(), FLOOR, surface
+            )
         return
     # With a terrain there is no half-space, though there may be level ground: Drake crashes when it copies a
     # half-space among many boxes.
@@ -396,7 +430,9 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
     if contact is None:
         return
     for robot in station.robots.values():
-        bodies = [station.plant.get_body(index) for index in station.plant.GetBodyIndices(robot.instance)]
+        bodies = [
+            station.plant.get_body(index) for index in station.plant.GetBodyIndices(robot.instance)
+        ]
         if contact.self_collision:
             feet = [] if robot.feet is None else robot.feet.links
             bodies = [station.plant.GetFrameByName(foot, robot.instance).body() for foot in feet]
@@ -452,7 +488,9 @@ def add_robot(
         plant.SetDefaultFloatingBaseBodyPose(root.body(), robot.base)
     else:
         plant.WeldFrames(plant.world_frame(), root, robot.base)
-    tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in robot.tool_frames.items()}
+    tools = {
+        tool: plant.GetFrameByName(frame, instance) for tool, frame in robot.tool_frames.items()
+    }
     tcp = robot.tcp
     if robot.tcp_offset is not None and tcp:
         pose = transform_from_pose(robot.tcp_offset)
@@ -461,10 +499,15 @@ def add_robot(
         tcp = TCP
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
     if station.engine.moves_by_forces:
-        motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+        motors = [
+            plant.get_joint_actuator(JointActuatorIndex(index))
+            for index in range(plant.num_actuators())
+        ]
         # In the play the motor turns its rotor alone: without inertia its acceleration would be
         # infinite.
-        turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
+        turning = {
+            motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0
+        }
         for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
             if play > 0 and joint.index() not in turning:
                 expected = message(
@@ -478,12 +521,16 @@ def add_robot(
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         # Limits and gains of actuators can be set before the plant is finalized only.
         if implicit or station.engine.limits_torques_in_actuators:
-            set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
+            set_actuators(
+                plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit
+            )
         if station.engine.puts_friction_in_actuators:
             set_friction(plant, joints, model.friction, model.drives.friction_speed)
     # The robot in the plant has all properties of the resolved one, but for the tool of the offset.
     own = {**vars(robot), "tcp": tcp}
-    return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
+    return StationRobot(
+        **own, plant=plant, instance=instance, joints=joints, root=root, tools=tools
+    )
 
 
 def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:

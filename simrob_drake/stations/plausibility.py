@@ -67,7 +67,12 @@ def plausibility_findings(config: StationConfig, station: StationContents) -> li
         for doubt in _robot_doubts(robot.model):
             doubts.append(
                 Doubt(
-                    message("stations.robot_and_place", "robot '{name}': {where}", name=name, where=doubt.where),
+                    message(
+                        "stations.robot_and_place",
+                        "robot '{name}': {where}",
+                        name=name,
+                        where=doubt.where,
+                    ),
                     doubt.text,
                 )
             )
@@ -90,7 +95,9 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
         # A place is a dotted key, or "robot '<name>': <element>". It is part of the text, which alone becomes a warning
         # of a run; the subject is only a title.
         text = compound("{places}: {text}", places=listed(group.places, _LISTED), text=group.text)
-        findings.append(Finding("warning", message("stations.implausible_number", "implausible number"), text))
+        findings.append(
+            Finding("warning", message("stations.implausible_number", "implausible number"), text)
+        )
     return findings
 
 
@@ -135,7 +142,9 @@ def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
             yield Doubt(
                 key,
                 message(
-                    "stations.short_sides", "no side is longer than {side:g} m; lengths are in metres", side=max(sides)
+                    "stations.short_sides",
+                    "no side is longer than {side:g} m; lengths are in metres",
+                    side=max(sides),
                 ),
             )
 

@@ -72,7 +72,16 @@ _FEEDFORWARDS: dict[Feedforward, str] = {
     "inverse_dynamics": message("stations.block_dynamics", "inverse dynamics"),
 }
 """What a feedforward compensates, as the block picture shows it."""
-_PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip", *_MOTOR
+_PARTS = (
+    "pd",
+    "position_loop",
+    "speed_limit",
+    "velocity_loop",
+    "saturation",
+    "integrator",
+    "integral_clip",
+    *_MOTOR,
+)
 """What a servo may be made of."""
 
 
@@ -141,7 +150,9 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
             )
             for part in _PARTS:
                 # Blocks with the same key share one box in the picture.
-                ports.picture.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
+                ports.picture.draw(
+                    f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more"
+                )
         else:
             _draw_servo(ports, robot, axis, [index], axis)
 
@@ -151,14 +162,18 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))
     label = compound(
         "{joints}{passive}",
-        joints=message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)),
+        joints=message(
+            "stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)
+        ),
         passive=_passive_text(robot),
     )
     units = [robot.model.effort_units[axis] for axis in driven]
     limit = wrap_label(shown_limits(robot.gains.torque_limit[driven], units))
     kp = f"kp {shown_values(robot.gains.kp[driven])}"
     kd = f"kd {shown_values(robot.gains.kd[driven])}"
-    law = f"PD\n{kp}, {kd}" if fits_line(f"{kp}, {kd}") else f"PD\n{wrap_label(kp)}\n{wrap_label(kd)}"
+    law = (
+        f"PD\n{kp}, {kd}" if fits_line(f"{kp}, {kd}") else f"PD\n{wrap_label(kp)}\n{wrap_label(kd)}"
+    )
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     # Which of the two blocks exists depends on the gains; both are drawn as the same box.
     for part in ("desired_state", "actuation"):
@@ -175,7 +190,9 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
-    kinds = dict.fromkeys(_FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots)
+    kinds = dict.fromkeys(
+        _FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots
+    )
     whose = message("stations.block_of_reference", "of what is asked for")
     # With one robot it is clear whose motion is meant.
     if len(ports.plant.robots) > 1:
@@ -216,7 +233,13 @@ def draw_integral(
     limit = shown_limits(gains.integral_limit[group], units)
     label = f"{translate(who)}: I\nki {shown_values(gains.ki[group])}, {limit}"
     for part in ("integrator", "integral_clip"):
-        ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
+        ports.picture.draw(
+            f"{robot.prefix}{row}.{part}",
+            "servo",
+            label,
+            robot,
+            key=f"{robot.prefix}{row}.integral",
+        )
 
 
 def _axes_with_motor(robot: StationRobot, group: list[int]) -> list[int]:
@@ -229,7 +252,11 @@ def _passive_text(robot: StationRobot) -> str:
     names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
     if not names:
         return ""
-    text = wrap_label(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    text = wrap_label(
+        translate(
+            message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))
+        )
+    )
     return f"\n{text}"
 
 
@@ -266,7 +293,9 @@ def _draw_servo(
         ports.picture.draw(f"{name}.position_loop", "servo", position_label, robot)
         speed_label = message("stations.block_speed", "Speed\n{limit}", limit=limit)
         ports.picture.draw(f"{name}.speed_limit", "servo", speed_label, robot)
-        label = message("stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd))
+        label = message(
+            "stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd)
+        )
         ports.picture.draw(f"{name}.velocity_loop", "servo", label, robot)
         ports.picture.draw_nothing(f"{name}.speed")
     ports.picture.draw(f"{name}.pd", "servo", _pd_label(who, kp, kd) + without_motor, robot)
@@ -324,4 +353,8 @@ def _robot_text(robot: StationRobot) -> str:
     title = f"{robot.name}: {kind}" if robot.prefix else kind
     axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
     whole = translate(compound("{title}, {axes}", title=title, axes=axes))
-    return whole if fits_line(whole) else compound("{title},\n{axes}", title=wrap_label(title), axes=axes)
+    return (
+        whole
+        if fits_line(whole)
+        else compound("{title},\n{axes}", title=wrap_label(title), axes=axes)
+    )

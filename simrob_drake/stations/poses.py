@@ -52,7 +52,9 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         base_port = poses.GetOutputPort("base_pose")
         ports.outputs.add(f"{robot.prefix}base_pose", base_port, base_signal, of_state=from_state)
         for tool in robot.tools:
-            ports.outputs.add(f"{robot.prefix}tcp_pose.{tool}", poses.GetOutputPort(f"tcp_pose.{tool}"))
+            ports.outputs.add(
+                f"{robot.prefix}tcp_pose.{tool}", poses.GetOutputPort(f"tcp_pose.{tool}")
+            )
         if is_free:
             output = f"{robot.prefix}base_velocity"
             entries = _free_velocity(plant, robot.root.body())
@@ -61,7 +63,9 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.outputs.add(output, velocity.get_output_port(), of_state=FromState(entries))
         if robot.tcp:
             port = poses.GetOutputPort(f"tcp_pose.{robot.tcp}")
-            ports.outputs.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
+            ports.outputs.add(
+                f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose")
+            )
 
 
 def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -80,7 +84,9 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
     label = message("stations.block_poses_of", "Poses of {names}", names=", ".join(free))
     ports.picture.draw("piece_poses", "sensor", wrap_label(translate(label)))
-    entries = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
+    entries = {
+        f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()
+    }
     velocities = _selector(plant, entries)
     ports.outputs.add_report(builder, "piece_velocity", velocities, ports.state, *entries)
     for piece, body in free.items():
@@ -89,7 +95,9 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
         ports.outputs.add(pose.output, poses.GetOutputPort(pose.output), pose, of_state=from_state)
         velocity = _piece_signal(piece, "velocity", VELOCITY)
         port = velocities.GetOutputPort(velocity.output)
-        ports.outputs.add(velocity.output, port, velocity, of_state=FromState(entries[velocity.output]))
+        ports.outputs.add(
+            velocity.output, port, velocity, of_state=FromState(entries[velocity.output])
+        )
 
 
 def piece_pose_signal(piece: str) -> Signal:

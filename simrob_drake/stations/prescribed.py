@@ -107,7 +107,10 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
     if not config.engine.moves_by_forces:
         raise Unsuitable(
             "prescribed",
-            message("stations.reference_moves_joints", "the reference of a kinematic station moves all joints"),
+            message(
+                "stations.reference_moves_joints",
+                "the reference of a kinematic station moves all joints",
+            ),
         )
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
@@ -129,20 +132,27 @@ def _check_servo(servo: ServoConfig) -> None:
         raise InvalidParameter(
             "servo.realization",
             "implicit",
-            message("stations.prescribed_without_servo", "another one: a prescribed joint has no servo"),
+            message(
+                "stations.prescribed_without_servo", "another one: a prescribed joint has no servo"
+            ),
         )
     if servo.law == "computed_torque":
         raise InvalidParameter(
             "servo.law",
             "computed_torque",
-            message("stations.prescribed_without_servo", "another one: a prescribed joint has no servo"),
+            message(
+                "stations.prescribed_without_servo", "another one: a prescribed joint has no servo"
+            ),
         )
     if servo.feedforward != "none" or servo.admittance_gain:
         expected = message(
-            "stations.without_feedforward", "one without feedforward and admittance_gain, since joints are prescribed"
+            "stations.without_feedforward",
+            "one without feedforward and admittance_gain, since joints are prescribed",
         )
         raise InvalidParameter(
-            "servo", message("stations.knows_the_model", "one that knows the robot's model"), expected
+            "servo",
+            message("stations.knows_the_model", "one that knows the robot's model"),
+            expected,
         )
 
 
@@ -339,7 +349,10 @@ def add_prescribed_torque(
     efforts = add_multiplexer(builder, f"{name}.efforts", *signals)
     ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
     ports.picture.draw(
-        f"{name}.force", "force", message("stations.block_moves_prescribed", "What moves\nprescribed joints"), robot
+        f"{name}.force",
+        "force",
+        message("stations.block_moves_prescribed", "What moves\nprescribed joints"),
+        robot,
     )
     return add_matrix_gain(builder, f"{name}.torque", matrix, efforts)
 
@@ -432,7 +445,9 @@ def _add_joint_forces(
     )
     name = f"{robot.prefix}prescribed.joint_forces"
     ports.picture.draw_nothing(name)
-    return add_and_connect(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
+    return add_and_connect(
+        builder, name, block, ports.plant.plant.get_reaction_forces_output_port()
+    )
 
 
 def _joint_resistance(robot: StationRobot, step: float) -> Vector:

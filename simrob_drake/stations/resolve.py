@@ -36,7 +36,13 @@ from simrob_drake.robots.pieces import (
     piece_file,
     with_changes,
 )
-from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import (
+    FloorConfig,
+    JointStops,
+    RobotConfig,
+    ServoConfig,
+    StationConfig,
+)
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
@@ -110,7 +116,9 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     if added_inputs:
         config = config.model_copy(update={"inputs": (*config.inputs, *added_inputs)})
 
-    models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
+    models = {
+        name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()
+    }
     # The engine holds some gears of mimic joints as couplings. The references obey the others.
     mimics = mimic_gears(config, models)
     held = {name: gear for name, gear in mimics.items() if gear.is_held(config.engine)}
@@ -122,7 +130,9 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
-            expected = message("stations.unused_name", "a name that no robot of the station has, nor the world")
+            expected = message(
+                "stations.unused_name", "a name that no robot of the station has, nor the world"
+            )
             raise InvalidParameter(f"pieces.{name}", name, expected)
     # After the pieces, since boxes that are fixed are ground, too.
     contact_model = config.contact.model if config.contact else ""
@@ -160,7 +170,9 @@ def check_parts(station: ResolvedStation) -> None:
         )
         raise InvalidParameter("robots", "empty", expected)
     if free and not config.engine.moves_by_forces:
-        expected = message("stations.false_in_kinematic", "false in a kinematic station, which moves robots only")
+        expected = message(
+            "stations.false_in_kinematic", "false in a kinematic station, which moves robots only"
+        )
         raise InvalidParameter(f"pieces.{free[0]}.free", True, expected)
     _check_engine(config)
     for robot in station.robots.values():
@@ -187,7 +199,11 @@ def _check_engine(config: StationConfig) -> None:
         InvalidParameter: the engine does not support the contact model, prescribed joints, or a coupling.
     """
     engine = config.engine
-    if config.contact is not None and config.contact.model != "point" and not engine.has_surface_contact:
+    if (
+        config.contact is not None
+        and config.contact.model != "point"
+        and not engine.has_surface_contact
+    ):
         expected = message(
             "stations.point_with_engine",
             "point with solver.kind {engine}, which knows no pressure over a surface",
@@ -199,7 +215,9 @@ def _check_engine(config: StationConfig) -> None:
         refused["prescribed"] = list(config.prescribed)
     if not engine.has_forces_of_couplings:
         couplings = config.couplings.items()
-        refused["couplings"] = [name for name, coupling in couplings if not coupling.is_constrained(engine)]
+        refused["couplings"] = [
+            name for name, coupling in couplings if not coupling.is_constrained(engine)
+        ]
     for key, names in refused.items():
         if names:
             expected = message(
@@ -285,7 +303,9 @@ def _ground(
     boxes = tuple(_fixed_boxes(pieces))
     if floor is None:
         return Ground(has_floor=False, boxes=boxes)
-    plane = Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=boxes)
+    plane = Ground(
+        float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=boxes
+    )
     if floor.terrain is None:
         return plane
     if floor.terrain.soft is not None and contact == "point":
@@ -296,7 +316,9 @@ def _ground(
         found = message("stations.given_with_point_contact", "given with point contact")
         raise InvalidParameter("floor.terrain.soft", found, expected)
     # The terrain is described relative to the floor, which may be inclined.
-    terrain_boxes = tuple((plane.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
+    terrain_boxes = tuple(
+        (plane.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size)
+    )
     return replace(plane, boxes=(*terrain_boxes, *boxes), depth=floor.terrain.depth)
 
 
@@ -369,7 +391,9 @@ def _robot(
     stops = config.stops_of(name)
     # Axes that a mapping leaves out have the stops of a station without the section.
     usual_stops = JointStops().model_dump()
-    stiffness = model.axis_vector(stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"])
+    stiffness = model.axis_vector(
+        stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"]
+    )
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
     floats = model.base == "floating"
     # A robot with a free base stands on the floor, which may be inclined.
@@ -456,7 +480,8 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
         # Newton's law has no solution for a body without mass or inertia.
         if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
             expected = message(
-                "stations.piece_with_inertia", "a piece with mass and inertia: gravity and contact move it"
+                "stations.piece_with_inertia",
+                "a piece with mass and inertia: gravity and contact move it",
             )
             raise InvalidParameter(f"pieces.{piece}.free", True, expected)
         yield ResolvedPiece(
@@ -498,7 +523,9 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
             own shapes that is free or carried has no mass.
         OutputError: the cache of converted meshes cannot be written.
     """
-    changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
+    changes = {
+        key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS
+    }
     model = entry.model or name
     # A single form, such as `box:`, is a shape by itself; `shapes:` lists several.
     form = entry.model_dump(include={*FORMS}, exclude_none=True)
@@ -517,7 +544,11 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
     needs_mass = entry.free or entry.parent != WORLD
     if has_own_shapes and needs_mass and not has_mass:
         seen = "" if entry.free else message("stations.zero_if_seen", ", 0 if it is only seen")
-        expected = message("stations.mass_or_give_density", "a mass [kg]{seen}; or give a density [kg/m³]", seen=seen)
+        expected = message(
+            "stations.mass_or_give_density",
+            "a mass [kg]{seen}; or give a density [kg/m³]",
+            seen=seen,
+        )
         raise InvalidParameter(f"pieces.{name}.mass", None, expected)
     return with_changes(piece, changes, f"pieces.{name}")
 
@@ -549,7 +580,11 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
             size=size,
         )
         raise InvalidParameter(f"{where}.scale", scale, expected)
-    if entry.scale is None and size > _SIZE_WITH_UNIT and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
+    if (
+        entry.scale is None
+        and size > _SIZE_WITH_UNIT
+        and file.suffix.lower() in FORMATS_WITHOUT_UNIT
+    ):
         expected = message(
             "stations.scale_for_millimetres",
             "0.001 for millimetres, or 1 if it is {size:.3g} m long",
@@ -588,9 +623,13 @@ def _parent(config: StationConfig, piece: str) -> str:
         other_pieces = [other for other in config.pieces if other != piece]
         choices = ", ".join([WORLD, *config.robots, *other_pieces])
         expected = message(
-            "stations.what_it_hangs_on", "what it hangs on, one of {choices}; or say free: true", choices=choices
+            "stations.what_it_hangs_on",
+            "what it hangs on, one of {choices}; or say free: true",
+            choices=choices,
         )
-        raise InvalidParameter(f"pieces.{piece}.parent", message("stations.left_out", "left out"), expected)
+        raise InvalidParameter(
+            f"pieces.{piece}.parent", message("stations.left_out", "left out"), expected
+        )
     return entry.parent or WORLD
 
 

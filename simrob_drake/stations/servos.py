@@ -100,7 +100,11 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)
     if servo.torque_limit is not None:
         limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
-    known = {axis: limit for axis, limit in zip(robot.axes, limits.tolist(), strict=True) if np.isfinite(limit)}
+    known = {
+        axis: limit
+        for axis, limit in zip(robot.axes, limits.tolist(), strict=True)
+        if np.isfinite(limit)
+    }
     for axis, motor in zip(robot.axes, station_motors(robot, servo), strict=True):
         if motor is not None:
             # A limit that is given comes before that of the motor.
@@ -158,7 +162,9 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
     if not has_limits:
         name = [*robot.axes][axis]
         subject = message("stations.key_of", "{key} of {name}", key=_KEY, name=name)
-        expected = message("stations.values_needed", "figures: its URDF limits not both effort and velocity")
+        expected = message(
+            "stations.values_needed", "figures: its URDF limits not both effort and velocity"
+        )
         raise InvalidParameter(subject, OF_URDF, expected)
     return Motor(
         stall_torque=torque,
@@ -354,9 +360,13 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     # Outside of actuators, the motor's line is a block of its own, which has no such bounds.
     if gains.line is None or not engine.moves_by_forces or not in_actuators:
         return
-    blocks = message("stations.per_joint_without_cenic", "realization per_joint and a solver other than cenic")
+    blocks = message(
+        "stations.per_joint_without_cenic", "realization per_joint and a solver other than cenic"
+    )
     if servo.law == "computed_torque":
-        problem = message("stations.computed_torque_without_motor", "the law computed_torque has no motor")
+        problem = message(
+            "stations.computed_torque_without_motor", "the law computed_torque has no motor"
+        )
         remedy = message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks)
         raise Unsuitable("servo.motor", problem, remedy)
     # A motor is realized by a damper of its joint. That is right only if the torque limit does not cut the line.
@@ -365,7 +375,9 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     if capped.any():
         axis = int(np.argmax(capped))
         stall = message(
-            "stations.stall_or_more", "{stall:.4g} or more, the stall torque of its motor", stall=gains.line.stall[axis]
+            "stations.stall_or_more",
+            "{stall:.4g} or more, the stall torque of its motor",
+            stall=gains.line.stall[axis],
         )
         name = message(
             "stations.torque_limit_of",
@@ -405,7 +417,8 @@ def check_servo_without_model(servo: ServoConfig) -> None:
         InvalidParameter: the servos use the model; the message names the key and what would be right.
     """
     reason = message(
-        "stations.model_lacks_forces", "the model of a robot that stands free lacks the forces that carry it"
+        "stations.model_lacks_forces",
+        "the model of a robot that stands free lacks the forces that carry it",
     )
     if servo.law == "computed_torque":
         expected = message("stations.pid_or_cascade", "pid or cascade: {reason}", reason=reason)

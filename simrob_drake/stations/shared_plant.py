@@ -64,7 +64,9 @@ class SharedPlant:
         if self.needs_floor(station):
             self.floor = station
 
-    def filter_contact_points(self, scene_graph: SceneGraph) -> tuple[tuple[GeometryId, GeometryId], ...]:
+    def filter_contact_points(
+        self, scene_graph: SceneGraph
+    ) -> tuple[tuple[GeometryId, GeometryId], ...]:
         """Set the collision filters of the contact points of all stations, once, after the plant is finalized.
 
         Args:
@@ -113,8 +115,18 @@ def check_plant(
             station does not step a plant of Drake; its name is taken, or it differs from a station that is already in
             the plant in the solver, the contact or the floor.
     """
-    instance(plant, "plant", MultibodyPlant, message("stations.drakes_plant", "a MultibodyPlant of Drake"))
-    instance(scene_graph, "scene_graph", SceneGraph, message("stations.drakes_scene_graph", "a SceneGraph of Drake"))
+    instance(
+        plant,
+        "plant",
+        MultibodyPlant,
+        message("stations.drakes_plant", "a MultibodyPlant of Drake"),
+    )
+    instance(
+        scene_graph,
+        "scene_graph",
+        SceneGraph,
+        message("stations.drakes_scene_graph", "a SceneGraph of Drake"),
+    )
     assert isinstance(plant, MultibodyPlant)
     assert isinstance(scene_graph, SceneGraph)
     config = station.config
@@ -235,7 +247,10 @@ def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
             )
         )
     # A station without contact has no shapes that could touch, so any contact model suits it.
-    if config.contact is not None and plant.get_contact_model().name != _CONTACT_MODELS[config.contact.model]:
+    if (
+        config.contact is not None
+        and plant.get_contact_model().name != _CONTACT_MODELS[config.contact.model]
+    ):
         raise SimrobError(
             message(
                 "stations.other_contact_model",
@@ -274,7 +289,10 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
     shared: dict[str, tuple[object, object]] = {"solver": (config.engine, other.engine)}
     if config.contact is not None and other.contact is not None:
         shared["contact.model"] = (config.contact.model, other.contact.model)
-        shared["contact.stiction_speed"] = (config.contact.stiction_speed, other.contact.stiction_speed)
+        shared["contact.stiction_speed"] = (
+            config.contact.stiction_speed,
+            other.contact.stiction_speed,
+        )
     for key, (own, others) in shared.items():
         if own != others:
             raise SimrobError(
@@ -304,7 +322,10 @@ def _check_floor(
     first = contents.floor
     if first is None:
         inspector = scene_graph.model_inspector()
-        shapes = [*inspector.GetAllGeometryIds(Role.kProximity), *inspector.GetAllGeometryIds(Role.kIllustration)]
+        shapes = [
+            *inspector.GetAllGeometryIds(Role.kProximity),
+            *inspector.GetAllGeometryIds(Role.kIllustration),
+        ]
         # Parts find the floor by this name, and would take the user's shape for it.
         if FLOOR in [inspector.GetName(shape) for shape in shapes]:
             raise SimrobError(

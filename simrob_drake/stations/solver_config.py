@@ -396,7 +396,10 @@ class VerdictConfig(Strict):
         bound = schema["additionalProperties"]
         schema["additionalProperties"] = False
         for key in sorted(_keys_of_extensions()):
-            schema["properties"][key] = {**bound, "description": "Bound of a measure of an extension."}
+            schema["properties"][key] = {
+                **bound,
+                "description": "Bound of a measure of an extension.",
+            }
         return reference
 
 

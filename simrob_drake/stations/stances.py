@@ -13,7 +13,13 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduce_own_overlaps, standing
+from simrob_drake.stations.clearance import (
+    KNEELING,
+    Clearance,
+    Standing,
+    reduce_own_overlaps,
+    standing,
+)
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
 from simrob_drake.stations.posed import posture_range
 
@@ -82,7 +88,9 @@ class Stance:
 
 def _describe_bent_legs(length: float) -> str:
     """Describe a stance with bent legs by their length as a fraction of the full length."""
-    return message("stations.legs_bent", "with its legs bent to {share:.0%} of their length", share=length)
+    return message(
+        "stations.legs_bent", "with its legs bent to {share:.0%} of their length", share=length
+    )
 
 
 class Stances:
@@ -157,7 +165,9 @@ class Stances:
         """
         self._place(self._home)
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
-        random = self._random.uniform(*posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home)))
+        random = self._random.uniform(
+            *posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home))
+        )
         postures = (straight(self._robot), self._home, *random)
         # Standing points of all legs in all postures, shape (postures, legs, 3) [m].
         feet = np.array([self._feet(legs, posture) for posture in postures])
@@ -175,7 +185,9 @@ class Stances:
                 # All feet at one height: the lowest hip less the length to which the legs are bent.
                 heights = np.full(len(legs), hips[:, 2].min() - length * full_length)
                 targets = np.column_stack([foot_points, heights])
-                yield from self._with_feet_at(legs, targets, full_length, _describe_bent_legs(length))
+                yield from self._with_feet_at(
+                    legs, targets, full_length, _describe_bent_legs(length)
+                )
 
     def _place(self, posture: Vector, height: float = 0.0) -> None:
         """Put the robot into a posture (n,), its root upright at a height [m]."""
@@ -183,7 +195,9 @@ class Stances:
 
     def _origin(self, link: RigidBody) -> Vector:
         """Origin of a link in the world, shape (3,) [m]."""
-        return np.asarray(self._plant.EvalBodyPoseInWorld(self._clearance.context, link).translation())
+        return np.asarray(
+            self._plant.EvalBodyPoseInWorld(self._clearance.context, link).translation()
+        )
 
     def _feet(self, legs: list[Leg], posture: Vector) -> Vector:
         """Compute the standing points of k legs in a posture (n,), with the root at the origin, shape (k, 3) [m]."""
@@ -255,7 +269,11 @@ class Stances:
         """
         others = found.ends.keys() - feet
         if others:
-            yield message("stations.stands_on_others", "it stands on {links}, too", links=", ".join(sorted(others)))
+            yield message(
+                "stations.stands_on_others",
+                "it stands on {links}, too",
+                links=", ".join(sorted(others)),
+            )
         if min(found.ends.values()) < KNEELING:
             yield message("stations.it_kneels", "it kneels")
 
@@ -268,13 +286,19 @@ class Stances:
                 low[name] = height
         if low:
             lowest_link = min(low, key=low.__getitem__)
-            yield message("stations.link_too_near", "{link} is too near to the ground", link=lowest_link)
+            yield message(
+                "stations.link_too_near", "{link} is too near to the ground", link=lowest_link
+            )
 
         # tan(angle) = margin / height: the angle by which the robot may lean.
         needed_margin = _STEADY_MARGIN * found.height
         if found.margin <= needed_margin:
             is_inside = found.margin >= 0
-            side = message("stations.inside", "inside") if is_inside else message("stations.outside", "outside")
+            side = (
+                message("stations.inside", "inside")
+                if is_inside
+                else message("stations.outside", "outside")
+            )
             yield message(
                 "stations.mass_not_steady",
                 "its centre of mass is {margin:.0f} mm {side} of the support, and steady from {least:.0f} mm inside on",
@@ -312,7 +336,9 @@ class Stances:
             length: full length of the legs [m].
             how: the stance in words.
         """
-        solutions = [self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)]
+        solutions = [
+            self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)
+        ]
         if not all(solutions):
             return  # some leg does not reach its point
         feet = {leg.foot.name() for leg in legs}
@@ -323,7 +349,9 @@ class Stances:
             # Legs are compared by the points of their links, as axes of two legs may have opposite
             # signs.
             shape = self._bend(first_leg, posture)
-            for leg, target, own_solutions in zip(legs[1:], targets[1:], solutions[1:], strict=True):
+            for leg, target, own_solutions in zip(
+                legs[1:], targets[1:], solutions[1:], strict=True
+            ):
                 candidates = list(own_solutions)
                 for seed in self._mirrored_guesses(first_leg, first_angles, leg):
                     mirrored = self._solve(leg, target, length, seed)

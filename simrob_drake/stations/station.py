@@ -29,7 +29,12 @@ from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
+from simrob_drake.stations.dynamic import (
+    add_dynamic_robots,
+    add_kinematic_robots,
+    add_motion_inputs,
+    check_servo_steps,
+)
 from simrob_drake.stations.load import load_station, with_settings
 from simrob_drake.stations.plant import (
     BuilderHook,
@@ -45,7 +50,12 @@ from simrob_drake.stations.plant import (
 from simrob_drake.stations.ports import StationPorts, draw_plant
 from simrob_drake.stations.poses import add_free_pieces, add_poses
 from simrob_drake.stations.resolve import ResolvedStation, resolve
-from simrob_drake.stations.shared_plant import check_builder, check_plant, scene_graph_in, shared_plant
+from simrob_drake.stations.shared_plant import (
+    check_builder,
+    check_plant,
+    scene_graph_in,
+    shared_plant,
+)
 
 
 def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) -> StationConfig:
@@ -60,7 +70,9 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
         InvalidParameter: ``station`` is no station, or ``overrides`` no mapping.
     """
     if overrides is not None:
-        expected = message("stations.overrides_by_key", "a mapping of keys to values, as load_station() takes it")
+        expected = message(
+            "stations.overrides_by_key", "a mapping of keys to values, as load_station() takes it"
+        )
         instance(overrides, "overrides", Mapping, expected)
     if isinstance(station, (str, Path)):
         return load_station(station, overrides)
@@ -68,7 +80,8 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
         config = station.config if isinstance(station, Station) else station
         return with_settings(config, overrides or {}, "overrides")
     known = message(
-        "stations.a_station", "a name of `simrob list`, a YAML file, what load_station() gives, or a built station"
+        "stations.a_station",
+        "a name of `simrob list`, a YAML file, what load_station() gives, or a built station",
     )
     raise InvalidParameter("station", quoted(station), known)
 
@@ -112,18 +125,27 @@ def add_station(
         SimrobError: there is no such station, the builder has systems of the same names, or the plant does not suit
             the station.
     """
-    instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
+    instance(
+        builder,
+        "builder",
+        DiagramBuilder,
+        message("stations.diagram_builder", "a DiagramBuilder of Drake"),
+    )
     _check_name(name)
     hooks = PlantHooks(parser_preload, prefinalize)
     resolved = resolve(config_of(station, overrides))
     if plant is None:
         if scene_graph is not None:
-            needed = message("stations.plant_with_scene_graph", "given together with the plant of your own")
+            needed = message(
+                "stations.plant_with_scene_graph", "given together with the plant of your own"
+            )
             raise InvalidParameter("scene_graph", quoted(scene_graph), needed)
         # Checked before anything is added: a builder cannot take systems out again.
         known = [system.get_name() for system in builder.GetSystems()]
         _check_clash(known, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
-        return _add_named(builder, name, lambda: _compose_with_edges(builder, resolved, hooks=hooks))
+        return _add_named(
+            builder, name, lambda: _compose_with_edges(builder, resolved, hooks=hooks)
+        )
     expected = message("stations.drakes_plant", "a MultibodyPlant of Drake")
     instance(plant, "plant", MultibodyPlant, expected)
     scene_graph = scene_graph_in(builder, plant) if scene_graph is None else scene_graph
@@ -220,7 +242,12 @@ class PlacedStation:
             SimrobError: the plant is not finalized or in another builder, the station is wired already, or the builder
                 has systems of the same names.
         """
-        instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
+        instance(
+            builder,
+            "builder",
+            DiagramBuilder,
+            message("stations.diagram_builder", "a DiagramBuilder of Drake"),
+        )
         station = self._models.plant
         if not station.plant.is_finalized():
             raise SimrobError(
@@ -231,14 +258,18 @@ class PlacedStation:
             )
         check_builder(builder, [station.plant, station.scene_graph])
         if self._is_wired:
-            raise SimrobError(message("stations.wired_already", "this station is wired already; wire it once"))
+            raise SimrobError(
+                message("stations.wired_already", "this station is wired already; wire it once")
+            )
         # Before the work, since a failed attempt has added systems already, and cannot be repeated.
         self._is_wired = True
         # Once for all stations of the plant; the first one that is wired sets the filters.
         pairs = shared_plant(station.plant).filter_contact_points(station.scene_graph)
         complete = replace(complete_plant(self._models), replaced_pairs=pairs)
         resolved = self._models.resolved
-        return _add_named(builder, self.name, lambda: _compose_with_edges(builder, resolved, plant=complete))
+        return _add_named(
+            builder, self.name, lambda: _compose_with_edges(builder, resolved, plant=complete)
+        )
 
 
 @drake_asserts()
@@ -260,7 +291,12 @@ def add_world(
     Raises:
         SimrobError: there is no such station, it does not step Drake's plant, or the names are taken.
     """
-    instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
+    instance(
+        builder,
+        "builder",
+        DiagramBuilder,
+        message("stations.diagram_builder", "a DiagramBuilder of Drake"),
+    )
     config = config_of(station, overrides)
     check_steps_plant(config)
     _check_clash([system.get_name() for system in builder.GetSystems()], _ALWAYS_THERE, "")
@@ -339,7 +375,9 @@ def _check_name(name: object) -> None:
     """Check the name of a station in a diagram; raises InvalidParameter: a text that cannot be a prefix of names."""
     is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
     if not is_name:
-        expected = message("stations.name_of_letters", "a name of letters, digits, _ and -, such as arm")
+        expected = message(
+            "stations.name_of_letters", "a name of letters, digits, _ and -, such as arm"
+        )
         raise InvalidParameter("name", quoted(name), expected)
 
 
@@ -469,7 +507,9 @@ def _sort_by_robot(ports: StationPorts) -> None:
     if len(robots) > 1:
         place = {robot.prefix: index for index, robot in enumerate(robots)}
         # Columns of a robot begin with its prefix, such as `arm.q.joint_1`. Sorting keeps the order of equal places.
-        ports.outputs.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
+        ports.outputs.signals.sort(
+            key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."]
+        )
 
 
 def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -553,7 +593,9 @@ class Station(Diagram):
         super().__init__()
         self.config = config_of(station, overrides)
         builder = DiagramBuilder()
-        self.ports = add_station(builder, self.config, parser_preload=parser_preload, prefinalize=prefinalize)
+        self.ports = add_station(
+            builder, self.config, parser_preload=parser_preload, prefinalize=prefinalize
+        )
         if prebuild is not None:
             prebuild(builder)
         for name, port in self.ports.inputs.items():
@@ -599,5 +641,9 @@ def build_station(
         SimrobError: there is no such station, or it cannot be built.
     """
     return Station(
-        station, overrides=overrides, parser_preload=parser_preload, prefinalize=prefinalize, prebuild=prebuild
+        station,
+        overrides=overrides,
+        parser_preload=parser_preload,
+        prefinalize=prefinalize,
+        prebuild=prebuild,
     )

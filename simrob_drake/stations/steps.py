@@ -44,7 +44,9 @@ _NEAR_DISTANCE = 1e-3  # of a prismatic axis [m]
 _SUBJECT = message("stations.steps", "steps")
 """Subject of the findings about steps of the solver."""
 
-DISCRETE = message("stations.take_discrete", "take solver.kind discrete and servo.realization implicit")
+DISCRETE = message(
+    "stations.take_discrete", "take solver.kind discrete and servo.realization implicit"
+)
 """Remedy for a run in which a continuous scheme creeps."""
 
 _SLACK = 1e-9
@@ -114,7 +116,8 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
             largest=largest,
         )
         remedy = message(
-            "stations.implicit_or_lower", "set servo.realization to implicit, lower servo.kd or solver.time_step"
+            "stations.implicit_or_lower",
+            "set servo.realization to implicit, lower servo.kd or solver.time_step",
         )
         text = message(
             "stations.time_step_and_remedy",
@@ -164,7 +167,8 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
     # The torque of a prescribed joint is what all other reported forces leave over.
     if is_discrete_with_contact(config) and couplings:
         text += message(
-            "stations.wrong_while_touching", "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
+            "stations.wrong_while_touching",
+            "may be wrong by thousands of N or N·m while bodies touch: Drake's solver ",
         )
         text += message(
             "stations.couplings_not_reported",
@@ -295,7 +299,9 @@ def _stiff_part(
         unit=mass_unit,
         name=name,
     )
-    text += compound("{stiffness:.2g} {effort}/{si}", stiffness=stiffness[worst], effort=unit.effort, si=unit.si)
+    text += compound(
+        "{stiffness:.2g} {effort}/{si}", stiffness=stiffness[worst], effort=unit.effort, si=unit.si
+    )
     return StiffPart(ratio=stiffness[worst] / moved[worst], limit=limit, text=text)
 
 
@@ -355,7 +361,11 @@ def controlled_by(config: StationConfig) -> ContinuousSolver | None:
     """Settings of a station's solver if it chooses the length of its steps by error control; otherwise None."""
     solver = config.solver
     engine = config.engine
-    if not engine.moves_by_forces or not isinstance(solver, ContinuousSolver) or engine.has_fixed_steps:
+    if (
+        not engine.moves_by_forces
+        or not isinstance(solver, ContinuousSolver)
+        or engine.has_fixed_steps
+    ):
         return None
     return solver
 

@@ -54,7 +54,9 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
             )
             found = compound("{violation} {unit}", violation=violation.value, unit=violation.unit)
             expected = message(
-                "stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits
+                "stations.within_limits",
+                "within the joint's limits of {limits}",
+                limits=violation.limits,
             )
             raise InvalidParameter(key, found, expected)
 

@@ -64,13 +64,18 @@ def values_in_force(config: StationConfig) -> dict[str, ValueInForce]:
     return {key: entry for key, entry in found.items() if key not in differing}
 
 
-def _robot_values(config: StationConfig, name: str, robot: ResolvedRobot) -> Iterator[tuple[str, ValueInForce]]:
+def _robot_values(
+    config: StationConfig, name: str, robot: ResolvedRobot
+) -> Iterator[tuple[str, ValueInForce]]:
     """Yield dotted keys and values of a robot that the station leaves out."""
     section = config.robots[name]
     top = "robot" if config.only_robot else f"robots.{name}"
     if section.tcp is None and robot.tcp:
         # A piece that the robot carries is its tool, too.
-        yield f"{top}.tcp", ValueInForce(robot.tcp, "robot" if robot.tcp in robot.model.tools else "station")
+        yield (
+            f"{top}.tcp",
+            ValueInForce(robot.tcp, "robot" if robot.tcp in robot.model.tools else "station"),
+        )
     if section.feet is None and robot.model.feet is not None:
         yield f"{top}.feet", ValueInForce(robot.model.feet.default, "robot")
     # A kinematic station has no servos.
@@ -117,7 +122,9 @@ def _as_written(robot: ResolvedRobot, values: Vector) -> Any:
     return by_axis
 
 
-def _motor_values(key: str, stated: Motor, robot: ResolvedRobot) -> Iterator[tuple[str, ValueInForce]]:
+def _motor_values(
+    key: str, stated: Motor, robot: ResolvedRobot
+) -> Iterator[tuple[str, ValueInForce]]:
     """Yield dotted keys and values that a known motor gives, where the station names the motor by ``motor.model``."""
     motors = [motor for motor in robot.motors if motor is not None]
     # Motors of URDF efforts differ from axis to axis. Then no value is that of the section.
@@ -130,7 +137,9 @@ def _motor_values(key: str, stated: Motor, robot: ResolvedRobot) -> Iterator[tup
 
 def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[str, ValueInForce]]:
     """Yield keys and values of a piece that the station leaves out."""
-    has_own_shapes = section.mesh is not None or section.shapes or section.model_fields_set & set(FORMS)
+    has_own_shapes = (
+        section.mesh is not None or section.shapes or section.model_fields_set & set(FORMS)
+    )
     # Mass properties follow from the shapes if the station gives a density, or shapes of its own.
     is_computed = has_own_shapes or section.density is not None or section.mass is not None
     for key in _PIECE_KEYS:

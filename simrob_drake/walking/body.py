@@ -141,7 +141,9 @@ class Body:
         self._from_facing = self.facing.inverse()
         self._facing_matrix = self.facing.matrix()
         # The root of the goal stays at its default pose, so this transform is constant.
-        self._root_from_world = RigidTransform(self.facing).multiply(root.CalcPoseInWorld(self._goal).inverse())
+        self._root_from_world = RigidTransform(self.facing).multiply(
+            root.CalcPoseInWorld(self._goal).inverse()
+        )
         self._measured_indices, self._measured_signs = self._index_measurements(root.body())
 
         self._legs = np.array([list(leg) for leg in legs])
@@ -252,13 +254,17 @@ class Body:
 
         self._tips = list[Vector]()  # middle of the sole in the foot's link, shape (3,) [m]
         self._soles = list[RigidTransform]()  # pose of the sole in the foot's link
-        self._corners = list[list[list[float]]]()  # corners of the sole in the frame of the sole [m]
+        self._corners = list[
+            list[list[float]]
+        ]()  # corners of the sole in the frame of the sole [m]
         self.homes = list[Vector]()
         self.ball_radius = 0.0
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(self._goal, root)
             to_level = home.rotation().matrix()
-            support_points = contact.support_points(link)  # lowest points of spheres or corners, in the link's axes
+            support_points = contact.support_points(
+                link
+            )  # lowest points of spheres or corners, in the link's axes
             points = support_points @ to_level.T
 
             # A foot whose spheres are all on the z axis of its link is a ball. It rolls, so the leg moves the ball's
@@ -277,7 +283,10 @@ class Body:
             self._corners.append(sole.inverse().multiply(corners.T).T.tolist())
             self.homes.append(home.multiply(tip))
         self.sole_reach = max(
-            abs(coordinate) for corners in self._corners for corner in corners for coordinate in corner[:2]
+            abs(coordinate)
+            for corners in self._corners
+            for corner in corners
+            for coordinate in corner[:2]
         )
 
     def observe(self, measured: Vector) -> BodyState:
@@ -351,7 +360,9 @@ class Body:
                 poses[number] = link.CalcPose(self._goal, root).GetAsMatrix34()
                 jacobians[number] = self._transposed_jacobian(number, link, root)
             posture = posture.copy()  # the caller keeps the one that was set
-            posture[self._legs] += self._newton_step(jacobians, poses @ self._sole_matrices, targets)
+            posture[self._legs] += self._newton_step(
+                jacobians, poses @ self._sole_matrices, targets
+            )
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
@@ -363,7 +374,9 @@ class Body:
             link: frame of the foot's link.
             root: frame of the root link.
         """
-        jacobian = self._plant.CalcJacobianSpatialVelocity(self._goal, _V, link, self._tips[foot], root, root)
+        jacobian = self._plant.CalcJacobianSpatialVelocity(
+            self._goal, _V, link, self._tips[foot], root, root
+        )
         return np.asarray(jacobian[:, self._columns[foot]].T)
 
     def _newton_step(self, jacobians: Vector, poses: Vector, targets: Vector) -> Vector:
@@ -395,7 +408,9 @@ class Body:
         matrices = jacobians @ jacobians.transpose(0, 2, 1) + self._damping
         right_sides = (jacobians @ errors[..., np.newaxis])[..., 0]
         # LAPACK is called leg by leg: np.linalg.solve takes four times as long for matrices of this size.
-        solutions = [dgesv(matrix, side)[2] for matrix, side in zip(matrices, right_sides, strict=True)]
+        solutions = [
+            dgesv(matrix, side)[2] for matrix, side in zip(matrices, right_sides, strict=True)
+        ]
         # A large step would leave the range in which the linearization holds.
         step = np.array(solutions) * self._leg_signs
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP))
@@ -451,7 +466,9 @@ class StanceFeet:
     roll_factor: float
 
     @classmethod
-    def of(cls, body: Body, parameters: WalkingParameters, groups: Sequence[Sequence[int]]) -> StanceFeet:
+    def of(
+        cls, body: Body, parameters: WalkingParameters, groups: Sequence[Sequence[int]]
+    ) -> StanceFeet:
         """Find the feet of a robot in its stance.
 
         Args:
@@ -497,7 +514,9 @@ def slope_weights_of(positions: Sequence[complex]) -> list[complex]:
     Args:
         positions: positions of the feet from their middle, as complex numbers [m].
     """
-    ahead, left = np.linalg.pinv([(position.real, position.imag) for position in positions]).tolist()
+    ahead, left = np.linalg.pinv(
+        [(position.real, position.imag) for position in positions]
+    ).tolist()
     return [complex(*weight) for weight in zip(ahead, left, strict=True)]
 
 
@@ -515,7 +534,9 @@ keep_former_attributes(
     over="ball_radius",
     sole="sole_reach",
 )
-keep_former_attributes(StanceFeet, about="offsets", planes="slope_weights", half="half_width", rolls="roll_factor")
+keep_former_attributes(
+    StanceFeet, about="offsets", planes="slope_weights", half="half_width", rolls="roll_factor"
+)
 if not TYPE_CHECKING:
     __getattr__ = former_names_of(
         __name__,

@@ -147,7 +147,9 @@ class Path:
                 # An arc that turns by a touches both lines at the distance tan(a / 2) / curvature from the corner.
                 turn = turns[number]
                 curvature = tan(turn / 2) / cut_after
-                self._starts.append(Spot(corners[number + 1] - cut_after * direction, direction, curvature))
+                self._starts.append(
+                    Spot(corners[number + 1] - cut_after * direction, direction, curvature)
+                )
                 lengths.append(turn / curvature)
         self._start_distances = [0.0, *accumulate(lengths)]
         self.length = self._start_distances.pop()
@@ -210,7 +212,9 @@ class Follower:
         self._facing = facing
         self._largest_sideways = max_speed.sideways
         self._largest_turn = radians(max_speed.turn_deg)
-        self._end_heading = None if waypoints.heading_deg is None else radians(waypoints.heading_deg)
+        self._end_heading = (
+            None if waypoints.heading_deg is None else radians(waypoints.heading_deg)
+        )
 
     def now(self, base: Vector, progress: float) -> tuple[Command | None, float]:
         """Compute the command at a pose of the robot.
@@ -264,7 +268,9 @@ class Follower:
             return Command(), self.path.length + 1.0  # arrived
         return Command(0j, clamp(_HEADING_GAIN * error, self._largest_turn)), progress
 
-    def _command_along(self, pose: _RootPose, spot: Spot, offset: complex, progress: float) -> Command:
+    def _command_along(
+        self, pose: _RootPose, spot: Spot, offset: complex, progress: float
+    ) -> Command:
         """Compute the command on the way.
 
         Args:
@@ -288,7 +294,9 @@ class Follower:
         # The direction is that at full speed: at the slow end of a path, a small distance aside would turn the robot
         # across the path otherwise.
         heading_error = cmath.phase(soon.direction * complex(self._speed, back) / pose.direction)
-        velocity = soon.direction * complex(speed, back) * max(cos(heading_error), 0.0) / pose.direction
+        velocity = (
+            soon.direction * complex(speed, back) * max(cos(heading_error), 0.0) / pose.direction
+        )
 
         ahead = max(min(velocity.real, self._speed), 0.0)
         sideways = clamp(velocity.imag, self._largest_sideways)

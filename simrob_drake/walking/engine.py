@@ -128,7 +128,9 @@ class WalkingEngine:
         now, lift, next_stride = self.planner.sample(stride, command, estimate, omega)
         return next_stride, self._posture(now, com_from_root, lift)
 
-    def _posture(self, stride: Stride, com_from_root: Sequence[float], lift: float, rounds: int = 1) -> Vector:
+    def _posture(
+        self, stride: Stride, com_from_root: Sequence[float], lift: float, rounds: int = 1
+    ) -> Vector:
         """Compute the posture that has the references of a stride, from the posture that the body has set.
 
         Args:

@@ -5,7 +5,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from simrob_drake.base.renaming import keep_former_attributes
-from simrob_drake.walking.body import Body, BodyState, Rows, StanceFeet, height_on_slope, slope_through
+from simrob_drake.walking.body import (
+    Body,
+    BodyState,
+    Rows,
+    StanceFeet,
+    height_on_slope,
+    slope_through,
+)
 from simrob_drake.walking.parameters import Feedback
 from simrob_drake.walking.stride import Ground, Step, Stride
 
@@ -77,7 +84,9 @@ class Estimator:
         self._stance = stance
         self._feedback = feedback
 
-    def estimate(self, stride: Stride, state: BodyState, forces: Sequence[float] | None = None) -> Estimate:
+    def estimate(
+        self, stride: Stride, state: BodyState, forces: Sequence[float] | None = None
+    ) -> Estimate:
         """Estimate the motion of the robot from its stance foot.
 
         Args:

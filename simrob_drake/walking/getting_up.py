@@ -119,7 +119,12 @@ def _axis_indices(model: RobotModel, axis: str) -> list[int]:
         return [names.index(side + axis) for side in _SIDES]
     pairs = [name.removeprefix(_SIDES[0]) for name in names if name.startswith(_SIDES[0])]
     raise UnknownName(
-        message("walking.axis_under", "axis of {model} (under {section})", model=model.name, section=GETTING_UP),
+        message(
+            "walking.axis_under",
+            "axis of {model} (under {section})",
+            model=model.name,
+            section=GETTING_UP,
+        ),
         axis,
         [*names, *pairs],
     )

@@ -64,7 +64,13 @@ class Knee:
         return lower, min(upper, straight - _LEAST_BEND)
 
 
-def knee_of(plant: MultibodyPlant, context: Context, joints: Sequence[RevoluteJoint], foot: Frame, tip: Vector) -> Knee:
+def knee_of(
+    plant: MultibodyPlant,
+    context: Context,
+    joints: Sequence[RevoluteJoint],
+    foot: Frame,
+    tip: Vector,
+) -> Knee:
     """Find the knee of a leg.
 
     Args:
@@ -85,7 +91,9 @@ def knee_of(plant: MultibodyPlant, context: Context, joints: Sequence[RevoluteJo
 
     def direction(joint: RevoluteJoint) -> Vector:
         """Direction of a joint's axis in the world, of length one."""
-        return np.asarray(joint.frame_on_child().CalcPoseInWorld(context).rotation() @ joint.revolute_axis())
+        return np.asarray(
+            joint.frame_on_child().CalcPoseInWorld(context).rotation() @ joint.revolute_axis()
+        )
 
     # The knee is the joint that changes the distance from the hip to the foot most.
     folds = [_find_fold(context, joint, lambda: end() - origin(joints[0])) for joint in joints]
@@ -94,8 +102,12 @@ def knee_of(plant: MultibodyPlant, context: Context, joints: Sequence[RevoluteJo
     # Thigh and shank are measured between parallel axes: joints across the knee do not fold the leg.
     directions = [direction(joint) for joint in joints]
     is_parallel = [abs(each @ directions[knee]) > _PARALLEL for each in directions]
-    above = next((joints[other] for other in range(knee - 1, -1, -1) if is_parallel[other]), joints[0])
-    below = next((joints[other] for other in range(knee + 1, len(joints)) if is_parallel[other]), None)
+    above = next(
+        (joints[other] for other in range(knee - 1, -1, -1) if is_parallel[other]), joints[0]
+    )
+    below = next(
+        (joints[other] for other in range(knee + 1, len(joints)) if is_parallel[other]), None
+    )
 
     def from_above_to_below() -> Vector:
         """Vector from the parallel joint above the knee to that below, or to the tip of the foot [m]."""
@@ -106,7 +118,9 @@ def knee_of(plant: MultibodyPlant, context: Context, joints: Sequence[RevoluteJo
     return Knee(knee, straight, folds[knee][1])
 
 
-def _find_fold(context: Context, joint: RevoluteJoint, vector: Callable[[], Vector]) -> tuple[float, float]:
+def _find_fold(
+    context: Context, joint: RevoluteJoint, vector: Callable[[], Vector]
+) -> tuple[float, float]:
     """Measure how a joint folds a leg.
 
     Args:

@@ -175,7 +175,9 @@ class WalkingParameters(Renamed):
         "rises": "lift_exponent",
         "quicken": "max_speed_change",
         "fastest": "max_speed",
-        "reach": message("walking.foothold_renamed", "foothold, whose near and far are inner and outer"),
+        "reach": message(
+            "walking.foothold_renamed", "foothold, whose near and far are inner and outer"
+        ),
     }
 
     bearing: Bearing
@@ -270,7 +272,10 @@ def _apply_changes(own: Any, change: Any) -> Any:
     if isinstance(own, list):
         indices = {str(index) for index in range(len(own))}
         if indices.issuperset(change):
-            return [_apply_changes(value, change.get(str(index), value)) for index, value in enumerate(own)]
+            return [
+                _apply_changes(value, change.get(str(index), value))
+                for index, value in enumerate(own)
+            ]
     section = own if isinstance(own, Mapping) else {}
     changed = {key: _apply_changes(section.get(key), value) for key, value in change.items()}
     return {**section, **changed}

@@ -199,7 +199,8 @@ class WalkPlanner:
         rate = _RATE_IN_ERROR if is_in_error else 1.0
         ground = stride.ground._replace(
             slope=stride.ground.slope + self._part(rate * feedback.slope_rate) * slope_error,
-            tilt=stride.ground.tilt + self._part(feedback.level_rate) * (slope_error - stride.ground.tilt),
+            tilt=stride.ground.tilt
+            + self._part(feedback.level_rate) * (slope_error - stride.ground.tilt),
         )
         return stride._replace(
             trunk=self._trunk_towards(stride, estimate),
@@ -236,7 +237,9 @@ class WalkPlanner:
 
         # Integral feedback: the trunk leans against the measured lean until that is zero.
         lean = complex(estimate.lean, estimate.pitch)
-        lean_integral = corrections.lean_integral - rate * feedback.lean_integral * self._period * lean
+        lean_integral = (
+            corrections.lean_integral - rate * feedback.lean_integral * self._period * lean
+        )
 
         com_error = estimate.com - stride.trunk.com
         com_offset = corrections.com_offset + self._part(rate * feedback.offset_rate) * com_error
@@ -262,7 +265,10 @@ class WalkPlanner:
         if not stride.step.active:
             stride = self._start_if_needed(stride, command, estimate)
         if not stride.step.active:
-            return stride, stride.trunk.zmp  # the divergent component of a robot that stands is at rest
+            return (
+                stride,
+                stride.trunk.zmp,
+            )  # the divergent component of a robot that stands is at rest
 
         if estimate is not None and self._can_turn:
             stride = self._hold_heading(stride, command, estimate)
@@ -370,10 +376,14 @@ class WalkPlanner:
     def _brace(self, stride: Stride) -> tuple[Stride, complex]:
         """Stop the walk on both feet, until the error is over. Returns the stride and its divergent component [m]."""
         middle = self.steps.middle(int(stride.step.standing), stride.swing.place)
-        step = stride.step._replace(active=0.0, brace_time=_BRACE_TIME, speed=0j, turn=0.0, zmp_from=middle)
+        step = stride.step._replace(
+            active=0.0, brace_time=_BRACE_TIME, speed=0j, turn=0.0, zmp_from=middle
+        )
         return stride._replace(step=step, trunk=stride.trunk._replace(zmp=middle)), middle
 
-    def _start_if_needed(self, stride: Stride, command: Command, estimate: Estimate | None) -> Stride:
+    def _start_if_needed(
+        self, stride: Stride, command: Command, estimate: Estimate | None
+    ) -> Stride:
         """Begin the first step of a standing robot, if there is a command or an error of the divergent component."""
         step = stride.step
         error = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
@@ -500,7 +510,9 @@ class WalkPlanner:
             foot_tilt=stride.ground.foot_tilt * remainder,
         )
 
-    def _ground_of_map(self, stride: Stride, estimate: Estimate, share: float, known: HeightMap) -> Ground:
+    def _ground_of_map(
+        self, stride: Stride, estimate: Estimate, share: float, known: HeightMap
+    ) -> Ground:
         """Move each swing foot towards the height of the map at its foothold.
 
         A foot goes up in the part of the swing before the ground may be felt, and down in the rest of the swing. A
@@ -527,7 +539,9 @@ class WalkPlanner:
         up = progress_since(before / blind_part, share / blind_part)
         down = up
         if rest:
-            down = progress_since(max(before - blind_part, 0.0) / rest, max(share - blind_part, 0.0) / rest)
+            down = progress_since(
+                max(before - blind_part, 0.0) / rest, max(share - blind_part, 0.0) / rest
+            )
 
         ground = stride.ground
         can_feel = before > self._feedback.early_touchdown
@@ -549,7 +563,9 @@ class WalkPlanner:
         heights = known.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
 
-    def _shift_to_even_ground(self, stride: Stride, estimate: Estimate | None, landing: Landing) -> Landing:
+    def _shift_to_even_ground(
+        self, stride: Stride, estimate: Estimate | None, landing: Landing
+    ) -> Landing:
         """Shift a landing to a near place where the ground is even. Without a height map, it stays as planned."""
         if self._map is None or estimate is None:
             return landing
@@ -594,7 +610,9 @@ class WalkPlanner:
         if any(estimate.down) and stride.swing.share > feedback.early_touchdown:
             # Undo the descent of this sample for the feet that feel the ground, while others come down.
             descent = self._lift_at(before.swing.share) - self._lift_at(stride.swing.share)
-            stride = self._raise_swing_feet(stride, [descent * has_contact for has_contact in estimate.down])
+            stride = self._raise_swing_feet(
+                stride, [descent * has_contact for has_contact in estimate.down]
+            )
 
         is_swinging = step.active and step.time > step.transfer
         if any(estimate.hangs) and feedback.late_touchdown and is_swinging:
@@ -622,7 +640,9 @@ class WalkPlanner:
         )
         return stride._replace(ground=ground)
 
-    def _advance(self, stride: Stride, command: Command, estimate: Estimate | None, xi: complex, lift: float) -> Stride:
+    def _advance(
+        self, stride: Stride, command: Command, estimate: Estimate | None, xi: complex, lift: float
+    ) -> Stride:
         """Advance the time, and go over to the other foot if the swing foot has landed.
 
         Args:
@@ -681,7 +701,13 @@ class WalkPlanner:
         return stride._replace(corrections=stride.corrections._replace(speed_trim=speed_trim))
 
     def _change_feet(
-        self, stride: Stride, command: Command, estimate: Estimate | None, lift: float, *, hurries: bool
+        self,
+        stride: Stride,
+        command: Command,
+        estimate: Estimate | None,
+        lift: float,
+        *,
+        hurries: bool,
     ) -> Stride:
         """Stand on the foot that has landed, and begin the next step or end the walk.
 

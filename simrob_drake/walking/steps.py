@@ -146,7 +146,9 @@ class Steps:
         apart: position of each group from the other one in a robot at rest [m].
     """
 
-    def __init__(self, parameters: WalkingParameters, half_width: float, roll_factor: float = 1.0) -> None:
+    def __init__(
+        self, parameters: WalkingParameters, half_width: float, roll_factor: float = 1.0
+    ) -> None:
         """Create the footsteps of a walk.
 
         Args:
@@ -177,7 +179,9 @@ class Steps:
         """
         return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
 
-    def is_allowed(self, swinging: int, places: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
+    def is_allowed(
+        self, swinging: int, places: npt.NDArray[np.complex128]
+    ) -> npt.NDArray[np.bool_]:
         """Check which positions (any shape) [m] are within the footholds that the robot's parameters allow.
 
         Args:
@@ -254,7 +258,11 @@ class Steps:
             index = step % 2
             zmp_before = rest_points_from_next[1 - index] if step else zmp_from
             end = footholds[index] + turn * dcm  # measured from the stance foot of this step
-            dcm = step_weights.start * zmp_before + step_weights.rest * rest_points[index] + step_weights.end * end
+            dcm = (
+                step_weights.start * zmp_before
+                + step_weights.rest * rest_points[index]
+                + step_weights.end * end
+            )
         return dcm
 
     def dcm_at_landing(self, standing: int, command: Command, omega: float) -> LandingCondition:
@@ -315,8 +323,12 @@ class Steps:
             if time < earliest - _SAME_TIME:
                 continue  # the planned time may be too early
             desired = condition.foothold_for(state.at(time))
-            place = self._reachable_place(swinging, planned, desired, foot, time - swing_start, feedback)
-            cost = abs(desired - place) ** 2 + feedback.place_weight * abs(place - planned.place) ** 2
+            place = self._reachable_place(
+                swinging, planned, desired, foot, time - swing_start, feedback
+            )
+            cost = (
+                abs(desired - place) ** 2 + feedback.place_weight * abs(place - planned.place) ** 2
+            )
             cost += feedback.time_weight * (time - planned.time) ** 2
             if cost < least_cost:
                 best = Landing(time, place, planned.yaw)

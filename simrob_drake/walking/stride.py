@@ -247,4 +247,6 @@ keep_former_attributes(Step, braced="brace_time")
 keep_former_attributes(Corrections, counter="lean_integral", sag="com_offset", trim="speed_trim")
 keep_former_attributes(Stride, learnt="corrections")
 if not TYPE_CHECKING:
-    __getattr__ = former_names_of(__name__, {"Learnt": "Corrections", "eased": "smoothstep", "gone": "progress_since"})
+    __getattr__ = former_names_of(
+        __name__, {"Learnt": "Corrections", "eased": "smoothstep", "gone": "progress_since"}
+    )

@@ -34,7 +34,13 @@ REALIZATIONS = ("per_joint", "vector", "implicit")
 
 def against_hand_wired() -> Table:
     """Stepping of the station against the shortest Drake program with the same blocks and solver."""
-    table = Table("realization", "station [ms]", "by hand [ms]", "ratio", title="stepping irb120_dynamic for 3 s")
+    table = Table(
+        "realization",
+        "station [ms]",
+        "by hand [ms]",
+        "ratio",
+        title="stepping irb120_dynamic for 3 s",
+    )
     for realization in REALIZATIONS:
         config = load_station("irb120_dynamic", {"servo.realization": realization})
         times = in_turn(
@@ -51,10 +57,20 @@ def against_hand_wired() -> Table:
 
 def realtime_rates() -> Table:
     """Simulated over wall time of stepping and signals, with the largest error against a converged run."""
-    headings = ("realization", "× real time", "stepping [ms]", "signals [ms]", "largest error [rad]")
+    headings = (
+        "realization",
+        "× real time",
+        "stepping [ms]",
+        "signals [ms]",
+        "largest error [rad]",
+    )
     table = Table(*headings, title="realtime_rate of irb120_dynamic")
-    converged = simulate(load_station("irb120_dynamic", {"solver.accuracy": 1e-6, "solver.max_step": 0.005}))
-    configs = {name: load_station("irb120_dynamic", {"servo.realization": name}) for name in REALIZATIONS}
+    converged = simulate(
+        load_station("irb120_dynamic", {"solver.accuracy": 1e-6, "solver.max_step": 0.005})
+    )
+    configs = {
+        name: load_station("irb120_dynamic", {"servo.realization": name}) for name in REALIZATIONS
+    }
     runs = {name: [] for name in REALIZATIONS}
     for _ in range(ROUNDS + 1):
         for name, config in configs.items():
@@ -65,18 +81,24 @@ def realtime_rates() -> Table:
             for figure in ("realtime_rate", "stepping_time", "signal_time")
         )
         error = np.abs(results[0].axes("q") - converged.axes("q")).max()
-        table.add_row(name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}", f"{error:.5f}")
+        table.add_row(
+            name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}", f"{error:.5f}"
+        )
     return table
 
 
 def contact() -> Table:
     """Speed of the stations with contact and force, and what sensors that only report cost while stepping."""
-    table = Table("station", "× real time", "stepping [ms]", "signals [ms]", title="contact and force")
+    table = Table(
+        "station", "× real time", "stepping [ms]", "signals [ms]", title="contact and force"
+    )
     stations = ("bouncing_ball", "box_on_floor", "irb120_force_stop", "irb120_cobot")
     for name in stations:
         results = [simulate(load_station(name)) for _ in range(ROUNDS + 1)][1:]
         figures = ("realtime_rate", "stepping_time", "signal_time")
-        rate, stepping, signals = (np.median([getattr(result, figure) for result in results]) for figure in figures)
+        rate, stepping, signals = (
+            np.median([getattr(result, figure) for result in results]) for figure in figures
+        )
         table.add_row(name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}")
     ball = load_station("bouncing_ball")
     stop = load_station("irb120_force_stop", {"reference.target_deg": [0, 0, 26.1, 0, 63.9, 0]})
@@ -87,7 +109,10 @@ def contact() -> Table:
     for name, (more, less) in pairs.items():
         candidates = {"more": more, "less": less}
         times = in_turn(
-            {key: lambda config=config: simulate(config).stepping_time for key, config in candidates.items()}
+            {
+                key: lambda config=config: simulate(config).stepping_time
+                for key, config in candidates.items()
+            }
         )
         table.add_row(name, "", f"ratio {np.median(times['more'] / times['less']):.3f}", "")
     return table
@@ -105,10 +130,18 @@ def whole_commands() -> Table:
             "simrob run irb120_dynamic": [*run, str(Path(folder) / "result"), "irb120_dynamic"],
             "simrob run belt_pick.yaml": [*run, str(Path(folder) / "program"), str(program)],
         }
-        times = in_turn({name: lambda command=command: _wall_time(command) for name, command in commands.items()}, 5)
+        times = in_turn(
+            {
+                name: lambda command=command: _wall_time(command)
+                for name, command in commands.items()
+            },
+            5,
+        )
     for name, values in times.items():
         table.add_row(f"{name} [s]", f"{np.median(values):.2f}", f"{values.max():.2f}")
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / (
+        1e6 if sys.platform == "darwin" else 1e3
+    )
     table.add_row("peak memory of a child [MB]", f"{peak:.0f}", "")
     return table
 

@@ -42,16 +42,27 @@ def cells(folder: Path) -> dict[str, Workcell]:
 
     def cell(robots: dict[str, object], pieces: dict[str, object]) -> Workcell:
         grippers = {f"{robot}_gripper": {**GRIPPER, "parent": robot} for robot in robots}
-        station = {"mode": "kinematic", "robots": robots, "pieces": {**grippers, **pieces}, "floor": {"size": 3}}
+        station = {
+            "mode": "kinematic",
+            "robots": robots,
+            "pieces": {**grippers, **pieces},
+            "floor": {"size": 3},
+        }
         (file := folder / "station.yaml").write_text(str(station))
         return Workcell(load_station(file))
 
     def standing(piece: str, x: float, y: float) -> dict[str, object]:
-        return {"model": str(folder / piece / "piece.yaml"), "parent": "world", "pose": [x, y, 0, 0, 0, 0]}
+        return {
+            "model": str(folder / piece / "piece.yaml"),
+            "parent": "world",
+            "pose": [x, y, 0, 0, 0, 0],
+        }
 
     places = (0.3, 0.2), (0.4, -0.15), (0.1, 0.4), (0.1, -0.4)
     posts = {f"post_{number}": standing("post", *place) for number, place in enumerate(places)}
-    left, right = ({**ARM, "base": [x, 0, 0, turn, 0, 0]} for x, turn in ((-0.35, 0.0), (0.35, np.pi)))
+    left, right = (
+        {**ARM, "base": [x, 0, 0, turn, 0, 0]} for x, turn in ((-0.35, 0.0), (0.35, np.pi))
+    )
     return {
         "shelf": cell({"arm": ARM}, {"shelf": standing("shelf", 0.55, 0)}),
         "table with posts": cell({"arm": ARM}, posts),
@@ -59,13 +70,17 @@ def cells(folder: Path) -> dict[str, Workcell]:
     }
 
 
-def deepest(model: StationModel, rows: dict[str, np.ndarray], made_so: set[tuple[str, str]]) -> tuple[float, float]:
+def deepest(
+    model: StationModel, rows: dict[str, np.ndarray], made_so: set[tuple[str, str]]
+) -> tuple[float, float]:
     """Return how deep things are in each other on a way [m]: of different owners, and links of one robot."""
     apart, own = 0.0, 0.0
     for look in range(len(next(iter(rows.values())))):
         model.place_robots({robot: row[look] for robot, row in rows.items()})
         for pair in model.query().ComputeSignedDistancePairwiseClosestPoints(0.0):
-            (one, first), (two, second) = sorted(owner_and_robot(model.station, s) for s in (pair.id_A, pair.id_B))
+            (one, first), (two, second) = sorted(
+                owner_and_robot(model.station, s) for s in (pair.id_A, pair.id_B)
+            )
             if (first or second) and first != second:
                 apart = max(apart, -pair.distance)
             elif first and (one, two) not in made_so:
@@ -73,7 +88,9 @@ def deepest(model: StationModel, rows: dict[str, np.ndarray], made_so: set[tuple
     return apart, own
 
 
-def free(space: FreeSpace, chains: dict[str, Chain], draw: np.random.Generator) -> dict[str, np.ndarray]:
+def free(
+    space: FreeSpace, chains: dict[str, Chain], draw: np.random.Generator
+) -> dict[str, np.ndarray]:
     """Return free postures of chance, the tools over the floor."""
     while True:
         rows = {robot: draw.uniform(chain.lower, chain.upper) for robot, chain in chains.items()}
@@ -114,7 +131,14 @@ def measured(cell: Workcell, queries: int) -> list[str]:
 
 def around_obstacles(queries: int = QUERIES) -> Table:
     """Share that is solved, seconds, and how deep anything was in anything."""
-    headings = "solved", "median [s]", "9 of 10 [s]", "worst [s]", "deepest [mm]", "of one robot [mm]"
+    headings = (
+        "solved",
+        "median [s]",
+        "9 of 10 [s]",
+        "worst [s]",
+        "deepest [mm]",
+        "of one robot [mm]",
+    )
     table = Table("cell", *headings, title="moves around obstacles")
     with tempfile.TemporaryDirectory() as folder:
         for name, cell in cells(Path(folder)).items():

@@ -26,7 +26,10 @@ Found = list[np.ndarray]
 
 def chains() -> dict[str, Chain]:
     """The arms: of the package, and of tables."""
-    found = {name: Chain.of_robot(load_robot(name)) for name in ("ur3", "ur5", "ur10", "irb120", "puma560")}
+    found = {
+        name: Chain.of_robot(load_robot(name))
+        for name in ("ur3", "ur5", "ur10", "irb120", "puma560")
+    }
     with tempfile.TemporaryDirectory() as folder:
         for name, rows in (("kr6", KR6), ("iiwa", IIWA), ("odd", ODD)):
             (file := Path(folder) / f"{name}.urdf").write_text(dh_urdf(rows), encoding="utf-8")
@@ -36,10 +39,14 @@ def chains() -> dict[str, Chain]:
 
 def every_branch() -> Table:
     """Rates, completeness and errors of our closed forms and search, and of ssik."""
-    table = Table("arm", "way", "poses/s", "postures a pose", "missed", "largest error", title="every branch")
+    table = Table(
+        "arm", "way", "poses/s", "postures a pose", "missed", "largest error", title="every branch"
+    )
     draw = np.random.default_rng(0)
     for name, chain in chains().items():
-        postures = draw.uniform(np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi), (POSES, chain.size))
+        postures = draw.uniform(
+            np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi), (POSES, chain.size)
+        )
         held = chain.names[2] if chain.size == 7 else None
         if held:
             postures[:, 2] = np.repeat(postures[:ANGLES, 2], POSES // ANGLES)
@@ -50,11 +57,17 @@ def every_branch() -> Table:
             if not held:
                 return branches(chain, targets, start)
             groups = zip(*(np.split(rows, ANGLES) for rows in (targets, postures)), strict=True)
-            return [rows for group, own in groups for rows in branches(chain, group, start, {held: own[0, 2]})]
+            return [
+                rows
+                for group, own in groups
+                for rows in branches(chain, group, start, {held: own[0, 2]})
+            ]
 
         _measure(table, name, "branches()", chain, targets, postures, ours)
         if importlib.util.find_spec("ssik") and name != "odd":  # it prepares that one for minutes
-            _measure(table, name, "ssik", chain, targets, postures, _of_ssik(chain, targets, postures))
+            _measure(
+                table, name, "ssik", chain, targets, postures, _of_ssik(chain, targets, postures)
+            )
         if chain.size == 6 and name != "odd":
             solver, many = AnalyticSolver(chain), np.tile(targets, (BATCH // POSES, 1, 1))
             began = time.process_time()
@@ -76,18 +89,29 @@ def _measure(
     began = time.process_time()
     found = run()
     seconds = time.process_time() - began
-    near = [np.abs(np.exp(1j * rows) - np.exp(1j * q)).max(axis=1) for rows, q in zip(found, postures, strict=True)]
+    near = [
+        np.abs(np.exp(1j * rows) - np.exp(1j * q)).max(axis=1)
+        for rows, q in zip(found, postures, strict=True)
+    ]
     missed = sum(not (apart < 1e-4).any() for apart in near)
-    error = max(np.abs(chain.forward(rows) - t).max() for rows, t in zip(found, targets, strict=True) if len(rows))
+    error = max(
+        np.abs(chain.forward(rows) - t).max()
+        for rows, t in zip(found, targets, strict=True)
+        if len(rows)
+    )
     count = sum(map(len, found)) / len(found)
-    table.add_row(name, way, f"{len(found) / seconds:.0f}", f"{count:.2f}", str(missed), f"{error:.0e}")
+    table.add_row(
+        name, way, f"{len(found) / seconds:.0f}", f"{count:.2f}", str(missed), f"{error:.0e}"
+    )
 
 
 def _of_ssik(chain: Chain, targets: np.ndarray, postures: np.ndarray) -> Callable[[], Found]:
     from ssik import Manipulator
     from ssik.solvers.jointlock import seven_r
 
-    ways = np.vstack([chain.points[:1], np.diff(chain.points, axis=0), chain.home[:3, 3] - chain.points[-1]])
+    ways = np.vstack(
+        [chain.points[:1], np.diff(chain.points, axis=0), chain.home[:3, 3] - chain.points[-1]]
+    )
     arm = Manipulator.from_axes(chain.axes, ways)
     goals = targets.copy()
     goals[:, :3, :3] = targets[:, :3, :3] @ chain.home[:3, :3].T

@@ -16,7 +16,11 @@ from simrob_drake.results.record.walks import locomotion
 
 ROBOTS = ("humanoid", "roid1", "zjudancer", "yobotics")
 FACING = {"humanoid": -90, "roid1": 0, "zjudancer": 90, "yobotics": 0}  # [deg]
-WAYS = {"up": 0, "down": 180, "across": 90}  # where the slope rises, from where the robot looks [deg]
+WAYS = {
+    "up": 0,
+    "down": 180,
+    "across": 90,
+}  # where the slope rises, from where the robot looks [deg]
 STEP_DEG, STEEPEST_DEG = 2, 30
 HAND = {"parent": "robot", "pose": [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]}
 BEHIND = {"parent": "robot", "frame": "head", "pose": [0.0, 0.1, 0.0, 0.0, 0.0, 0.0]}
@@ -32,7 +36,9 @@ BARS = {"humanoid": (0.02, 0.03, 0.04), "zjudancer": (0.04, 0.05), "roid1": (0.0
 AWAY = (0.30, 0.33, 0.36, 0.39)  # of a bar of 10 by 20 mm, before the robot [m]
 
 
-def walked(robot: str, changes: Mapping[str, Any], steps: int, **gait: Any) -> SimulationResult | None:
+def walked(
+    robot: str, changes: Mapping[str, Any], steps: int, **gait: Any
+) -> SimulationResult | None:
     """Return a walk on a changed station, and nothing where it is refused."""
     try:
         return LeggedRobot(load_station(f"{robot}_dynamic", changes)).walk(steps, **gait)
@@ -64,14 +70,19 @@ def slopes() -> None:
             def stands(slope: float, robot: str = robot, heading: float = heading) -> bool:
                 changes = {"floor.incline_deg": slope, "floor.heading_deg": heading}
                 return (
-                    simulate(load_station(f"{robot}_dynamic", changes), duration=4, progress=False).stopped_by is None
+                    simulate(
+                        load_station(f"{robot}_dynamic", changes), duration=4, progress=False
+                    ).stopped_by
+                    is None
                 )
 
             def walks(slope: float, robot: str = robot, heading: float = heading) -> bool:
                 run = walked(robot, {"floor.incline_deg": slope, "floor.heading_deg": heading}, 12)
                 return run is not None and run.stopped_by is None
 
-            print(f"{robot}, {way}: stands {steepest(stands)}°, walks {steepest(walks)}°", flush=True)
+            print(
+                f"{robot}, {way}: stands {steepest(stands)}°, walks {steepest(walks)}°", flush=True
+            )
 
 
 def loads() -> None:

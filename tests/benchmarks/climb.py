@@ -39,7 +39,9 @@ def terrain(robot: str, what: str, seed: int) -> dict[str, Any]:
     draw, field = np.random.default_rng(seed), {"start": START, "heading_deg": 90, "width": 2}
     if what == "gaps":
         return {**field, "kind": "gaps", "height": 0.06, "gap": 0.06, "size": 0.25, "length": 2.0}
-    rise, tread = (0.025, 0.25) if what == "stairs" else (draw.uniform(0.01, 0.025), draw.uniform(0.22, 0.35))
+    rise, tread = (
+        (0.025, 0.25) if what == "stairs" else (draw.uniform(0.01, 0.025), draw.uniform(0.22, 0.35))
+    )
     return {**field, "kind": "stairs", "height": rise, "size": tread, "length": 11 * tread + 1e-3}
 
 
@@ -47,7 +49,9 @@ def climbed(robot: str, what: str, seed: int, changes: dict[str, Any]) -> tuple[
     """Return whether a draw comes to the other side, and how it went in words."""
     station, field = f"{robot}_walking", terrain(robot, what, seed)
     settings = {**STATIONS[robot], **changes, "floor.terrain": field}
-    climber = LeggedRobot(load_station(station, {**settings, **drawn(load_station(station, settings), seed)}))
+    climber = LeggedRobot(
+        load_station(station, {**settings, **drawn(load_station(station, settings), seed)})
+    )
     distance = BEYOND if robot == "yobotics" else START + field["length"] + 0.2
     begin = np.array(climber.base_pose.translation())
     try:
@@ -64,9 +68,16 @@ def climbed(robot: str, what: str, seed: int, changes: dict[str, Any]) -> tuple[
 
 def main(*wanted: str) -> None:
     """Climb and print."""
-    changes = {key: value for each in wanted if each.endswith(".yaml") for key, value in read_yaml(Path(each)).items()}
+    changes = {
+        key: value
+        for each in wanted
+        if each.endswith(".yaml")
+        for key, value in read_yaml(Path(each)).items()
+    }
     robot = next((each for each in wanted if each in STATIONS), "zjudancer")
-    for each in [each for each in wanted if not each.endswith(".yaml") and each != robot] or FIELDS[robot]:
+    for each in [each for each in wanted if not each.endswith(".yaml") and each != robot] or FIELDS[
+        robot
+    ]:
         what, _, count = each.partition(":")
         good = 0
         for seed in range(FIRST, FIRST + int(count or DRAWS)):

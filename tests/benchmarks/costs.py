@@ -23,8 +23,19 @@ PARTS = {
     "a fall monitor": {"monitors": {"fall": {"height": 0.2}}},
     "a push of 0.1 s, 0.1 N": {"forces": {"push": {"start": 1.0, "force": [0.1, 0, 0]}}},
 }
-GUARD = {"kind": "fall_guard", "height": 0.2, "posture_deg": {"HomDF": 90, "HomIF": 90}, "priority": 1}
-OBJECTIVE = {"kind": "objective", "measures": "base.z", "target": 0.446, "weights": {"RodD": -1, "RodI": -1}, "kp": 1}
+GUARD = {
+    "kind": "fall_guard",
+    "height": 0.2,
+    "posture_deg": {"HomDF": 90, "HomIF": 90},
+    "priority": 1,
+}
+OBJECTIVE = {
+    "kind": "objective",
+    "measures": "base.z",
+    "target": 0.446,
+    "weights": {"RodD": -1, "RodI": -1},
+    "kp": 1,
+}
 LOOPS = {
     "fall_guard": {"controllers": {"guard": GUARD}},
     "fall_guard at 50 Hz": {"controllers": {"guard": {**GUARD, "rate": 50}}},
@@ -37,7 +48,10 @@ SERVOS = {
     "law: cascade": {"servo.law": "cascade"},
     "law: computed_torque": {"servo.law": "computed_torque", "servo.kp": 400, "servo.kd": 40},
 }
-ARM = {"solver.scheme": "radau3", "reference.kind": "move"}, {"solver.scheme": "cenic", "solver.max_step": 0.01}
+ARM = (
+    {"solver.scheme": "radau3", "reference.kind": "move"},
+    {"solver.scheme": "cenic", "solver.max_step": 0.01},
+)
 RUNS, SHORT = 100, 0.5  # s
 
 
@@ -50,8 +64,17 @@ def costs(
     """Stepping time with each part against that without."""
     table = Table(f"part of {station}", "ratio of stepping time", title=f"{title}, for 3 s")
     common = {"duration": 3.0, **common}
-    runners = {name: Runner(load_station(station, common | part)) for name, part in {"": {}, **parts}.items()}
-    times = in_turn({name: lambda runner=runner: runner.run().stepping_time for name, runner in runners.items()}, 25)
+    runners = {
+        name: Runner(load_station(station, common | part))
+        for name, part in {"": {}, **parts}.items()
+    }
+    times = in_turn(
+        {
+            name: lambda runner=runner: runner.run().stepping_time
+            for name, runner in runners.items()
+        },
+        25,
+    )
     for name in parts:
         table.add_row(name, f"{np.median(times[name] / times['']):.3f}")
     return table
@@ -69,14 +92,20 @@ def runner() -> Table:
         own.run()
     table = Table(f"{RUNS} runs of {SHORT:g} s", "s", "ratio")
     table.add_row("simulate()", f"{anew:.2f}", "")
-    table.add_row("a runner", f"{perf_counter() - once:.2f}", f"{anew / (perf_counter() - once):.1f}")
+    table.add_row(
+        "a runner", f"{perf_counter() - once:.2f}", f"{anew / (perf_counter() - once):.1f}"
+    )
     return table
 
 
 if __name__ == "__main__":
     console = Console(markup=False)
     console.print(costs())
-    console.print(costs(LOOPS, "what loops cost, standing, against steps of 10 ms", **{"solver.max_step": 0.01}))
+    console.print(
+        costs(
+            LOOPS, "what loops cost, standing, against steps of 10 ms", **{"solver.max_step": 0.01}
+        )
+    )
     for solver in ARM:
         told = f"what servos cost that know the arm's model, under {solver['solver.scheme']}"
         console.print(costs(SERVOS, told, "irb120_dynamic", **{**ARM[0], **solver}))

@@ -35,11 +35,16 @@ def apart(one: SimulationResult, other: SimulationResult, until: float) -> str:
     joints = max(
         float(np.abs((a - b) / robot.model.user_units).max())
         for robot, a, b in (
-            (robot, *(run.axes("q")[:rows] for run in (one, other))) for robot in one.plant.robots.values()
+            (robot, *(run.axes("q")[:rows] for run in (one, other)))
+            for robot in one.plant.robots.values()
         )
     )
     base = max(
-        (float(np.abs(one[n][:rows] - other[n][:rows]).max()) for n in one.names if re.fullmatch(r"base\.[xyz]", n)),
+        (
+            float(np.abs(one[n][:rows] - other[n][:rows]).max())
+            for n in one.names
+            if re.fullmatch(r"base\.[xyz]", n)
+        ),
         default=0.0,
     )
     return f"{joints:.2f}° | {1000 * base:.1f} mm"

@@ -14,7 +14,12 @@ from simrob_drake.parts.controllers import walk
 from simrob_drake.simulation.runner import Runner
 
 ROUNDS, SECONDS = 5, 10.0
-STEPS = {"zjudancer_walking": 0.01, "roid1_walking": 0.005, "humanoid_walking": 0.005, "yobotics_walking": 0.005}
+STEPS = {
+    "zjudancer_walking": 0.01,
+    "roid1_walking": 0.005,
+    "humanoid_walking": 0.005,
+    "yobotics_walking": 0.005,
+}
 
 
 def main(stations: list[str]) -> None:

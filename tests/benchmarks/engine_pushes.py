@@ -25,11 +25,17 @@ def main(arguments: list[str]) -> None:
     """Push and print; ``only=MuJoCo`` leaves all solvers out whose names do not hold that."""
     only = "".join(each.removeprefix("only=") for each in arguments if each.startswith("only="))
     stations = [each for each in arguments if not each.startswith("only=")]
-    for station in stations or [f"{name}_{kind}" for kind in ("dynamic", "balance") for name in FACING]:
+    for station in stations or [
+        f"{name}_{kind}" for kind in ("dynamic", "balance") for name in FACING
+    ]:
         for solver, section in [(name, own) for name, own in SOLVERS.items() if only in name]:
             place = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}}
-            runner = Runner(load_station(station, {**place, **({"solver": section} if section else {})}))
-            turns = [math.radians(FACING[station.partition("_")[0]] + angle) for angle in SIDES.values()]
+            runner = Runner(
+                load_station(station, {**place, **({"solver": section} if section else {})})
+            )
+            turns = [
+                math.radians(FACING[station.partition("_")[0]] + angle) for angle in SIDES.values()
+            ]
             found = [f"{largest(runner, turn, 10.0):.1f} N" for turn in turns]
             print(station, solver, *found, sep=" | ", flush=True)
 

@@ -55,7 +55,9 @@ def fallen(name: str, seed: int, settings: Mapping[str, Any]) -> LeggedRobot:
     """Return a robot that lies where it fell."""
     changes, start, guarded = drawn(name, seed)
     guards = {f"controllers.{guard}": section for guard, section in GUARDS[name].items() if guarded}
-    robot = LeggedRobot(load_station(f"{name}_walking", {**settings, **changes, **guards, "monitors": {}}))
+    robot = LeggedRobot(
+        load_station(f"{name}_walking", {**settings, **changes, **guards, "monitors": {}})
+    )
     robot.go(SPEED[name], duration=start + WATCHED)
     robot.cell.change(robot.cell.config.model_copy(update={"forces": {}}))
     return robot
@@ -64,20 +66,27 @@ def fallen(name: str, seed: int, settings: Mapping[str, Any]) -> LeggedRobot:
 def walks_on(name: str, seed: int) -> bool | None:
     """Return whether a walk goes on after its fall, by examples/loops/get_up.yaml; None if it did not fall."""
     changes, _, _ = drawn(name, seed)
-    result = simulate(load_station(f"{name}_walking", {**ON, **changes, "duration": LONG}), progress=False)
+    result = simulate(
+        load_station(f"{name}_walking", {**ON, **changes, "duration": LONG}), progress=False
+    )
     rises = np.flatnonzero(result["get_up.active"] > 0)
     if not len(rises):
         return None
     last = result.times > LONG - WATCHED
     ways = [np.ptp(result[f"base.{axis}"][last]) if last.any() else 0.0 for axis in "xy"]
     return (
-        result.ending == "completed" and rises[-1] < np.argmax(last) and math.hypot(*ways) > 0.5 * SPEED[name] * WATCHED
+        result.ending == "completed"
+        and rises[-1] < np.argmax(last)
+        and math.hypot(*ways) > 0.5 * SPEED[name] * WATCHED
     )
 
 
 def side(robot: LeggedRobot) -> str | None:
     """Return on what a robot lies; None if it did not fall."""
-    turned, facing = robot.base_pose.rotation().matrix(), math.radians(gaits_file(robot.model).facing_deg)
+    turned, facing = (
+        robot.base_pose.rotation().matrix(),
+        math.radians(gaits_file(robot.model).facing_deg),
+    )
     if turned[2, 2] > 0.5:
         return None
     return SIDES[int(turned[2, :2] @ [math.cos(facing), math.sin(facing)] > 0)]
@@ -97,7 +106,9 @@ def main(words: list[str]) -> None:
             print(f"{name} walks on after {sum(fell)} of {len(fell)} falls", flush=True)
         return
     names = [word for word in words if word in FELLS] or list(FELLS)
-    settings = {key: value for file in words if file not in FELLS for key, value in read_yaml(file).items()}
+    settings = {
+        key: value for file in words if file not in FELLS for key, value in read_yaml(file).items()
+    }
     print("robot | lies on its | gets up | at the first attempt | in [s]: median | longest")
     for name in names:
         found: dict[str, list[tuple[int, float]]] = {each: [] for each in SIDES}

@@ -27,12 +27,16 @@ def stepping_time(realization: str) -> float:
     source = add_reference(builder, ramp)
     signals = ServoSignals(source.position, plant.get_state_output_port(robot.instance))
     if realization == "implicit":
-        add_actuator_servos(builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6))
+        add_actuator_servos(
+            builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6)
+        )
     else:
         per_joint = realization == "per_joint"
         torque = add_servos(builder, signals, robot.gains, names=robot.axes, per_joint=per_joint)
         builder.Connect(torque, plant.get_actuation_input_port(robot.instance))
-    stops = add_joint_stops(builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping)
+    stops = add_joint_stops(
+        builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping
+    )
     if stops is not None:
         builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     simulator = Simulator(builder.Build())

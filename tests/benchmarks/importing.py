@@ -36,8 +36,17 @@ print(loaded - began, ended - loaded, peak / (1e6 if sys.platform == "darwin" el
 
 def imports() -> Table:
     """Seconds of a first import, of the same again from the cache, and the peak memory of the larger process."""
-    table = Table("robot", "first [s]", "from the cache [s]", "peak memory [MB]", title="importing a published URDF")
-    for title, write in ((f"{LINKS} links, a mesh each", hundred_links), ("IRB120, 14 STL files", published_irb120)):
+    table = Table(
+        "robot",
+        "first [s]",
+        "from the cache [s]",
+        "peak memory [MB]",
+        title="importing a published URDF",
+    )
+    for title, write in (
+        (f"{LINKS} links, a mesh each", hundred_links),
+        ("IRB120, 14 STL files", published_irb120),
+    ):
         figures = []
         with tempfile.TemporaryDirectory() as folder:
             file = write(Path(folder) / "ros")
@@ -58,7 +67,9 @@ def published_irb120(root: Path) -> Path:
         robot.remove(transmission)
     shown = {}
     for link in robot.iterfind("link"):
-        meshes = [(visual, mesh) for visual in link.iterfind("visual") for mesh in visual.iter("mesh")]
+        meshes = [
+            (visual, mesh) for visual in link.iterfind("visual") for mesh in visual.iter("mesh")
+        ]
         if not meshes or len(shown) == 7:
             continue
         for visual, _ in meshes[1:]:
@@ -67,7 +78,10 @@ def published_irb120(root: Path) -> Path:
             link.remove(collision)
         name, file = link.get("name", ""), ours / meshes[0][1].get("filename", "")
         shown[name] = file
-        for role, element in (("visual", meshes[0][0]), ("collision", ET.SubElement(link, "collision"))):
+        for role, element in (
+            ("visual", meshes[0][0]),
+            ("collision", ET.SubElement(link, "collision")),
+        ):
             trimesh.load(file, force="mesh").export(package / "meshes" / f"{name}_{role}.stl")
             _show(element, f"package://arm_support/meshes/{name}_{role}.stl")
     for part in ("visual", "collision"):
@@ -85,7 +99,10 @@ def hundred_links(root: Path) -> Path:
         link = ET.SubElement(robot, "link", name=f"link_{index}")
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "mass", value="1")
-        moments = {key: "0.01" if key in ("ixx", "iyy", "izz") else "0" for key in ("ixx", "ixy", "ixz", "iyy", "iyz")}
+        moments = {
+            key: "0.01" if key in ("ixx", "iyy", "izz") else "0"
+            for key in ("ixx", "ixy", "ixz", "iyy", "iyz")
+        }
         ET.SubElement(inertial, "inertia", moments | {"izz": "0.01"})
         ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05 + 0.0001 * index)
         ball.export(package / "meshes" / f"{index}.stl")

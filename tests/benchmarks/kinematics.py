@@ -28,26 +28,42 @@ TOLERANCE = 1e-6  # m; ours asks for 1e-5 rad besides, the toolbox adds both int
 def inverse_kinematics() -> Table:
     """Rates of the solvers: in batches, along a line from the last solution, and over random poses one by one."""
     chain = Chain.of_robot(load_robot("irb120"))
-    targets = chain.forward(np.random.default_rng(0).uniform(chain.lower, chain.upper, (BATCH, chain.size)))
+    targets = chain.forward(
+        np.random.default_rng(0).uniform(chain.lower, chain.upper, (BATCH, chain.size))
+    )
     line = np.repeat(chain.forward(HOME), POINTS, axis=0)
     line[:, :3, 3] += np.linspace([0.0, -0.2, 0.0], [0.05, 0.2, -0.1], POINTS)
     homes = np.tile(HOME, (BATCH, 1))
-    solvers = {name: make_solver(name, chain) for name in ("analytic", "numeric", "incremental", "constrained")}
+    solvers = {
+        name: make_solver(name, chain)
+        for name in ("analytic", "numeric", "incremental", "constrained")
+    }
     first = solvers["analytic"].solve(line[0], HOME).positions[0]
     jobs: dict[str, tuple[int, Callable[[], float]]] = {}
     for name in ("analytic", "numeric"):
         solver = solvers[name]
-        jobs[f"{name}: batch, each from home"] = BATCH, lambda s=solver: s.solve(targets, homes).reached.mean()
-    jobs["analytic: batch in order"] = BATCH, lambda s=solvers["analytic"]: s.solve(targets, HOME).reached.mean()
+        jobs[f"{name}: batch, each from home"] = (
+            BATCH,
+            lambda s=solver: s.solve(targets, homes).reached.mean(),
+        )
+    jobs["analytic: batch in order"] = (
+        BATCH,
+        lambda s=solvers["analytic"]: s.solve(targets, HOME).reached.mean(),
+    )
     for name, solver in solvers.items():
         jobs[f"{name}: along a line"] = POINTS, lambda s=solver: s.solve(line, first).reached.mean()
     jobs["scipy least_squares: along a line"] = POINTS, lambda: by_scipy(chain, line, first)
-    jobs["numeric: random, one by one"] = 500, lambda s=solvers["numeric"]: s.solve(targets[:500], HOME).reached.mean()
+    jobs["numeric: random, one by one"] = (
+        500,
+        lambda s=solvers["numeric"]: s.solve(targets[:500], HOME).reached.mean(),
+    )
     if importlib.util.find_spec("roboticstoolbox"):
         toolbox = toolbox_solver(chain)
         jobs["toolbox ik_LM: along a line"] = POINTS, lambda: toolbox(line, first)
         jobs["toolbox ik_LM: random, one by one"] = 500, lambda: toolbox(targets[:500], HOME)
-    table = Table("solver", "poses/s", "µs a pose", "reached", title="inverse kinematics of the irb120")
+    table = Table(
+        "solver", "poses/s", "µs a pose", "reached", title="inverse kinematics of the irb120"
+    )
     seconds: dict[str, list[float]] = {job: [] for job in jobs}
     reached = {}
     for _ in range(ROUNDS):

@@ -61,8 +61,13 @@ def together(task: str | Path, seconds: float) -> str:
 
 def drawn(name: str, folder: Path) -> Path:
     """Return a task whose stations are drawn."""
-    known, file = yaml.safe_load((models_root() / "tasks" / f"{name}.yaml").read_text()), folder / f"{name}.yaml"
-    file.write_text(yaml.safe_dump({**known, "random": {**DRAWN, **(OF_WALKERS if name == "walk" else {})}}))
+    known, file = (
+        yaml.safe_load((models_root() / "tasks" / f"{name}.yaml").read_text()),
+        folder / f"{name}.yaml",
+    )
+    file.write_text(
+        yaml.safe_dump({**known, "random": {**DRAWN, **(OF_WALKERS if name == "walk" else {})}})
+    )
     return file
 
 
@@ -83,7 +88,15 @@ def main(seconds: float = SECONDS) -> None:
         own, its = np.median(speeds, axis=0)
         ratio = np.median(speeds[:, 0] / speeds[:, 1])
         schemes = [getattr(one.config.solver, "scheme", one.config.solver.kind) for one in pair]
-        row = (name, schemes[0], f"{own:.0f}", schemes[1], f"{its:.0f}", f"{ratio:.1f}", together(name, seconds))
+        row = (
+            name,
+            schemes[0],
+            f"{own:.0f}",
+            schemes[1],
+            f"{its:.0f}",
+            f"{ratio:.1f}",
+            together(name, seconds),
+        )
         row = (*row, together(drawn(name, folder), seconds))
         print(f"| {' | '.join(row)} |", flush=True)
 

@@ -44,11 +44,19 @@ def shortest(arm: Arm, plan: Plan) -> float:
 def measured(cell: Workcell, queries: int) -> list[str]:
     """Return the medians of the parts of both S-curves' times that ways take, and the most of a limit that is taken."""
     (robot,), draw = cell.config.robots, np.random.default_rng(0)
-    arm, space, parts, most = cell.arm(robot), cell.free_space([robot]), list[tuple[float, float]](), 0.0
+    arm, space, parts, most = (
+        cell.arm(robot),
+        cell.free_space([robot]),
+        list[tuple[float, float]](),
+        0.0,
+    )
     for _ in range(queries):
         start, end = (free(space, {robot: arm.chain}, draw) for _ in range(2))
         begin_at(cell, start)
-        moves = [MoveFree(joints=tuple(end[robot]), profile=profile) for profile in ("time_optimal", "s_curve")]
+        moves = [
+            MoveFree(joints=tuple(end[robot]), profile=profile)
+            for profile in ("time_optimal", "s_curve")
+        ]
         quick, curve = (plan_together([move], [cell.planning(robot)])[0] for move in moves)
         parts.append((quick.duration / curve.duration, quick.duration / shortest(arm, curve)))
         most = max(most, share(arm, quick))

@@ -46,18 +46,27 @@ def beside_mujoco() -> Table:
         missing = Table(title=title)
         missing.add_row("mujoco is not installed; the extra dev brings it")
         return missing
-    from tests.benchmarks.mujoco_rollout import MujocoHumanoid, Settings, candidates  # only now: it imports mujoco
+    from tests.benchmarks.mujoco_rollout import (
+        MujocoHumanoid,
+        Settings,
+        candidates,
+    )  # only now: it imports mujoco
 
     humanoid = MujocoHumanoid(stepping_station())
     ours = run_station(stepping_station(CONVERGED))
     contacts = [humanoid.contact_like_drake(impedance) for impedance in (0.9, 0.5, 0.99)]
     theirs = humanoid.run(Settings(1e-5, contacts[0], 30.0, integrator="implicitfast"))
     tried = [(settings, humanoid.run(settings)) for settings in candidates(contacts)]
-    runs = {name: (ours, partial(run_station, stepping_station(overrides))) for name, overrides in OURS.items()}
+    runs = {
+        name: (ours, partial(run_station, stepping_station(overrides)))
+        for name, overrides in OURS.items()
+    }
     for settings, motion in _finalists(tried, theirs):
         repeats = max(1, round(TURN / motion.stepping))
         runs[f"MuJoCo {settings}"] = theirs, partial(humanoid.run, settings, repeats)
-    table = Table(*_HEADINGS, title=title, caption=_caption(ours, theirs, [motion for _, motion in tried]))
+    table = Table(
+        *_HEADINGS, title=title, caption=_caption(ours, theirs, [motion for _, motion in tried])
+    )
     motions = _timed({name: run for name, (_, run) in runs.items()})
     first = motions[next(iter(OURS))]
     for name, (converged, _) in runs.items():
@@ -68,12 +77,18 @@ def beside_mujoco() -> Table:
 _HEADINGS = ("settings", "× real time", "with signals", "ratio", "base, mm", "joints, rad")
 
 
-def _finalists(tried: list[tuple[Settings, Motion]], converged: Motion) -> list[tuple[Settings, Motion]]:
+def _finalists(
+    tried: list[tuple[Settings, Motion]], converged: Motion
+) -> list[tuple[Settings, Motion]]:
     """Return the fastest settings within the bounds, then the fastest such of every other integrator."""
-    within = sorted((pair for pair in tried if pair[1].within(converged)), key=lambda pair: pair[1].stepping)
+    within = sorted(
+        (pair for pair in tried if pair[1].within(converged)), key=lambda pair: pair[1].stepping
+    )
     first = {pair[0].integrator: pair for pair in reversed(within)}
     chosen = within[:FINALISTS]
-    return chosen + [pair for pair in first.values() if pair[0] not in [settings for settings, _ in chosen]]
+    return chosen + [
+        pair for pair in first.values() if pair[0] not in [settings for settings, _ in chosen]
+    ]
 
 
 def _timed(runs: dict[str, Callable[[], Motion]]) -> dict[str, list[Motion]]:
@@ -90,9 +105,12 @@ def _timed(runs: dict[str, Callable[[], Motion]]) -> dict[str, list[Motion]]:
 
 def _figures(motions: list[Motion], first: list[Motion], converged: Motion) -> list[str]:
     stepping, with_signals = (
-        SAMPLES[-1] / np.median([getattr(motion, part) for motion in motions]) for part in ("stepping", "with_signals")
+        SAMPLES[-1] / np.median([getattr(motion, part) for motion in motions])
+        for part in ("stepping", "with_signals")
     )
-    ratio = np.median([one.stepping / other.stepping for one, other in zip(first, motions, strict=True)])
+    ratio = np.median(
+        [one.stepping / other.stepping for one, other in zip(first, motions, strict=True)]
+    )
     base, joints = motions[-1].off(converged)
     far = "" if motions[-1].within(converged) else ", too far"
     signals = "" if stepping == with_signals else f"{with_signals:.1f}"

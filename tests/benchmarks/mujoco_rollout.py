@@ -81,7 +81,9 @@ class MujocoHumanoid:
         model = self._spec.compile()
         inverse_weight = model.body(self.robot.feet.links[0]).invweight0[0]
         timeconst = (self.robot.feet.stiffness * (1 - impedance) * inverse_weight) ** -0.5
-        return Contact(f"k of ours, d {impedance:g}", (float(timeconst), 1.0), (impedance, impedance))
+        return Contact(
+            f"k of ours, d {impedance:g}", (float(timeconst), 1.0), (impedance, impedance)
+        )
 
     def run(self, settings: Settings, repeats: int = 1) -> Motion:
         """Step the sequence; its time is that spent in MuJoCo's own loop, the median of ``repeats``."""
@@ -99,7 +101,9 @@ class MujocoHumanoid:
                 began = time.perf_counter()
                 loop.rollout(model, data, start[np.newaxis], controls, state=states)
                 seconds.append(time.perf_counter() - began)
-        return self._motion(model, np.vstack([start, states[0]]), settings.step, float(np.median(seconds)))
+        return self._motion(
+            model, np.vstack([start, states[0]]), settings.step, float(np.median(seconds))
+        )
 
     def _controls(self, step: float) -> Vector:
         """Return the references at the ends of the steps, where servos that are treated implicitly act."""
@@ -118,12 +122,22 @@ class MujocoHumanoid:
 
 def _apply(model: mujoco.MjModel, settings: Settings) -> None:
     option = model.opt
-    option.timestep, option.tolerance, option.impratio = settings.step, settings.tolerance, settings.friction_ratio
+    option.timestep, option.tolerance, option.impratio = (
+        settings.step,
+        settings.tolerance,
+        settings.friction_ratio,
+    )
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
     option.solver = getattr(mujoco.mjtSolver, f"mjSOL_{settings.solver.upper()}")
     option.cone = getattr(mujoco.mjtCone, f"mjCONE_{settings.cone.upper()}")
-    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # the same figures as dense, a fifth quicker here
-    off = mujoco.mjtDisableBit.mjDSBL_ISLAND, mujoco.mjtDisableBit.mjDSBL_SENSOR, mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    option.jacobian = (
+        mujoco.mjtJacobian.mjJAC_SPARSE
+    )  # the same figures as dense, a fifth quicker here
+    off = (
+        mujoco.mjtDisableBit.mjDSBL_ISLAND,
+        mujoco.mjtDisableBit.mjDSBL_SENSOR,
+        mujoco.mjtDisableBit.mjDSBL_AUTORESET,
+    )
     option.disableflags = sum(map(int, off))  # one robot is one island: a tenth quicker
     option.enableflags = settings.exact_diagonal * int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
     model.pair_solref[:], model.pair_solreffriction[:] = settings.contact.solref, 0.0
@@ -144,7 +158,11 @@ def candidates(ours: list[Contact]) -> list[Settings]:
             exact = replace(usual, exact_diagonal=True)
             tried += [usual, exact, replace(exact, tolerance=1e-4)]
         tried.append(replace(exact, friction_ratio=10.0, solver="CG"))
-        tried.append(replace(exact, friction_ratio=1.0, cone="pyramidal"))  # the guide wants no other ratio with it
-    for step, contact, integrator in product((5e-3, 2e-3, 1e-3, 1e-4), (DEFAULT, ours[0]), CONTINUOUS):
+        tried.append(
+            replace(exact, friction_ratio=1.0, cone="pyramidal")
+        )  # the guide wants no other ratio with it
+    for step, contact, integrator in product(
+        (5e-3, 2e-3, 1e-3, 1e-4), (DEFAULT, ours[0]), CONTINUOUS
+    ):
         tried.append(Settings(step, contact, 30.0, integrator=integrator))
     return [*tried, Settings(5e-5, ours[0], 30.0, integrator="implicitfast")]

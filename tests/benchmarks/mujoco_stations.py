@@ -27,12 +27,25 @@ BATCH, ROUNDS = 8, 5
 
 def stations_in_mujoco() -> Table:
     """Return roll-outs a second of both engines, or a table that says that MuJoCo is missing."""
-    table = Table("motion", "Drake, 1/s", "MuJoCo, 1/s", "ratio", "eight on two threads", "apart", title="roll-outs")
+    table = Table(
+        "motion",
+        "Drake, 1/s",
+        "MuJoCo, 1/s",
+        "ratio",
+        "eight on two threads",
+        "apart",
+        title="roll-outs",
+    )
     if importlib.util.find_spec("mujoco") is None:
         table.add_row("mujoco is not installed; the extra mujoco brings it")
         return table
     _add(table, "irb120_dynamic, 3 s", load_station("irb120_dynamic"), None)
-    _add(table, "humanoid_dynamic stands, 3 s", load_station("humanoid_dynamic", {"duration": 3.0}), None)
+    _add(
+        table,
+        "humanoid_dynamic stands, 3 s",
+        load_station("humanoid_dynamic", {"duration": 3.0}),
+        None,
+    )
     for station in WALKERS:
         walk = LeggedRobot(station).walk(4)
         config = walk.config.model_copy(update={"duration": walk.stop_time})
@@ -56,7 +69,12 @@ def _add(table: Table, told: str, config: StationConfig, reference: object) -> N
     place = "base" if one.plant.robots["robot"].floats else "tcp"
     apart = np.abs(one.pose(place)[:common, :3] - other.pose(place)[:common, :3]).max()
     ratio, batch = (np.median(seconds["drake"] / seconds[name]) for name in ("mujoco", "batch"))
-    figures = f"{rates['drake']:.2f}", f"{rates['mujoco']:.2f}", f"{ratio:.1f} ×", f"{BATCH * batch:.1f} ×"
+    figures = (
+        f"{rates['drake']:.2f}",
+        f"{rates['mujoco']:.2f}",
+        f"{ratio:.1f} ×",
+        f"{BATCH * batch:.1f} ×",
+    )
     table.add_row(told, *figures, f"{place} {1e3 * apart:.1f} mm")
 
 

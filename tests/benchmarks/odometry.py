@@ -40,12 +40,16 @@ def sensors(motion: JointMotion) -> dict[str, dict[str, Any]]:
     """Return good sensors and worn ones of several seeds, and two estimates on each: without forces and with them."""
     assert motion.model.feet is not None
     feet = {link: f"at_{link}" for link in motion.model.feet.kind(motion.feet).links}
-    found: dict[str, dict[str, Any]] = {name: {"kind": "force", "body": link} for link, name in feet.items()}
+    found: dict[str, dict[str, Any]] = {
+        name: {"kind": "force", "body": link} for link, name in feet.items()
+    }
     found["true"] = {"kind": "frame", "frame": motion.model.root}
     for name, kinds in {"good": GOOD, **{f"worn_{seed}": WORN for seed in range(SEEDS)}}.items():
         seed = int(name.rpartition("_")[2]) if name != "good" else 0
         reads = {kind: f"{name}_{kind}" for kind in kinds}
-        found |= {reads[kind]: {"kind": kind, "seed": seed, **errors} for kind, errors in kinds.items()}
+        found |= {
+            reads[kind]: {"kind": kind, "seed": seed, **errors} for kind, errors in kinds.items()
+        }
         found[name] = {"kind": "leg_odometry", "reads": reads}
         found[f"{name}_forces"] = {"kind": "leg_odometry", "reads": {**reads, **feet}}
     return found
@@ -66,7 +70,11 @@ def errors(result: Mapping[str, Vector], name: str, late: int) -> list[float]:
     def rms(off: Vector) -> float:
         return float(1e3 * np.sqrt((off**2).sum(axis=1).mean()))
 
-    place, speed, told = columns("base."), columns("frame.true.v"), columns(f"base_velocity.{name}.v")
+    place, speed, told = (
+        columns("base."),
+        columns("frame.true.v"),
+        columns(f"base_velocity.{name}.v"),
+    )
     off = columns(f"base_pose.{name}.") - place
     way = np.linalg.norm(np.diff(place[:: RATE // 2, :2], axis=0), axis=1).sum()
     drift = 100 * np.linalg.norm(off[-1, :2]) / way
@@ -85,9 +93,14 @@ def main(names: list[str]) -> None:
         motion = plan()
         own = {f"sensors.{sensor}": section for sensor, section in sensors(motion).items()}
         result = simulate(
-            motion.station({**own, "sample_rate": RATE}, name=station), reference=motion.trajectory(), progress=False
+            motion.station({**own, "sample_rate": RATE}, name=station),
+            reference=motion.trajectory(),
+            progress=False,
         )
-        print(name, f"{result.times[-1]:.0f} s, {result['base.x'][-1]:.2f} {result['base.y'][-1]:.2f} m")
+        print(
+            name,
+            f"{result.times[-1]:.0f} s, {result['base.x'][-1]:.2f} {result['base.y'][-1]:.2f} m",
+        )
         for forces in ("", "_forces"):
             good = errors(result, f"good{forces}", 1)
             worn = np.array([errors(result, f"worn_{seed}{forces}", 3) for seed in range(SEEDS)])

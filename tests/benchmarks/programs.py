@@ -20,7 +20,9 @@ def planning() -> Table:
     arm = Arm("irb120_workcell", tool="pencil")
     arm.move_j([0.05, 0.05, 0.02, *DOWN], wobj="inclined_table")
     goal, plan = [0.25, 0.2, 0.05], arm.plan
-    table = Table("a line of 200 points", "wall [ms]", "processor [ms]", title="planning, checks included")
+    table = Table(
+        "a line of 200 points", "wall [ms]", "processor [ms]", title="planning, checks included"
+    )
     for solver, check in (
         ("analytic", "limits"),
         ("numeric", "limits"),
@@ -38,14 +40,22 @@ def planning() -> Table:
 
 def attaching() -> Table:
     """To take a piece: the change itself, and until the first step of the next run, against the same run without."""
-    table = Table("station", "attach, wall [ms]", "processor [ms]", "a run of one step [ms]", title="attach, dynamic")
+    table = Table(
+        "station",
+        "attach, wall [ms]",
+        "processor [ms]",
+        "a run of one step [ms]",
+        title="attach, dynamic",
+    )
     weight = {"model": "half_die", "parent": "world", "pose": [0.3, 0.0, 0.2, 0, 0, 0], "mass": 1.0}
     for name in ("irb120_dynamic", "irb120_workcell"):
         arm = Arm(load_station(name, {"mode": "dynamic", "pieces.weight": weight}))
         arm.wait(0.01)
         parents = iter(["robot", "world"] * (ROUNDS + 1))
         wall, processor = _times(
-            lambda arm=arm, parents=parents: arm.cell.attach("weight", next(parents), pose=[0.0] * 6)
+            lambda arm=arm, parents=parents: arm.cell.attach(
+                "weight", next(parents), pose=[0.0] * 6
+            )
         )
         step, _ = _times(lambda arm=arm: arm.wait(1e-3))
         table.add_row(name, f"{wall:.1f}", f"{processor:.1f}", f"{step:.1f}")

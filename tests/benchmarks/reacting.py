@@ -29,7 +29,12 @@ SPEEDS = {"zjudancer": 0.25, "roid1": 0.2, "humanoid": 0.15, "yobotics": 0.5}  #
 LONG = {"zjudancer": 600, "roid1": 600, "humanoid": 600, "yobotics": 300}  # s
 FACING = {"zjudancer": 90, "roid1": 0, "humanoid": -90, "yobotics": 0}
 EIGHT = {"zjudancer": 0.15, "roid1": 0.1, "yobotics": 0.25}  # m/s
-LOADS = {"zjudancer": 0.7, "roid1": 0.2, "humanoid": 0.3, "yobotics": 1.4}  # kg on the trunk, 0.15 of its mass
+LOADS = {
+    "zjudancer": 0.7,
+    "roid1": 0.2,
+    "humanoid": 0.3,
+    "yobotics": 1.4,
+}  # kg on the trunk, 0.15 of its mass
 FELLS = {"zjudancer": 50.0, "roid1": 22.0}  # N, for 0.1 s: surely
 HARD, MILD = (1.0, 1.5), (0.3, 0.45)  # times that; mild pushes are mostly withstood
 COMMANDS, GAIT, PATH = "controllers.walk.commands", "controllers.walk.gait", "controllers.walk.path"
@@ -47,7 +52,12 @@ def tasks(robot: str) -> dict[str, dict[str, Any]]:
     """Return what is tried, as settings of a station, by name."""
     speed, facing = SPEEDS[robot], FACING[robot]
     slow = {COMMANDS: ahead(0.6 * speed), "duration": 20}
-    burden = {"model": "parcel", "mass": LOADS[robot], "parent": ONLY_ROBOT, "frame": load_robot(robot).root}
+    burden = {
+        "model": "parcel",
+        "mass": LOADS[robot],
+        "parent": ONLY_ROBOT,
+        "frame": load_robot(robot).root,
+    }
     found = {
         "long": {COMMANDS: ahead(speed), "duration": LONG[robot], "floor.size": 400},
         "blind": {COMMANDS: ahead(speed), GAIT: {"feedback": None}, "duration": 20},
@@ -57,19 +67,32 @@ def tasks(robot: str) -> dict[str, dict[str, Any]]:
         "up": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing},
         "down": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing + 180},
         "across": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing + 90},
-        "steps": {**slow, "floor.terrain": STEPS, "floor.size": 20, "contact": {"model": "hydroelastic_with_fallback"}},
+        "steps": {
+            **slow,
+            "floor.terrain": STEPS,
+            "floor.size": 20,
+            "contact": {"model": "hydroelastic_with_fallback"},
+        },
     }
     if robot in EIGHT:
         way = eight(robot)
         length = path.Path(way.corners, way.rounding).length
-        found["eight"] = {COMMANDS: [], PATH: way.model_dump(), "duration": float(np.ceil(length / way.speed + 6.0))}
+        found["eight"] = {
+            COMMANDS: [],
+            PATH: way.model_dump(),
+            "duration": float(np.ceil(length / way.speed + 6.0)),
+        }
     return found
 
 
 def eight(robot: str, long: float = 2.0) -> path.Waypoints:
     """Return the way round an eight that begins at its crossing, half as wide as it is long [m]."""
     angles = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
-    turned = np.exp(1j * np.deg2rad(FACING[robot] - 90)) * long * (0.25 * np.sin(2.0 * angles) + 0.5j * np.sin(angles))
+    turned = (
+        np.exp(1j * np.deg2rad(FACING[robot] - 90))
+        * long
+        * (0.25 * np.sin(2.0 * angles) + 0.5j * np.sin(angles))
+    )
     points = np.column_stack([turned.real, turned.imag]).tolist()
     return path.Waypoints.model_validate({"points": points, "laps": 1, "speed": EIGHT[robot]})
 
@@ -92,7 +115,11 @@ class Walked:
         """Look at a run that took some time of a processor [s]."""
         robot, name = task.robot, task.name
         told, settings = locomotion(result), tasks(robot)[name]
-        yaw, place, duration = np.rad2deg(told.yaw), result.pose("base")[::20, :2] @ [1, 1j], settings["duration"]
+        yaw, place, duration = (
+            np.rad2deg(told.yaw),
+            result.pose("base")[::20, :2] @ [1, 1j],
+            settings["duration"],
+        )
         way = float(np.abs(np.diff(place[::5])).sum())
         words = ["as thought" if task.seed is None else f"draw {task.seed}", result.message]
         words += [f"{told.ahead:.2f} m ahead", f"{told.drift:.2f} m aside", f"way {way:.1f} m"]
@@ -100,7 +127,10 @@ class Walked:
             fits = abs(yaw - TURNED[0]) <= TURNED[1]
         elif name == "eight":
             curve = curve_of(eight(robot))
-            whole = way > FARTHEST * np.abs(np.diff(curve)).sum() and abs(place[-1] - curve[-1]) < BESIDE
+            whole = (
+                way > FARTHEST * np.abs(np.diff(curve)).sum()
+                and abs(place[-1] - curve[-1]) < BESIDE
+            )
             off = float(np.abs(place[:, np.newaxis] - curve).min(axis=1).max())
             words.append(f"{off:.3f} m beside the path")
             fits = whole and off <= BESIDE
@@ -130,7 +160,9 @@ class Task:
 
     def walked(self) -> Walked:
         """Walk."""
-        config = load_station(f"{self.robot}_walking", settings := {**tasks(self.robot)[self.name], **self.changes})
+        config = load_station(
+            f"{self.robot}_walking", settings := {**tasks(self.robot)[self.name], **self.changes}
+        )
         if self.seed is not None:
             config = load_station(f"{self.robot}_walking", {**settings, **drawn(config, self.seed)})
         began = process_time()
@@ -147,7 +179,11 @@ class Task:
         start = 3.0 + draw.uniform(0.0, 0.6)
         settings = {
             **{f"controllers.{name}": guard for name, guard in guards.items()},
-            "forces.push": {"kind": "push", "start": start, "force": [size * np.cos(turn), size * np.sin(turn), 0.0]},
+            "forces.push": {
+                "kind": "push",
+                "start": start,
+                "force": [size * np.cos(turn), size * np.sin(turn), 0.0],
+            },
             "sensors.head": {"kind": "distance", "body": load_robot(self.robot).tools["head"]},
             "monitors": {},
             "duration": start + 3.0,
@@ -160,7 +196,11 @@ class Task:
 
     def alarmed(self) -> bool | None:
         """Return whether a guard acts after a push that is withstood without it; None after one that is not."""
-        return None if self.fallen().fell else replace(self, name=f"{self.name}, with guards").fallen().acts
+        return (
+            None
+            if self.fallen().fell
+            else replace(self, name=f"{self.name}, with guards").fallen().acts
+        )
 
 
 def died(task: Task) -> Any:
@@ -177,15 +217,21 @@ def falls(pool: Processes, robot: str, seeds: int, changes: Mapping[str, Any]) -
         asked = [Task(robot, label, seed, changes) for seed in range(seeds)]
         fell = [each for each in pool.outcomes(Task.fallen, asked, died) if each.fell]
         touches = sum(each.blow is not None for each in fell)
-        print(robot, label, f"{len(fell)} of {seeds} fall, the head touches in {touches}", flush=True)
+        print(
+            robot, label, f"{len(fell)} of {seeds} fall, the head touches in {touches}", flush=True
+        )
     mild = [Task(robot, "mildly", seed, changes) for seed in range(seeds)]
     acts = [act for act in pool.outcomes(Task.alarmed, mild, died) if act is not None]
-    print(robot, f"guards act after {sum(acts)} of {len(acts)} pushes that are withstood", flush=True)
+    print(
+        robot, f"guards act after {sum(acts)} of {len(acts)} pushes that are withstood", flush=True
+    )
 
 
 def walks(pool: Processes, robot: str, name: str, seeds: int, changes: Mapping[str, Any]) -> None:
     """Print how a robot walks, and how many of its draws hold."""
-    asked = [Task(robot, name, seed, changes) for seed in range(seeds)] or [Task(robot, name, None, changes)]
+    asked = [Task(robot, name, seed, changes) for seed in range(seeds)] or [
+        Task(robot, name, None, changes)
+    ]
     holds = 0
     for told in pool.outcomes(Task.walked, asked, died):
         print(robot, name, told.figures + ("" if told.holds else " | fails"), flush=True)

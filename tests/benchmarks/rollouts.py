@@ -80,7 +80,9 @@ def rates(count: int) -> Table:
         for _ in range(ROUNDS):
             for name, work in ways.items():
                 found[name].append(timed(work))
-    table = Table("runs of 0.5 s of the humanoid", "a second", "a second of a processor", title="roll-outs")
+    table = Table(
+        "runs of 0.5 s of the humanoid", "a second", "a second of a processor", title="roll-outs"
+    )
     for name, times in found.items():
         clock, used = (min(column) for column in zip(*times, strict=True))
         table.add_row(name, f"{counts[name] / clock:.1f}", f"{counts[name] / used:.1f}")
@@ -91,7 +93,9 @@ def memory() -> Table:
     """Return what a process holds after many runs: with one station, and with another one each time."""
     table = Table(f"memory of a process after {MANY} roll-outs", "MB at first", "MB then")
     me = psutil.Process()
-    gains = [Case(n, "irb120_dynamic", {"duration": 0.05, "servo.kp": 500.0 + n}) for n in range(MANY)]
+    gains = [
+        Case(n, "irb120_dynamic", {"duration": 0.05, "servo.kp": 500.0 + n}) for n in range(MANY)
+    ]
     for name, all_of_them in {"other pushes": cases(MANY), "other gains": gains}.items():
         for case in all_of_them[:50]:
             made(case)

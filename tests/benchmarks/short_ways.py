@@ -51,7 +51,13 @@ def measured(cell: Workcell, queries: int, seed: int) -> list[str]:
 
 def short_ways(queries: int = QUERIES, seed: int = 0) -> Table:
     """Parts of the time of rounded ways that optimised ones take."""
-    table = Table("cell", "with corners", "optimised", *PROFILES, title=f"part of the time, of {queries} queries")
+    table = Table(
+        "cell",
+        "with corners",
+        "optimised",
+        *PROFILES,
+        title=f"part of the time, of {queries} queries",
+    )
     with tempfile.TemporaryDirectory() as folder:
         for name, cell in cells(Path(folder)).items():
             table.add_row(name, *measured(cell, queries, seed))

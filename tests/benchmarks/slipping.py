@@ -23,7 +23,9 @@ def tenths(slide: Slide, rate: float) -> tuple[int, Vector]:
     """Return how many stances a foot had, and the mean of how far it slipped in each tenth of them, shape (10,) [m]."""
     edges = np.flatnonzero(np.diff(np.pad(slide.in_contact.astype(int), 1)))
     stances = [
-        (first, last) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= SHORTEST * rate
+        (first, last)
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+        if last - first >= SHORTEST * rate
     ]
     found = np.zeros(10)
     for first, last in stances:
@@ -40,14 +42,19 @@ def main(robots: list[str]) -> None:
         ways = []
         for draw in range(1 + int(draws or 0)):
             changed = drawn(station, 300 + draw) if draw else {}
-            result = simulate(load_station(f"{robot}_walking", {**changed, "duration": 10}), progress=False)
+            result = simulate(
+                load_station(f"{robot}_walking", {**changed, "duration": 10}), progress=False
+            )
             ahead, slides = locomotion(result).ahead, result.touch.slides.items()
             ways.append([1e3 * slide.total / ahead for _, slide in slides])
             if not draw:
                 for ((_, link), slide), way in zip(slides, ways[0], strict=True):
                     count, found = tenths(slide, result.touch.rate)
                     parts = " ".join(f"{1e3 * each:.2f}" for each in found)
-                    print(f"{robot} {link}: {way:.0f} mm a metre, {count} stances, mm by tenth: {parts}", flush=True)
+                    print(
+                        f"{robot} {link}: {way:.0f} mm a metre, {count} stances, mm by tenth: {parts}",
+                        flush=True,
+                    )
         if draws:
             means = np.mean(ways[1:], axis=1)
             error = means.std(ddof=1) / np.sqrt(len(means))

@@ -69,7 +69,14 @@ def main(names: list[str]) -> None:
                 runner = Runner(load_station(station.format(robot), {**changed, **place}))
                 turns = [math.radians(FACING[robot] + angle) for angle in SIDES.values()]
                 found = [f"{largest(runner, turn, 10.0):.1f} N" for turn in turns]
-                print(robot, case, f"{1e3 * step:g} ms" if step else "own steps", *found, sep=" | ", flush=True)
+                print(
+                    robot,
+                    case,
+                    f"{1e3 * step:g} ms" if step else "own steps",
+                    *found,
+                    sep=" | ",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -52,5 +52,8 @@ def run_station(config: StationConfig) -> Motion:
     result = simulate(config, progress=False)
     assert np.array_equal(result.times, SAMPLES)
     return Motion(
-        result.pose("base"), result.axes("q"), result.stepping_time, result.stepping_time + result.signal_time
+        result.pose("base"),
+        result.axes("q"),
+        result.stepping_time,
+        result.stepping_time + result.signal_time,
     )

@@ -54,11 +54,19 @@ _ANSWER = """(button) => new Promise((resolve) => {
 
 def pendant(runs: int = RUNS) -> Table:
     """Measure the pendant with the humanoid."""
-    table = Table("the teach pendant", "median", "95 % keep", "worst", title="humanoid_dynamic in a browser")
-    with tempfile.TemporaryDirectory() as folder, running("humanoid", Path(folder)) as server, browser() as chromium:
+    table = Table(
+        "the teach pendant", "median", "95 % keep", "worst", title="humanoid_dynamic in a browser"
+    )
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running("humanoid", Path(folder)) as server,
+        browser() as chromium,
+    ):
         page = chromium.new_page(viewport={"width": 1400, "height": 1000})
         page.goto(server.url)
-        page.get_by_role("button", name="Play", exact=True).and_(page.locator(":enabled")).wait_for(timeout=60_000)
+        page.get_by_role("button", name="Play", exact=True).and_(page.locator(":enabled")).wait_for(
+            timeout=60_000
+        )
         view = page.locator("iframe").element_handle().content_frame()
         view.wait_for_function("typeof viewer !== 'undefined' && viewer.renderer")
         time.sleep(2)  # until the robot is drawn
@@ -67,7 +75,9 @@ def pendant(runs: int = RUNS) -> Table:
         _row(table, "from Test to the first moving frame [ms]", first)
         _row(table, "frames a second in the view", rates, high_is_good=True)
         _row(table, "a click answered while a run goes on [ms]", _clicks(page))
-        table.add_row(f"left in memory by {runs} runs [MB]", f"{_memory(page, server, runs):.0f}", "", "")
+        table.add_row(
+            f"left in memory by {runs} runs [MB]", f"{_memory(page, server, runs):.0f}", "", ""
+        )
     return table
 
 

@@ -44,7 +44,9 @@ def crossed(seed: int, changes: Mapping[str, Any], seconds: float = SECONDS) -> 
     """Return how the robot went over the field of a seed."""
     motion = trot("yobotics", 60, step_length=0.08)  # 20 s
     overrides = {"floor.terrain.seed": seed, "duration": seconds, "sample_rate": 50, **changes}
-    result = simulate(motion.station(overrides, name=STATION), reference=motion.trajectory(), progress=False)
+    result = simulate(
+        motion.station(overrides, name=STATION), reference=motion.trajectory(), progress=False
+    )
     return locomotion(result)
 
 
@@ -53,10 +55,14 @@ def main(fields: int, names: list[str]) -> None:
     for name in names or SETTINGS:
         found = [crossed(seed, SETTINGS[name]) for seed in range(fields)]
         good = sum(each.upright and each.ahead >= FAR for each in found)
-        ahead, sideways = (np.array([getattr(each, key) for each in found]) for key in ("ahead", "drift"))
+        ahead, sideways = (
+            np.array([getattr(each, key) for each in found]) for key in ("ahead", "drift")
+        )
         yaw, tilt = (np.rad2deg([getattr(each, key) for each in found]) for key in ("yaw", "tilt"))
         upright = sum(each.upright for each in found)
-        straight = sum(each.upright and each.ahead >= FAR and abs(each.drift) <= ASIDE for each in found)
+        straight = sum(
+            each.upright and each.ahead >= FAR and abs(each.drift) <= ASIDE for each in found
+        )
         print(
             f"{name} | {straight} of {fields}, {good} far, {upright} upright | "
             f"{ahead.mean():.2f} m ({ahead.min():.2f}) | {abs(sideways).mean():.2f} m ({abs(sideways).max():.2f}) | "

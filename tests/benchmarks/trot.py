@@ -26,7 +26,12 @@ from simrob_drake.stations.resolve import resolve
 
 STATION = "yobotics_walking"
 SIDES = {"forward": 0.0, "left": 90.0, "backward": 180.0, "right": 270.0}
-LINKS = {"front_right": "FR_foot", "rear_left": "RL_foot", "front_left": "FL_foot", "rear_right": "RR_foot"}
+LINKS = {
+    "front_right": "FR_foot",
+    "rear_left": "RL_foot",
+    "front_left": "FL_foot",
+    "rear_right": "RR_foot",
+}
 UNEVEN = {
     **{f"sensors.{place}": {"kind": "force", "body": link} for place, link in LINKS.items()},
     "controllers.walk.reads": {f"{place}_foot": f"force.{place}" for place in LINKS},
@@ -80,12 +85,24 @@ def _weighed(folder: Path, copy: Path, draw: np.random.Generator) -> Path:
     return copy / "robot.yaml"
 
 
-def pushed(seed: int, force: float, side: float, changes: Mapping[str, Any], folder: Path) -> SimulationResult:
+def pushed(
+    seed: int, force: float, side: float, changes: Mapping[str, Any], folder: Path
+) -> SimulationResult:
     """Return the run of a seed with a push."""
     when = PUSHED + STEP * np.random.default_rng([seed, int(side)]).uniform()
     turn = math.radians(side)
-    push = {"kind": "push", "start": when, "force": [force * math.cos(turn), force * math.sin(turn), 0.0]}
-    told = {**doubtful(seed, folder), "forces.push": push, "duration": when + AFTER, "sample_rate": 50, **changes}
+    push = {
+        "kind": "push",
+        "start": when,
+        "force": [force * math.cos(turn), force * math.sin(turn), 0.0],
+    }
+    told = {
+        **doubtful(seed, folder),
+        "forces.push": push,
+        "duration": when + AFTER,
+        "sample_rate": 50,
+        **changes,
+    }
     return simulate(load_station(STATION, told), progress=False)
 
 
@@ -104,7 +121,12 @@ def uneven(kind: str, seeds: int, changes: Mapping[str, Any]) -> None:
     ground, crossed = {"kind": kind, **GROUNDS[kind]}, 0
     with TemporaryDirectory() as folder:
         for seed in range(seeds):
-            told = {**doubtful(seed, Path(folder)), "floor.terrain": {**ground, "seed": seed}, **UNEVEN, **changes}
+            told = {
+                **doubtful(seed, Path(folder)),
+                "floor.terrain": {**ground, "seed": seed},
+                **UNEVEN,
+                **changes,
+            }
             run = simulate(load_station(STATION, told), progress=False)
             walk, upright = locomotion(run), run.stopped_by is None
             crossed += upright and walk.ahead > CROSSED
@@ -119,7 +141,10 @@ def uneven(kind: str, seeds: int, changes: Mapping[str, Any]) -> None:
 if __name__ == "__main__":
     first, *rest = sys.argv[1:] or ["110"]
     pairs = [each.split("=", 1) for each in rest[1:]]
-    told, count = {key: parse_yaml(value, key) for key, value in pairs}, int(rest[0]) if rest else 20
+    told, count = (
+        {key: parse_yaml(value, key) for key, value in pairs},
+        int(rest[0]) if rest else 20,
+    )
     if first in GROUNDS:
         uneven(first, count, told)
     else:

@@ -9,7 +9,9 @@ import numpy as np
 ROUNDS = 15
 
 
-def in_turn(candidates: dict[str, Callable[[], float]], rounds: int = ROUNDS) -> dict[str, np.ndarray]:
+def in_turn(
+    candidates: dict[str, Callable[[], float]], rounds: int = ROUNDS
+) -> dict[str, np.ndarray]:
     """Call the candidates in turn and return what each gave, after one round that does not count."""
     figures = {name: [] for name in candidates}
     for counted in [False] + [True] * rounds:

@@ -32,7 +32,10 @@ def main(robots: list[str]) -> None:
     for asked in robots or list(FORCES):
         robot, _, count = asked.partition(":")
         draws = int(count or DRAWS)
-        print(f"{robot}: {sum(withstands(robot, seed) for seed in range(draws))} of {draws}", flush=True)
+        print(
+            f"{robot}: {sum(withstands(robot, seed) for seed in range(draws))} of {draws}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -48,7 +48,9 @@ def verdicts() -> Table:
         part(runner)  # builds
         cost = np.median([part(runner) for _ in range(rounds)])
         contact = runner.config.contact is not None
-        table.add_row(name, "yes" if contact else "no", f"{100 * cost:.1f} %", "15 %" if contact else "3 %")
+        table.add_row(
+            name, "yes" if contact else "no", f"{100 * cost:.1f} %", "15 %" if contact else "3 %"
+        )
     return table
 
 

@@ -20,7 +20,11 @@ from simrob_drake.results.record.walks import locomotion
 def steps_within(seconds: float, robot: str, name: str) -> int:
     """Return how many steps of a walk end, with standing still, within a time [s]."""
     figures = load_gaits(robot).walks[name]
-    return int((seconds - 2 * figures.settle - figures.rest) / figures.step_time) - figures.ramp_steps - 1
+    return (
+        int((seconds - 2 * figures.settle - figures.rest) / figures.step_time)
+        - figures.ramp_steps
+        - 1
+    )
 
 
 def biped(robot: str, name: str) -> Callable[[], JointMotion]:
@@ -36,9 +40,15 @@ WALKS: dict[str, Callable[[], JointMotion]] = {
     "yobotics trot": lambda: trot("yobotics", 106),
     "yobotics fast": lambda: trot("yobotics", 106, "fast"),
     "yobotics crawl": lambda: crawl("yobotics", 54),
-    **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot=foot)) for foot in CRAWL_ORDER},
+    **{
+        f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot=foot))
+        for foot in CRAWL_ORDER
+    },
 }
-STEPS: dict[str, dict[str, object]] = {"its own steps of 5 ms": {}, "steps of 2.5 ms": {"solver.max_step": 0.0025}}
+STEPS: dict[str, dict[str, object]] = {
+    "its own steps of 5 ms": {},
+    "steps of 2.5 ms": {"solver.max_step": 0.0025},
+}
 SAP = {"solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}, "duration": 12.0}
 """For torques: it sees a moving reference at every millisecond."""
 
@@ -58,7 +68,9 @@ def main(names: list[str]) -> None:
     for name in names or WALKS:
         motion = WALKS[name]()
         for setting, overrides in {**STEPS, "SAP 1 ms": SAP}.items():
-            result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
+            result = simulate(
+                motion.station(overrides), reference=motion.trajectory(), progress=False
+            )
             print(f"{name} | {setting} | {line(result)}", flush=True)
 
 

@@ -62,7 +62,9 @@ class Walk:
         angle = draw.uniform(-math.pi, math.pi)  # from ahead to the left
         ahead, back, left, right = self.withstands
         along, across = math.cos(angle), math.sin(angle)
-        most = 1 / math.hypot(along / (ahead if along > 0 else back), across / (left if across > 0 else right))
+        most = 1 / math.hypot(
+            along / (ahead if along > 0 else back), across / (left if across > 0 else right)
+        )
         size, start = most * draw.uniform(*times), EARLIEST + 2 * self.step_time * draw.uniform()
         turn = math.radians(load_gaits(self.motion.model).facing_deg) + angle
         force = [size * math.cos(turn), size * math.sin(turn), 0.0]
@@ -76,11 +78,17 @@ def walk_of(name: str) -> Walk:
     return Walk(walk(robot, round(LONGEST / step_time), gait), step_time, WITHSTANDS[name])
 
 
-def pushed(walking: Walk, seed: int, controllers: Mapping[str, Any], times: tuple[float, float] = FELLS) -> Outcome:
+def pushed(
+    walking: Walk, seed: int, controllers: Mapping[str, Any], times: tuple[float, float] = FELLS
+) -> Outcome:
     """Simulate what a seed draws."""
     motion, draw = walking.motion, np.random.default_rng(seed)
     push, friction = walking.push(draw, times), draw.uniform(*FRICTION)
-    off = replace(motion, positions=motion.positions + draw.normal(0, NOISE, len(motion.model.axes)), falls=True)
+    off = replace(
+        motion,
+        positions=motion.positions + draw.normal(0, NOISE, len(motion.model.axes)),
+        falls=True,
+    )
     with tempfile.TemporaryDirectory() as folder:
         changed = {
             "robot.model": str(_reweighed(walking.robot, draw, Path(folder))),
@@ -90,7 +98,9 @@ def pushed(walking: Walk, seed: int, controllers: Mapping[str, Any], times: tupl
             "controllers": controllers,
             "duration": push["start"] + WATCHED,
         }
-        result = simulate(off.station({**changed, **STEPS}), reference=off.trajectory(), progress=False)
+        result = simulate(
+            off.station({**changed, **STEPS}), reference=off.trajectory(), progress=False
+        )
     return Outcome.of(result, controllers)
 
 
@@ -127,7 +137,10 @@ class Outcome:
         acts, blow = any(result[f"{guard}.active"].any() for guard in guards), None
         if head.min() < 0:
             touch = int(np.argmax(head < 0))
-            blow = float((head[touch - 2] - head[touch - 1]) / (result.times[touch - 1] - result.times[touch - 2]))
+            blow = float(
+                (head[touch - 2] - head[touch - 1])
+                / (result.times[touch - 1] - result.times[touch - 2])
+            )
         return cls(fell, acts, blow)
 
 
@@ -139,12 +152,17 @@ def false_alarm(walking: Walk, seed: int) -> bool:
 
 def main(names: list[str]) -> None:
     """Let them fall, and print."""
-    print("walk | falls | head meets the floor: without | with | at [m/s]: without | with | false alarms")
+    print(
+        "walk | falls | head meets the floor: without | with | at [m/s]: without | with | false alarms"
+    )
     for name in names or WITHSTANDS:
         walking = walk_of(name)
         without = {seed: outcome for seed in SEEDS if (outcome := pushed(walking, seed, {})).fell}
         guarded = [pushed(walking, seed, GUARDS[walking.robot]) for seed in without]
-        blows = [[each.blow for each in runs if each.blow is not None] for runs in (without.values(), guarded)]
+        blows = [
+            [each.blow for each in runs if each.blow is not None]
+            for runs in (without.values(), guarded)
+        ]
         speeds = [f"{np.median(each):.1f}" if each else "-" for each in blows]
         false = sum(false_alarm(walking, seed) for seed in SMALLER)
         told = [len(without), *map(len, blows), *speeds, f"{false} of {len(SMALLER)}"]

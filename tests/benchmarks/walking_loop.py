@@ -50,5 +50,6 @@ if __name__ == "__main__":
     for name in sys.argv[1:] or ROBOTS:
         sample, alone, count = costs(name)
         print(
-            f"{name}: {sample:.3f} ms a sample, of which the loop itself {alone:.3f} ms ({count} samples)", flush=True
+            f"{name}: {sample:.3f} ms a sample, of which the loop itself {alone:.3f} ms ({count} samples)",
+            flush=True,
         )

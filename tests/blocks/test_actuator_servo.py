@@ -9,7 +9,13 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_actuator_servos, add_servos, set_actuators
+from simrob_drake.blocks.servo import (
+    ServoGains,
+    ServoSignals,
+    add_actuator_servos,
+    add_servos,
+    set_actuators,
+)
 
 AddPendulum = Callable[..., MultibodyPlant]
 
@@ -38,10 +44,17 @@ def servo_simulator(
     plant.Finalize()
 
     def constant(value: float | None) -> ConstantVectorSource | None:
-        return None if value is None else builder.AddSystem(ConstantVectorSource([value])).get_output_port()
+        return (
+            None
+            if value is None
+            else builder.AddSystem(ConstantVectorSource([value])).get_output_port()
+        )
 
     signals = ServoSignals(
-        constant(reference), plant.get_state_output_port(), constant(velocity), constant(feedforward)
+        constant(reference),
+        plant.get_state_output_port(),
+        constant(velocity),
+        constant(feedforward),
     )
     if implicit:
         torque = add_actuator_servos(
@@ -57,7 +70,9 @@ def servo_simulator(
         builder.Connect(torque, plant.get_actuation_input_port())
     builder.ExportOutput(torque, "torque")
     simulator = Simulator(builder.Build())
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme=scheme, accuracy=1e-6, max_step_size=0.01), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme=scheme, accuracy=1e-6, max_step_size=0.01), simulator
+    )
     return simulator
 
 
@@ -88,19 +103,30 @@ def test_the_servo_in_the_actuator_follows_the_explicit_law(
 ) -> None:
     inside = motion(servo_simulator(add_pendulum, implicit=True, **case), duration)
     outside = motion(servo_simulator(add_pendulum, implicit=False, **case), duration)
-    np.testing.assert_allclose(inside, outside, atol=2e-4)  # both at accuracy 1e-6, torques up to 50 N m
+    np.testing.assert_allclose(
+        inside, outside, atol=2e-4
+    )  # both at accuracy 1e-6, torques up to 50 N m
 
 
 def test_torque_and_limit_are_per_axis_and_in_its_sense(add_pendulum: AddPendulum) -> None:
-    turned = motion(servo_simulator(add_pendulum, gains(kp=100, kd=5), implicit=True, reference=-0.5, sign=-1), 3.0)
-    plain = motion(servo_simulator(add_pendulum, gains(kp=100, kd=5), implicit=True, reference=0.5), 3.0)
+    turned = motion(
+        servo_simulator(add_pendulum, gains(kp=100, kd=5), implicit=True, reference=-0.5, sign=-1),
+        3.0,
+    )
+    plain = motion(
+        servo_simulator(add_pendulum, gains(kp=100, kd=5), implicit=True, reference=0.5), 3.0
+    )
     np.testing.assert_allclose(turned, plain * [1, 1, -1], atol=1e-9)
 
 
 @pytest.mark.parametrize("time_step", [1e-3, 1e-2])
-def test_stiff_gains_are_safe_on_a_discrete_plant(add_pendulum: AddPendulum, time_step: float) -> None:
+def test_stiff_gains_are_safe_on_a_discrete_plant(
+    add_pendulum: AddPendulum, time_step: float
+) -> None:
     # kd dt / M = 1e3 * 1e-2 / 0.25 = 40, where the explicit law is unstable from 2 on
-    simulator = servo_simulator(add_pendulum, gains(kp=1e4, kd=1e3, limit=1e6), implicit=True, time_step=time_step)
+    simulator = servo_simulator(
+        add_pendulum, gains(kp=1e4, kd=1e3, limit=1e6), implicit=True, time_step=time_step
+    )
     q, v, _ = motion(simulator, 3.0)
     sag = 9.80665 * 0.5 * np.sin(0.5) / 1e4
     assert q == pytest.approx(0.5 - sag, abs=1e-6)
@@ -127,9 +153,12 @@ RIGHT, DAMPED = 70.0, 0.2
 
 
 @pytest.mark.parametrize(
-    ("scheme", "time_step"), [("runge_kutta3", 0.0), ("radau3", 0.0), ("runge_kutta3", 1e-3), ("cenic", 0.0)]
+    ("scheme", "time_step"),
+    [("runge_kutta3", 0.0), ("radau3", 0.0), ("runge_kutta3", 1e-3), ("cenic", 0.0)],
 )
-def test_a_desired_velocity_has_the_right_sign(add_pendulum: AddPendulum, scheme: str, time_step: float) -> None:
+def test_a_desired_velocity_has_the_right_sign(
+    add_pendulum: AddPendulum, scheme: str, time_step: float
+) -> None:
     """Under `cenic` Drake 1.51 to 1.58 take one that is wired to the plant with the wrong sign."""
     torque = first_torque(add_pendulum, scheme, time_step=time_step)
     assert torque == pytest.approx(RIGHT, rel=DAMPED)

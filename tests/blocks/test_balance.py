@@ -8,7 +8,14 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
-from simrob_drake.parts.controllers.balance import Answer, CaptureStep, StandingBalance, StepChooser, Stepping, Strategy
+from simrob_drake.parts.controllers.balance import (
+    Answer,
+    CaptureStep,
+    StandingBalance,
+    StepChooser,
+    Stepping,
+    Strategy,
+)
 from simrob_drake.parts.controllers.support import BalanceState, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
@@ -37,7 +44,10 @@ def by_hand(plant, robot, position, turned, lifted=(0.0, 0.0, 0.0)):
     mass = np.array([body.default_mass() for body in bodies])
     centres = np.array([body.EvalPoseInWorld(context) @ body.default_com() for body in bodies])
     links = [(plant.GetBodyByName(link, robot.instance), link) for link in robot.feet.links]
-    points = [(body.EvalPoseInWorld(context) @ robot.feet.support_points(link).T).T for body, link in links]
+    points = [
+        (body.EvalPoseInWorld(context) @ robot.feet.support_points(link).T).T
+        for body, link in links
+    ]
     return mass @ centres / mass.sum(), np.vstack(points)
 
 
@@ -82,7 +92,9 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
         expected = heading(facing) @ (turned @ (com - under))[:2]
         np.testing.assert_allclose(found.com, expected, atol=1e-6)
         swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
-        assert found.speed @ [ahead, left] == pytest.approx(swung, abs=3e-3)  # the next row counts a little
+        assert found.speed @ [ahead, left] == pytest.approx(
+            swung, abs=3e-3
+        )  # the next row counts a little
         assert found.speed @ [-left, ahead] == pytest.approx(0, abs=1e-6)
 
 
@@ -90,15 +102,24 @@ def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
     plant, robot, facing, support = stood
     position, step = arms_moved(robot), 1e-5
     rates = 3 * position
-    after, before = (by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0] for sign in (1, -1))
+    after, before = (
+        by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0]
+        for sign in (1, -1)
+    )
     found = support.observe(position, rates, RotationMatrix(), np.zeros(3))
-    np.testing.assert_allclose(found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7)
+    np.testing.assert_allclose(
+        found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7
+    )
 
 
 def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     plant, robot, _, support = stood
     still, bent = np.zeros(len(robot.axes)), np.zeros(len(robot.axes))
-    for axis, angle in {"right_hip_pitch": 0.4, "right_knee": 0.8, "right_ankle_pitch": -0.4}.items():
+    for axis, angle in {
+        "right_hip_pitch": 0.4,
+        "right_knee": 0.8,
+        "right_ankle_pitch": -0.4,
+    }.items():
         bent[robot.axes.index(axis)] = angle
 
     found = support.observe(bent, still, RotationMatrix(), np.zeros(3)).lifted
@@ -107,7 +128,9 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     sizes = np.cumsum([len(robot.feet.support_points(link)) for link in robot.feet.links])[:-1]
     lowest = np.array([foot[:, 2].min() for foot in np.split(points, sizes)])
     np.testing.assert_allclose(found, lowest - lowest.min(), atol=1e-9)
-    assert sorted(link[0] for link, height in zip(robot.feet.links, found, strict=True) if height > 2e-3) == ["r"]
+    assert sorted(
+        link[0] for link, height in zip(robot.feet.links, found, strict=True) if height > 2e-3
+    ) == ["r"]
 
 
 OMEGA = 5.0  # 1/s: the capture point is ahead of the centre of mass by its speed over OMEGA
@@ -135,7 +158,9 @@ def answer(*, moves=(0.5, -1.0), **changed):
         ({"measures": "right", "lead": 0.1}, (0.0, 0.0), (0.0, -0.4), 0.5),
     ],
 )
-def test_a_strategy_answers_its_own_direction_between_threshold_and_full(changed, com, speed, expected):
+def test_a_strategy_answers_its_own_direction_between_threshold_and_full(
+    changed, com, speed, expected
+):
     state = BalanceState(np.array(com), np.array(speed), OMEGA, FLAT)
 
     assert answer(**changed).part(state) == pytest.approx(expected)
@@ -198,7 +223,9 @@ def stepping(*, lift=(0.3, 0.0), reach=(0.4, -0.6), **changed):
     section = {"measures": "forward", "foot": "second", "beyond": 0.05, "full": 0.1, "least": 0.2}
     times = {"duration": 0.1, "settle": 0.05, "stance": 0.5}
     moves = {"lift_deg": {"axis": 1.0}, "reach_deg": {"axis": 1.0}}
-    return Stepping(CaptureStep(**{**section, **times, **moves, **changed}), 1, np.array(lift), np.array(reach))
+    return Stepping(
+        CaptureStep(**{**section, **times, **moves, **changed}), 1, np.array(lift), np.array(reach)
+    )
 
 
 def stands(error, lifted=0.02):

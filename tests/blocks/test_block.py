@@ -31,13 +31,17 @@ def test_a_block_has_no_part_in_what_is_integrated() -> None:
 
     simulator.AdvanceTo(1.0)
 
-    np.testing.assert_allclose(context.get_continuous_state_vector().CopyToVector(), [np.exp(-1)], rtol=1e-6)
+    np.testing.assert_allclose(
+        context.get_continuous_state_vector().CopyToVector(), [np.exp(-1)], rtol=1e-6
+    )
 
 
 def test_a_block_with_continuous_state_must_say_its_derivatives() -> None:
     """A forgotten method is an error, and not a derivative of zero."""
     block = Forgetful()
-    with pytest.raises((AssertionError, SystemExit), match=r"Forgetful has|derivatives->size"):  # Drake 1.58, 1.51
+    with pytest.raises(
+        (AssertionError, SystemExit), match=r"Forgetful has|derivatives->size"
+    ):  # Drake 1.58, 1.51
         block.EvalTimeDerivatives(block.CreateDefaultContext())
 
 
@@ -46,7 +50,10 @@ class Keeper(SampledBlock):
 
     def __init__(self) -> None:
         super().__init__(
-            period=0.1, reads={"level": 1}, memory={"shown": np.zeros(1), "hidden": np.zeros(1)}, gives=("shown",)
+            period=0.1,
+            reads={"level": 1},
+            memory={"shown": np.zeros(1), "hidden": np.zeros(1)},
+            gives=("shown",),
         )
         self.kept: list[list[np.ndarray]] = []
 

@@ -12,7 +12,9 @@ from simrob_drake.stations.resolve import resolve
 
 def condition(kind, station="irb120_force_stop", overrides=None, **keys):
     """Condition of a monitor's section of a station."""
-    config = load_station(station, {**(overrides or {}), "monitors": {"watch": {"kind": kind, **keys}}})
+    config = load_station(
+        station, {**(overrides or {}), "monitors": {"watch": {"kind": kind, **keys}}}
+    )
     return config.monitors["watch"].condition("watch", resolve(config))
 
 
@@ -24,7 +26,13 @@ def judged(found, value):
 
 @pytest.mark.parametrize(
     ("threshold", "distance", "holds"),
-    [(0.0, 1e-6, False), (0.0, 0.0, True), (0.0, -0.01, True), (0.02, 0.03, False), (0.02, 0.01, True)],
+    [
+        (0.0, 1e-6, False),
+        (0.0, 0.0, True),
+        (0.0, -0.01, True),
+        (0.02, 0.03, False),
+        (0.02, 0.01, True),
+    ],
 )
 def test_contact_is_where_the_distance_is_gone(threshold, distance, holds):
     touching = condition("contact", distance=threshold)
@@ -32,10 +40,14 @@ def test_contact_is_where_the_distance_is_gone(threshold, distance, holds):
     assert touching.watched == {"distance.gap": 1}
     assert found is holds
     assert excess == pytest.approx(threshold - distance)
-    assert why == ("tip and floor touch" if threshold == 0 else "tip and floor are nearer than 20 mm")
+    assert why == (
+        "tip and floor touch" if threshold == 0 else "tip and floor are nearer than 20 mm"
+    )
 
 
-@pytest.mark.parametrize(("force", "holds"), [([3, 0, -3.9], False), ([0, -3, 4], True), ([9, 9, 9], True)])
+@pytest.mark.parametrize(
+    ("force", "holds"), [([3, 0, -3.9], False), ([0, -3, 4], True), ([9, 9, 9], True)]
+)
 def test_a_force_counts_by_its_size(force, holds):
     pressing = condition("force_limit", limit=5)
     found, excess, why = judged(pressing, force)
@@ -52,13 +64,20 @@ def test_a_limit_of_a_body_region_is_named():
 
 def test_what_is_no_number_counts_as_exceeded():
     box = condition("workspace", lower=[-1, -1, 0], upper=[1, 1, 1])
-    for found in (condition("contact"), condition("force_limit", limit=1), box, condition("fall", height=1)):
+    for found in (
+        condition("contact"),
+        condition("force_limit", limit=1),
+        box,
+        condition("fall", height=1),
+    ):
         (size,) = found.watched.values()
         assert judged(found, np.full(size, np.nan))[:2] == (True, np.inf)
 
 
 def pose(point=(0.0, 0.0, 0.5), *, roll=0.0, pitch=0.0, yaw=0.0):
-    return xyz_quaternion_from_transform(RigidTransform(RollPitchYaw(roll, pitch, yaw), np.array(point)))
+    return xyz_quaternion_from_transform(
+        RigidTransform(RollPitchYaw(roll, pitch, yaw), np.array(point))
+    )
 
 
 @pytest.mark.parametrize(
@@ -88,13 +107,22 @@ def test_a_box_is_for_the_tool_in_use_a_named_one_or_a_free_piece():
         (condition("workspace", tool="tool0", **BOX), "tcp_pose.tool0", "tool0"),
         (condition("workspace", tool="tip", **BOX), "tcp_pose.tip", "tip"),
         (condition("workspace", overrides=offset, tool="tcp", **BOX), "tcp_pose.tcp", "tcp"),
-        (condition("workspace", "two_irb120", robot="left", **BOX), "left.tcp_pose", "left.the tool"),
+        (
+            condition("workspace", "two_irb120", robot="left", **BOX),
+            "left.tcp_pose",
+            "left.the tool",
+        ),
         (condition("workspace", "bouncing_ball", **BOX), "piece_pose.ball", "ball"),
     ):
         assert found.watched == {output: 7}
         assert found.why(pose((0, 0, 2))) == f"{who} left its workspace: z above 1 m"
-    for tool in ("tool1", "tcp"):  # without an offset the centre point in use has no name of its own
-        with pytest.raises(SimrobError, match=rf"is at tcp_pose\.{tool}; it must be a tool that the robot has"):
+    for tool in (
+        "tool1",
+        "tcp",
+    ):  # without an offset the centre point in use has no name of its own
+        with pytest.raises(
+            SimrobError, match=rf"is at tcp_pose\.{tool}; it must be a tool that the robot has"
+        ):
             condition("workspace", tool=tool, **BOX)
 
 
@@ -123,7 +151,11 @@ def test_a_fall_is_low_or_leans(where, reason):
 def test_a_body_that_is_nowhere_has_fallen(bad, place):
     where = pose(roll=0.1, yaw=0.1)
     where[place] = bad
-    assert judged(condition("fall", height=0.3, tilt_deg=30), where) == (True, np.inf, "robot is nowhere")
+    assert judged(condition("fall", height=0.3, tilt_deg=30), where) == (
+        True,
+        np.inf,
+        "robot is nowhere",
+    )
 
 
 def test_a_body_that_stands_on_its_side_leans_from_there():
@@ -137,14 +169,18 @@ def test_a_body_that_stands_on_its_side_leans_from_there():
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])
-@pytest.mark.parametrize(("kind", "key"), [("force_limit", "limit"), ("fall", "height"), ("fall", "tilt_deg")])
+@pytest.mark.parametrize(
+    ("kind", "key"), [("force_limit", "limit"), ("fall", "height"), ("fall", "tilt_deg")]
+)
 def test_a_bound_is_positive(kind, key, bad):
     with pytest.raises(SimrobError, match=rf"monitors\.watch\.{key}: "):
         condition(kind, **{key: bad})
 
 
 def test_bounds_that_bound_nothing_are_refused():
-    with pytest.raises(SimrobError, match=r"monitors\.watch: a fall needs a bound: height or tilt_deg"):
+    with pytest.raises(
+        SimrobError, match=r"monitors\.watch: a fall needs a bound: height or tilt_deg"
+    ):
         condition("fall")
     with pytest.raises(SimrobError, match=r"lower must be below upper, \[1\.0, 0\.0, 1\.0\]"):
         condition("workspace", lower=[0, 0, 0], upper=[1, 0, 1])

@@ -28,7 +28,10 @@ from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.outlines import lowest_points
 
-STIFFNESS, DEPTH = 2000.0, 0.003  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]
+STIFFNESS, DEPTH = (
+    2000.0,
+    0.003,
+)  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]
 CORNERS = np.array([[x, y, -0.1] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])  # m
 RADIUS = 0.01  # m
 BODY_IN_WORLD = RigidTransform(np.array([0.3, -0.2, 0.1 + RADIUS - DEPTH]))
@@ -37,7 +40,10 @@ BODY_IN_WORLD = RigidTransform(np.array([0.3, -0.2, 0.1 + RADIUS - DEPTH]))
 def surface(*, stiffness=2 * STIFFNESS, modulus=None, rigid=False):
     properties = ProximityProperties()
     AddContactMaterial(
-        dissipation=0.0, point_stiffness=stiffness, friction=CoulombFriction(0.5, 0.5), properties=properties
+        dissipation=0.0,
+        point_stiffness=stiffness,
+        friction=CoulombFriction(0.5, 0.5),
+        properties=properties,
     )
     if rigid:
         AddRigidHydroelasticProperties(1.0, properties)
@@ -53,14 +59,22 @@ class Bench:
         self.builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(self.builder, 0.0)
         self.plant.set_contact_model(model)
-        inertia = SpatialInertia.MakeFromCentralInertia(1.0, np.zeros(3), RotationalInertia(0.01, 0.01, 0.01))
+        inertia = SpatialInertia.MakeFromCentralInertia(
+            1.0, np.zeros(3), RotationalInertia(0.01, 0.01, 0.01)
+        )
         self.body = self.plant.AddRigidBody("body", inertia)
         floor = self.plant.world_body(), RigidTransform(), HalfSpace(), "floor", surface(rigid=True)
         self.floor = self.plant.RegisterCollisionGeometry(*floor)
         self.shapes = []
 
     def add(self, shape, place, **material):
-        geometry = self.body, RigidTransform(place), shape, f"shape_{len(self.shapes)}", surface(**material)
+        geometry = (
+            self.body,
+            RigidTransform(place),
+            shape,
+            f"shape_{len(self.shapes)}",
+            surface(**material),
+        )
         self.shapes.append(self.plant.RegisterCollisionGeometry(*geometry))
 
     def wrench(self, *, body, velocity=(0, 0, 0, 0, 0, 0), pose=BODY_IN_WORLD, **options):
@@ -72,7 +86,9 @@ class Bench:
         reader = self.builder.AddSystem(ContactReader())
         self.builder.Connect(self.plant.get_contact_results_output_port(), reader.get_input_port())
         self.builder.Connect(reader.get_output_port(), sensor.GetInputPort("contacts"))
-        self.builder.Connect(self.plant.get_body_poses_output_port(), sensor.GetInputPort("body_poses"))
+        self.builder.Connect(
+            self.plant.get_body_poses_output_port(), sensor.GetInputPort("body_poses")
+        )
         diagram = self.builder.Build()
         context = diagram.CreateDefaultContext()
         own = self.plant.GetMyMutableContextFromRoot(context)
@@ -107,8 +123,12 @@ def test_the_axes_are_those_of_the_frame(cube):
     turned = RigidTransform(RotationMatrix.MakeXRotation(np.pi / 2), np.array([0.1, 0.1, -0.1]))
     cube.plant.AddFrame(FixedOffsetFrame("hand", cube.body.body_frame(), turned))
     force, moment = cube.wrench(body=[cube.shapes[3]], frame="hand")
-    np.testing.assert_allclose(force, [0, STIFFNESS * DEPTH, 0], atol=1e-9)  # the world's z is the hand's y
-    np.testing.assert_allclose(moment, np.zeros(3), atol=1e-9)  # its line goes through the hand's origin
+    np.testing.assert_allclose(
+        force, [0, STIFFNESS * DEPTH, 0], atol=1e-9
+    )  # the world's z is the hand's y
+    np.testing.assert_allclose(
+        moment, np.zeros(3), atol=1e-9
+    )  # its line goes through the hand's origin
 
 
 def test_action_is_reaction(cube):
@@ -119,7 +139,10 @@ def test_action_is_reaction(cube):
 def test_normals_of_points_and_surfaces_push_the_first_shape_away_from_the_second(cube):
     block = Bench(model=ContactModel.kHydroelastic)
     block.add(Box(0.2, 0.2, 0.2), np.zeros(3), modulus=1e5)
-    for bench, pose in ((cube, BODY_IN_WORLD), (block, RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH])))):
+    for bench, pose in (
+        (cube, BODY_IN_WORLD),
+        (block, RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH]))),
+    ):
         bench.wrench(body=bench.shapes, pose=pose)
 
         # Upward if the first shape is the body's, downward if it is the floor.
@@ -132,7 +155,10 @@ def test_normals_of_points_and_surfaces_push_the_first_shape_away_from_the_secon
 def test_several_sensors_read_the_contacts_once(monkeypatch):
     read, of = [], Contacts.of
     monkeypatch.setattr(Contacts, "of", lambda results: read.append(None) or of(results))
-    sensors = {name: {"kind": "force", "body": "ball", "other": "floor"} for name in ("first", "second", "third")}
+    sensors = {
+        name: {"kind": "force", "body": "ball", "other": "floor"}
+        for name in ("first", "second", "third")
+    }
     result = simulate(load_station("bouncing_ball", {"sensors": sensors}), duration=0.3)
     assert len(read) == len(result.times)
     assert result.vector("force.first").max() > 0
@@ -158,14 +184,22 @@ def test_a_surface_is_felt_as_its_pressure_adds_up(normal_only):
     bench.add(Box(0.2, 0.2, 0.2), np.zeros(3), modulus=1e5)
     pose = RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH]))
     force, moment = bench.wrench(body=bench.shapes, pose=pose, normal_only=normal_only)
-    frustum = 0.04 * DEPTH - 0.4 * DEPTH**2 + 4 / 3 * DEPTH**3  # integral of (0.2 - 2 s)² from 0 to x
+    frustum = (
+        0.04 * DEPTH - 0.4 * DEPTH**2 + 4 / 3 * DEPTH**3
+    )  # integral of (0.2 - 2 s)² from 0 to x
     np.testing.assert_allclose(force, [0, 0, 1e5 / 0.1 * frustum], rtol=1e-3, atol=1e-6)
     np.testing.assert_allclose(moment, np.zeros(3), atol=1e-6)
 
 
 TILTED = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
 NO_CORNERS = np.zeros((0, 3))
-SHAPES = [Sphere(0.1), Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.3), Capsule(0.1, 0.3), Ellipsoid(0.1, 0.2, 0.3)]
+SHAPES = [
+    Sphere(0.1),
+    Box(0.1, 0.2, 0.3),
+    Cylinder(0.1, 0.3),
+    Capsule(0.1, 0.3),
+    Ellipsoid(0.1, 0.2, 0.3),
+]
 
 
 def surface_points(shape):
@@ -187,7 +221,9 @@ def surface_points(shape):
         case Cylinder():
             # The lowest point of a cylinder is on one of its rims.
             half_length = np.full(len(around), shape.length() / 2)
-            rims = [np.column_stack([around * shape.radius(), side * half_length]) for side in (-1, 1)]
+            rims = [
+                np.column_stack([around * shape.radius(), side * half_length]) for side in (-1, 1)
+            ]
             return np.vstack(rims)
         case _:
             return np.array([*product((-0.5, 0.5), repeat=3)]) * shape.size()
@@ -220,7 +256,13 @@ def test_a_distance_is_measured_between_bodies_and_to_the_floor():
     bench = Bench()
     bench.add(Sphere(RADIUS), np.zeros(3))
     bench.add(Box(0.02, 0.02, 0.02), np.array([0.0, 0.0, 0.2]))
-    post = bench.plant.world_body(), RigidTransform(np.array([1.0, 0.0, 0.5])), Box(0.2, 0.2, 1.0), "post", surface()
+    post = (
+        bench.plant.world_body(),
+        RigidTransform(np.array([1.0, 0.0, 0.5])),
+        Box(0.2, 0.2, 1.0),
+        "post",
+        surface(),
+    )
     post = bench.plant.RegisterCollisionGeometry(*post)
     bench.plant.Finalize()
     inspector = bench.scene_graph.model_inspector()
@@ -234,7 +276,9 @@ def test_a_distance_is_measured_between_bodies_and_to_the_floor():
     context = diagram.CreateDefaultContext()
     pose = RigidTransform(np.array([0.5, 0.0, 0.3]))
     bench.plant.SetFreeBodyPose(bench.plant.GetMyMutableContextFromRoot(context), bench.body, pose)
-    floor, gap = (sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(context))[0] for sensor in sensors)
+    floor, gap = (
+        sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(context))[0] for sensor in sensors
+    )
     assert floor == pytest.approx(0.3 - RADIUS)
     assert gap == pytest.approx(1.0 - 0.1 - 0.5 - RADIUS)
 
@@ -245,7 +289,11 @@ def test_shapes_of_one_body_have_no_distance():
         bench.add(Sphere(RADIUS), place)
     bench.plant.Finalize()
     with pytest.raises(InvalidParameter, match="two things that can touch"):
-        DistanceSensor(body=bench.shapes[:1], other=bench.shapes[1:], inspector=bench.scene_graph.model_inspector())
+        DistanceSensor(
+            body=bench.shapes[:1],
+            other=bench.shapes[1:],
+            inspector=bench.scene_graph.model_inspector(),
+        )
 
 
 class TestMomentumObserver:

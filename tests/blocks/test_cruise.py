@@ -63,8 +63,20 @@ def test_an_s_curve_takes_its_jerk_time_longer() -> None:
     ("length", "speed", "push", "jerk", "duration"),
     [
         (0.5, 9.0, 2.0, 10.0, None),  # the speed is not reached: v² / a + v a / j = L
-        (0.01, 9.0, 9.0, 10.0, 4 * np.cbrt(0.01 / (2 * 10.0))),  # nor the acceleration: four equal jerks
-        (1.0, 0.1, 9.0, 10.0, 1.0 / 0.1 + 2 * np.sqrt(0.1 / 10.0)),  # the speed, but not the acceleration
+        (
+            0.01,
+            9.0,
+            9.0,
+            10.0,
+            4 * np.cbrt(0.01 / (2 * 10.0)),
+        ),  # nor the acceleration: four equal jerks
+        (
+            1.0,
+            0.1,
+            9.0,
+            10.0,
+            1.0 / 0.1 + 2 * np.sqrt(0.1 / 10.0),
+        ),  # the speed, but not the acceleration
     ],
 )
 def test_what_is_not_reached_on_a_short_way(
@@ -122,7 +134,9 @@ def test_laws_of_any_limits_keep_them_and_go_on_without_a_jump() -> None:
         (True, [0, 1 / 6, 1 / 3, 0.5, 1.5, 5 / 3, 11 / 6, 2.0]),  # a ramp has three equal parts
     ],
 )
-def test_a_law_of_a_given_time_speeds_up_for_a_quarter_of_it(rounded: bool, breaks: list[float]) -> None:
+def test_a_law_of_a_given_time_speeds_up_for_a_quarter_of_it(
+    rounded: bool, breaks: list[float]
+) -> None:
     """A motion of 2 s has ramps of 0.5 s, and covers half of its path in half of the time."""
     law = cruise_in(2.0, rounded=rounded)
 
@@ -200,7 +214,9 @@ def test_no_way_takes_no_time_and_no_limit_no_time_that_cannot_be_told() -> None
         law = cruise(1.0, 1e300, 1e300, jerk)
         assert 1e-4 < law.duration < 1e-3
         np.testing.assert_allclose(ends(law, 0)[[0, -1], [0, 1]], [0, 1], atol=1e-9)
-        np.testing.assert_allclose(ends(law, 1)[[0, -1], [0, 1]], 0, atol=1e-9 * np.abs(ends(law, 1)).max())
+        np.testing.assert_allclose(
+            ends(law, 1)[[0, -1], [0, 1]], 0, atol=1e-9 * np.abs(ends(law, 1)).max()
+        )
 
 
 @pytest.mark.parametrize("limits", [(1e-300, 1.0, 1.0), (1.0, 1e-300, None), (1.0, 1.0, 1e-300)])

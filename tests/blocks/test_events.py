@@ -10,14 +10,18 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 
 
-def step_ends(*blocks: LeafSystem, scheme: str = "runge_kutta3", duration: float = 2.0) -> list[float]:
+def step_ends(
+    *blocks: LeafSystem, scheme: str = "runge_kutta3", duration: float = 2.0
+) -> list[float]:
     """Ends of the steps that a slow first-order system takes in one diagram with the blocks."""
     builder = DiagramBuilder()
     decay = LinearSystem(A=-0.1 * np.eye(1), B=np.zeros((1, 0)), C=np.eye(1), D=np.zeros((1, 0)))
     for block in (decay, *blocks):
         builder.AddSystem(block)
     simulator = Simulator(builder.Build())
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme=scheme, max_step_size=0.5, accuracy=1e-2), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme=scheme, max_step_size=0.5, accuracy=1e-2), simulator
+    )
     simulator.get_mutable_context().SetContinuousState([1.0])
     ends: list[float] = []
     simulator.set_monitor(lambda context: ends.append(context.get_time()))

@@ -15,21 +15,29 @@ OFFSET = RigidTransform(RollPitchYaw(0.4, -0.3, 1.0), [0.02, -0.03, 0.15])
 
 
 @pytest.fixture
-def pushed(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> tuple[MultibodyPlant, Diagram]:
+def pushed(
+    add_irb120: Callable[[DiagramBuilder], MultibodyPlant],
+) -> tuple[MultibodyPlant, Diagram]:
     builder = DiagramBuilder()
     plant = add_irb120(builder)
     tcp = plant.AddFrame(FixedOffsetFrame("tcp", plant.GetFrameByName("tool0"), OFFSET))
     plant.Finalize()
     block = add_external_force(builder, plant, tcp, name="external_force")
-    builder.Connect(block.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
+    builder.Connect(
+        block.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port()
+    )
     builder.ExportInput(block.get_command_input_port(), "force")
     return plant, builder.Build()
 
 
-def acceleration(plant: MultibodyPlant, diagram: Diagram, context: Context, force: np.ndarray) -> np.ndarray:
+def acceleration(
+    plant: MultibodyPlant, diagram: Diagram, context: Context, force: np.ndarray
+) -> np.ndarray:
     """Accelerations (nv,) of the plant under a force (3,) [N] in the axes of the tool."""
     diagram.GetInputPort("force").FixValue(context, force)
-    return plant.get_generalized_acceleration_output_port().Eval(plant.GetMyContextFromRoot(context))
+    return plant.get_generalized_acceleration_output_port().Eval(
+        plant.GetMyContextFromRoot(context)
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -52,14 +60,18 @@ def test_a_force_at_the_tcp_is_the_generalized_force_of_its_jacobian(
     world = plant.world_frame()
     tcp = plant.GetFrameByName("tcp")
     origin = np.zeros(3)
-    jacobian = plant.CalcJacobianTranslationalVelocity(plant_context, JacobianWrtVariable.kV, tcp, origin, world, world)
+    jacobian = plant.CalcJacobianTranslationalVelocity(
+        plant_context, JacobianWrtVariable.kV, tcp, origin, world, world
+    )
     expected = jacobian.T @ (tcp.CalcRotationMatrixInWorld(plant_context) @ force)
     found = plant.CalcMassMatrix(plant_context) @ (with_force - without_force)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_each_component_pushes_along_its_own_axis_of_the_tcp(pushed: tuple[MultibodyPlant, Diagram], axis: int) -> None:
+def test_each_component_pushes_along_its_own_axis_of_the_tcp(
+    pushed: tuple[MultibodyPlant, Diagram], axis: int
+) -> None:
     plant, diagram = pushed
     context = diagram.CreateDefaultContext()
     mine = plant.GetMyContextFromRoot(context)

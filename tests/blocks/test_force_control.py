@@ -28,7 +28,9 @@ def arm():
 def pressing(arm, *, sensor=None, **changed):
     """A loop that presses with the arm's tool; ``sensor`` is the tool that has the sensor's axes, else the world."""
     (robot,) = arm.robots.values()
-    section = ForceControl.model_validate({"kind": "force_control", "force": FORCE, "kp": KP, "ki": KI, **changed})
+    section = ForceControl.model_validate(
+        {"kind": "force_control", "force": FORCE, "kp": KP, "ki": KI, **changed}
+    )
     frame = arm.plant.world_frame() if sensor is None else robot.tools[sensor]
     return PressingTool(section, arm.plant, robot.axis_map, robot.tools[robot.tcp], frame)
 
@@ -64,7 +66,9 @@ def test_its_speed_is_a_pi_law_whose_integral_acts_near_the_force_alone(arm):
     assert drift > 0
 
 
-def test_it_is_slow_until_it_touches_fast_afterwards_and_does_not_wind_up_at_its_speed_or_reach(arm):
+def test_it_is_slow_until_it_touches_fast_afterwards_and_does_not_wind_up_at_its_speed_or_reach(
+    arm,
+):
     """The speeds are 0.01 m/s without a touch and 0.05 m/s with one, the reach is 0.05 m."""
     loop = pressing(arm, kp=0.02, ki=0.1)
 

@@ -37,10 +37,14 @@ def pose(block: FramePoses, name: str, state: np.ndarray) -> np.ndarray:
 def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None:
     block, frame = block_of(plant), plant.GetFrameByName(name)
     random = np.random.default_rng(7)
-    for q in random.uniform(plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits(), (20, 6)):
+    for q in random.uniform(
+        plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits(), (20, 6)
+    ):
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, q)
-        found = transform_from_xyz_quaternion(pose(block, name, np.concatenate([q, random.normal(size=6)])))
+        found = transform_from_xyz_quaternion(
+            pose(block, name, np.concatenate([q, random.normal(size=6)]))
+        )
         expected = frame.CalcPoseInWorld(context)
         np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-13)
 
@@ -48,7 +52,9 @@ def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None
 def test_the_flange_of_the_irb120_points_down_at_home(plant: MultibodyPlant) -> None:
     home = np.concatenate([np.deg2rad([0, 0, 0, 0, 90, 0]), np.zeros(6)])
     found = pose(block_of(plant), "tool0", home)
-    np.testing.assert_allclose(found[:3], [0.302, 0, 0.558], atol=1e-12)  # the known pose of the flange
+    np.testing.assert_allclose(
+        found[:3], [0.302, 0, 0.558], atol=1e-12
+    )  # the known pose of the flange
     np.testing.assert_allclose(np.abs(found[3:]), [0, 0, 1, 0], atol=1e-12)  # half a turn about y
 
 
@@ -65,13 +71,17 @@ def test_all_ports_follow_a_change_of_the_state_in_any_order(plant: MultibodyPla
     for q in (np.zeros(12), np.full(12, 0.5), np.zeros(12)):
         for name in (*FRAMES, *reversed(FRAMES)):
             block.GetInputPort("state").FixValue(context, q)
-            np.testing.assert_array_equal(block.GetOutputPort(name).Eval(context), pose(block_of(plant), name, q))
+            np.testing.assert_array_equal(
+                block.GetOutputPort(name).Eval(context), pose(block_of(plant), name, q)
+            )
 
 
 def test_recorded_states_give_what_the_ports_give(plant: MultibodyPlant) -> None:
     block, states = block_of(plant), np.random.default_rng(3).normal(size=(5, 12))
     for name in FRAMES:
-        np.testing.assert_array_equal(block.at(name, states), [pose(block, name, state) for state in states])
+        np.testing.assert_array_equal(
+            block.at(name, states), [pose(block, name, state) for state in states]
+        )
         assert block.at(name, states[:0]).shape == (0, 7)
 
 
@@ -87,7 +97,9 @@ def test_the_block_works_where_the_plant_is_part_of_the_diagram(
     builder = DiagramBuilder()
     plant = add_irb120(builder)
     plant.Finalize()
-    block = builder.AddSystem(FramePoses(plant=plant, frames={"tip": plant.GetFrameByName("tool0")}))
+    block = builder.AddSystem(
+        FramePoses(plant=plant, frames={"tip": plant.GetFrameByName("tool0")})
+    )
     builder.Connect(plant.get_state_output_port(), block.get_input_port())
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

@@ -55,7 +55,9 @@ def test_inside_of_its_range_a_joint_feels_nothing(arm: tuple[MultibodyPlant, Di
     for _ in range(20):
         v = random.uniform(-5, 5, 6)
         room = np.abs(v) * DAMPING / STIFFNESS + 1e-9
-        np.testing.assert_array_equal(stop_force(plant, diagram, random.uniform(lower + room, upper - room), v), 0)
+        np.testing.assert_array_equal(
+            stop_force(plant, diagram, random.uniform(lower + room, upper - room), v), 0
+        )
 
 
 def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Diagram]) -> None:
@@ -72,7 +74,9 @@ def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Di
     assert 50 < pushed < 250  # of 300: both free and pushed joints were met
 
 
-def test_each_joint_may_have_figures_of_its_own(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> None:
+def test_each_joint_may_have_figures_of_its_own(
+    add_irb120: Callable[[DiagramBuilder], MultibodyPlant],
+) -> None:
     builder = DiagramBuilder()
     plant = add_irb120(builder)
     plant.Finalize()
@@ -95,7 +99,9 @@ def test_a_stop_only_pushes_and_never_pulls(arm: tuple[MultibodyPlant, Diagram])
 
 
 @pytest.mark.parametrize("limits", [(-np.inf, 0.5), (-0.5, np.inf), (-0.5, 0.5)])
-def test_one_sided_limits_have_one_stop(add_pendulum: AddPendulum, limits: tuple[float, float]) -> None:
+def test_one_sided_limits_have_one_stop(
+    add_pendulum: AddPendulum, limits: tuple[float, float]
+) -> None:
     builder = DiagramBuilder()
     plant = add_pendulum(builder, limits=limits)
     diagram = with_stops(builder, plant)
@@ -123,7 +129,9 @@ def test_a_falling_pendulum_stops_shortly_behind_its_limit_and_gains_no_energy(
     plant = add_pendulum(builder, limits=(-np.inf, limit))
     diagram = with_stops(builder, plant)
     simulator = Simulator(diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="radau3", accuracy=1e-6, max_step_size=0.01), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme="radau3", accuracy=1e-6, max_step_size=0.01), simulator
+    )
     context = simulator.get_mutable_context()
     mine = plant.GetMyMutableContextFromRoot(context)
     diagram.GetInputPort("actuation").FixValue(context, [0.0])
@@ -138,8 +146,12 @@ def test_a_falling_pendulum_stops_shortly_behind_its_limit_and_gains_no_energy(
 
     simulator.set_monitor(record)
     simulator.AdvanceTo(3.0)
-    kinetic = 0.5 * 1.0 * 0.25 * speed**2 + 9.80665 * 0.5 * (np.cos(limit) - np.cos(1.5))  # at the limit [J]
-    assert limit < max(positions) < limit + np.sqrt(2 * kinetic / STIFFNESS)  # all of it in the spring
+    kinetic = 0.5 * 1.0 * 0.25 * speed**2 + 9.80665 * 0.5 * (
+        np.cos(limit) - np.cos(1.5)
+    )  # at the limit [J]
+    assert (
+        limit < max(positions) < limit + np.sqrt(2 * kinetic / STIFFNESS)
+    )  # all of it in the spring
     # With mechanical and spring energy E, dE/dt is never positive; 1e-4 is what accuracy 1e-6 leaves over 3 s.
     assert np.diff(energies).max() < 1e-4
     assert energies[-1] < energies[0] - 0.5 * kinetic  # the damper took most of the impact

@@ -5,7 +5,12 @@ import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
 from simrob_drake.parts.controllers.objective import FinalPosture, PiLaw, WeightedObjective
-from simrob_drake.parts.controllers.postures import CellSequence, FallGuard, ProtectivePosture, Sequencer
+from simrob_drake.parts.controllers.postures import (
+    CellSequence,
+    FallGuard,
+    ProtectivePosture,
+    Sequencer,
+)
 from simrob_drake.parts.controllers.support import Limb
 from simrob_drake.parts.controllers.touchdown import Touchdown, UnknownGround
 
@@ -37,7 +42,10 @@ LARGEST_SPEED = 0.2  # rad/s
 
 def two_cells(**changed):
     """A sequence for the axes hip and knee: the hip to 1 rad within 0.5 s, then the knee to -0.5 rad at once."""
-    cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
+    cells = [
+        {"targets_deg": {"hip": 1}, "duration": 0.5},
+        {"targets_deg": {"knee": 1}, "duration": 0.0},
+    ]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     return CellSequence(
         section,
@@ -85,7 +93,11 @@ class TestCellSequence:
         ("position", "speed", "cell"),
         [
             (1.0 - 1.2 * TOLERANCE, 0.0, 0),  # too far from the target
-            (1.0 - 0.8 * TOLERANCE, 1.5 * LARGEST_SPEED, 0),  # an axis is too fast, even one without a target
+            (
+                1.0 - 0.8 * TOLERANCE,
+                1.5 * LARGEST_SPEED,
+                0,
+            ),  # an axis is too fast, even one without a target
             (1.0 - 0.8 * TOLERANCE, 0.5 * LARGEST_SPEED, 1),
         ],
     )
@@ -94,7 +106,9 @@ class TestCellSequence:
         driven = self.after_first_ramp()
 
         for _ in range(20):
-            outputs = driven.sample(position=[position, 0.1], velocity=[0.0, speed], reference=self.START)
+            outputs = driven.sample(
+                position=[position, 0.1], velocity=[0.0, speed], reference=self.START
+            )
             if cell:
                 break
 
@@ -156,7 +170,9 @@ def guard(*, toward=None, **changed):
     """A guard of two axes: below 0.4 m, or at a lean of more than 0.5 rad, it moves them to [1, -1] rad in 0.2 s."""
     keys = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
     section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **keys})
-    return ProtectivePosture(section, posture=np.array([1.0, -1.0]), up=np.array([0.0, 0.0, 1.0]), toward=toward)
+    return ProtectivePosture(
+        section, posture=np.array([1.0, -1.0]), up=np.array([0.0, 0.0, 1.0]), toward=toward
+    )
 
 
 # Poses x y z [m] qw qx qy qz of a base that is just high enough, and one that is too low.
@@ -176,7 +192,14 @@ class TestFallGuard:
 
     @pytest.mark.parametrize(
         ("pose", "acts"),
-        [(UPRIGHT, 0), (leaning(0.49), 0), (leaning(-0.49), 0), (LOW, 1), (leaning(0.51), 1), (leaning(-0.51), 1)],
+        [
+            (UPRIGHT, 0),
+            (leaning(0.49), 0),
+            (leaning(-0.49), 0),
+            (LOW, 1),
+            (leaning(0.51), 1),
+            (leaning(-0.51), 1),
+        ],
     )
     def test_it_acts_beyond_its_bounds(self, pose, acts):
         """The height and the lean to either side each have a bound."""
@@ -212,7 +235,9 @@ class TestFallGuard:
         driven = Driven(guard(reset_after=0.3))
         poses = (LOW, UPRIGHT, UPRIGHT, LOW, UPRIGHT, UPRIGHT, UPRIGHT, UPRIGHT)
 
-        active = [driven.sample(base_pose=pose, reference=self.REFERENCE)["active"][0] for pose in poses]
+        active = [
+            driven.sample(base_pose=pose, reference=self.REFERENCE)["active"][0] for pose in poses
+        ]
 
         assert active == [1, 1, 1, 1, 1, 1, 0, 0]
 
@@ -225,7 +250,17 @@ WEIGHTS = np.array([0.5, -1.0, 0.0])
 
 def law(**changed):
     """A law with limits that it does not reach, but for what is changed."""
-    return PiLaw(**{"period": SAMPLE, "targets": [1.0], "kp": KP, "ki": KI, "limit": 10.0, "fastest": 100.0, **changed})
+    return PiLaw(
+        **{
+            "period": SAMPLE,
+            "targets": [1.0],
+            "kp": KP,
+            "ki": KI,
+            "limit": 10.0,
+            "fastest": 100.0,
+            **changed,
+        }
+    )
 
 
 def objective(*, posture=None, **changed):
@@ -250,7 +285,9 @@ def test_an_objective_of_expressions_is_the_one_of_numbers(changed):
 
     for measured in np.random.default_rng(3).uniform(0, 1.5, 60):
         system.get_input_port().FixValue(context, [measured])
-        context.get_mutable_discrete_state().SetFrom(system.EvalUniquePeriodicDiscreteUpdate(context))
+        context.get_mutable_discrete_state().SetFrom(
+            system.EvalUniquePeriodicDiscreteUpdate(context)
+        )
         effort, error = system.get_output_port().Eval(context)
         outputs = of_numbers.sample(measured=measured)
 
@@ -280,7 +317,9 @@ def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
 
     assert np.diff(offsets).min() >= -2.0 * SAMPLE - 1e-12
     assert min(offsets) == -1.0
-    assert offsets_after[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
+    assert (
+        offsets_after[1] > -1.0
+    )  # had it wound up over 4 s, it would stay at its limit for as long
 
 
 def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
@@ -294,7 +333,9 @@ def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
 
 def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
     """The axis moves from its reference, 0.5, to the posture, 1, once the quantity was near 1 for two samples."""
-    posture = FinalPosture(positions=np.array([0.0, 0.0, 1.0]), tolerance=0.1, settled=0.2, duration=0.2)
+    posture = FinalPosture(
+        positions=np.array([0.0, 0.0, 1.0]), tolerance=0.1, settled=0.2, duration=0.2
+    )
     driven = Driven(objective(posture=posture))
 
     outputs = []
@@ -306,7 +347,11 @@ def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
 
 
 FORCE = np.array([0.0, 0.0, 30.0])
-LEG = {"turns": np.array([[0.0, -1.0, 0.0]]), "points": np.zeros((1, 3)), "end": np.array([1.0, 0.0, 0.0])}
+LEG = {
+    "turns": np.array([[0.0, -1.0, 0.0]]),
+    "points": np.zeros((1, 3)),
+    "end": np.array([1.0, 0.0, 0.0]),
+}
 
 
 def touchdown(**changed):
@@ -328,7 +373,11 @@ def touchdown(**changed):
         """Sample with a plan for the left leg; the servos are asked for the plan and the offset."""
         nonlocal offset
         forces = {"left": force * FORCE, "right": FORCE}
-        read = {"reference": np.array([left, 0.0]) + offset, "position": [position, 0.0], "torque": [7.0, 1.0]}
+        read = {
+            "reference": np.array([left, 0.0]) + offset,
+            "position": [position, 0.0],
+            "torque": [7.0, 1.0],
+        }
         told = driven.sample(**forces, **read)
         offset = told["offset"]
         return told
@@ -339,7 +388,9 @@ def touchdown(**changed):
 def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
     step = touchdown()
     assert step(0.0, force=1)["phase"] == pytest.approx([2, 2])
-    assert step(0.05, force=1)["phase"] == pytest.approx([0, 2])  # on the way up what it still feels is no touch
+    assert step(0.05, force=1)["phase"] == pytest.approx(
+        [0, 2]
+    )  # on the way up what it still feels is no touch
     told = step(0.04)
     assert (told["phase"][0], told["offset"][0]) == (0, 0)
     for plan in (0.035, 0.02):  # it touched at 0.036 and stays there
@@ -348,7 +399,10 @@ def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
     assert told["offset_velocity"] == pytest.approx([-(0.02 - 0.035) / 0.01, 0])
     for sample in range(1, 4):  # the reference has come down
         told = step(0.0, force=1, position=0.016)
-        assert (told["phase"][0], told["offset"][0]) == (2, pytest.approx(0.016 * np.exp(-0.1 * sample)))
+        assert (told["phase"][0], told["offset"][0]) == (
+            2,
+            pytest.approx(0.016 * np.exp(-0.1 * sample)),
+        )
     before = told["offset"][0]
     assert step(0.03, force=1)["offset"][0] == pytest.approx(before * np.exp(-0.2))
     assert not told["feedforward"].any()
@@ -358,7 +412,12 @@ def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():
     step = touchdown()
     step(0.05)
     step(0.03)
-    assert [round(float(step(0.0)["offset"][0]), 5) for _ in range(4)] == [-0.005, -0.01, -0.012, -0.012]
+    assert [round(float(step(0.0)["offset"][0]), 5) for _ in range(4)] == [
+        -0.005,
+        -0.01,
+        -0.012,
+        -0.012,
+    ]
     assert step(0.0, force=1)["phase"][0] == 2
 
 

@@ -41,7 +41,9 @@ def two_links() -> tuple[MultibodyPlant, AxisMap]:
     about_y = np.array([0.0, -1.0, 0.0])
     for index, (mass, length) in enumerate(zip(MASSES, LENGTHS, strict=True)):
         middle = np.array([0.0, 0.0, -length / 2])
-        about_end = UnitInertia.ThinRod(length, np.array([0.0, 0.0, 1.0])).ShiftFromCenterOfMass(-middle)
+        about_end = UnitInertia.ThinRod(length, np.array([0.0, 0.0, 1.0])).ShiftFromCenterOfMass(
+            -middle
+        )
         link = plant.AddRigidBody(f"link_{index}", SpatialInertia(mass, middle, about_end))
         frame = parent
         if index:
@@ -57,7 +59,9 @@ def two_links() -> tuple[MultibodyPlant, AxisMap]:
     return plant, AxisMap.of_joints(plant, joints, SIGNS)
 
 
-def closed_form(positions: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+def closed_form(
+    positions: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray
+) -> np.ndarray:
     """Torques of the axes of two rods, shape (2,) [N·m]: M(q) a + h(q, v) + g(q) (J. J. Craig, section 6.7).
 
     Args:
@@ -151,18 +155,24 @@ def test_the_computed_torque_is_that_of_the_acceleration_that_is_wanted(pushed: 
     state_port = builder.AddSystem(state).get_output_port()
     ports = sources(builder, signals)
 
-    torque = add_computed_torque(builder, plant, state_port, axes, ServoSignals(**ports), GAINS, name="law")
+    torque = add_computed_torque(
+        builder, plant, state_port, axes, ServoSignals(**ports), GAINS, name="law"
+    )
 
     position, velocity = np.hsplit(values["state"], 2)
     position_error = values["reference"] - position
     velocity_error = values["reference_velocity"] - velocity
-    wanted = values["reference_acceleration"] + GAINS.kd * velocity_error + GAINS.kp * position_error
+    wanted = (
+        values["reference_acceleration"] + GAINS.kd * velocity_error + GAINS.kp * position_error
+    )
     expected = closed_form(position, velocity, wanted) + feedforward
     np.testing.assert_allclose(evaluated(builder, torque), expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("has_more_signals", [True, False])
-def test_the_admittance_integrates_the_torque_that_the_model_does_not_explain(has_more_signals: bool) -> None:
+def test_the_admittance_integrates_the_torque_that_the_model_does_not_explain(
+    has_more_signals: bool,
+) -> None:
     """x' = K (ID - kp (q_r - q) + kd (v - v_r) - tau_ff - x), with the terms of the signals that are wired."""
     builder = DiagramBuilder()
     values = some_motion()
@@ -185,9 +195,13 @@ def test_the_admittance_integrates_the_torque_that_the_model_does_not_explain(ha
     q, v = np.hsplit(values["state"], 2)
     desired_velocity = values["reference_velocity"] if has_more_signals else 0.0
     feedforward = values["feedforward"] if has_more_signals else 0.0
-    explained = GAINS.kp * (values["reference"] - q) - GAINS.kd * (v - desired_velocity) + feedforward
+    explained = (
+        GAINS.kp * (values["reference"] - q) - GAINS.kd * (v - desired_velocity) + feedforward
+    )
     rates = diagram.EvalTimeDerivatives(context).CopyToVector()
-    np.testing.assert_allclose(rates, gain * (model_torque - explained - state_of_block), rtol=1e-12)
+    np.testing.assert_allclose(
+        rates, gain * (model_torque - explained - state_of_block), rtol=1e-12
+    )
     np.testing.assert_array_equal(diagram.GetOutputPort("torque").Eval(context), state_of_block)
 
 
@@ -227,9 +241,13 @@ def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> No
     inertias = []
     for friction in (0.0, 5.0):
         plant = MultibodyPlant(0.0)
-        body = plant.AddRigidBody("link", SpatialInertia(2.0, np.zeros(3), UnitInertia.SolidSphere(0.1)))
+        body = plant.AddRigidBody(
+            "link", SpatialInertia(2.0, np.zeros(3), UnitInertia.SolidSphere(0.1))
+        )
         upward = np.array([0.0, 0.0, 1.0])
-        joint = plant.AddJoint(RevoluteJoint("joint", plant.world_frame(), body.body_frame(), upward))
+        joint = plant.AddJoint(
+            RevoluteJoint("joint", plant.world_frame(), body.body_frame(), upward)
+        )
         motor = plant.AddJointActuator("motor", joint)
         motor.set_default_gear_ratio(gear_ratio)
         motor.set_default_rotor_inertia(rotor_inertia)
@@ -239,7 +257,9 @@ def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> No
 
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         assert len(actuators) == (2 if friction else 1)
-        reflected = sum(each.default_gear_ratio() ** 2 * each.default_rotor_inertia() for each in actuators)
+        reflected = sum(
+            each.default_gear_ratio() ** 2 * each.default_rotor_inertia() for each in actuators
+        )
         assert reflected == pytest.approx(gear_ratio**2 * rotor_inertia)
         inertias.append(plant.CalcMassMatrix(plant.CreateDefaultContext())[0, 0])
     assert inertias[1] == pytest.approx(inertias[0])

@@ -6,7 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig, SimulatorStatus
+from pydrake.systems.analysis import (
+    ApplySimulatorConfig,
+    Simulator,
+    SimulatorConfig,
+    SimulatorStatus,
+)
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
@@ -29,7 +34,9 @@ def section_of(
     kind: str, station: str = "double_pendulum", servo: dict[str, Any] | None = None, **keys: Any
 ) -> tuple[MonitorSection, StationContents]:
     """Return a monitor's section of a station, and the station."""
-    config = load_station(station, {"monitors": {"watch": {"kind": kind, **keys}}, "servo": servo or {}})
+    config = load_station(
+        station, {"monitors": {"watch": {"kind": kind, **keys}}, "servo": servo or {}}
+    )
     return config.monitors["watch"], resolve(config)
 
 
@@ -44,7 +51,9 @@ def monitor(kind: str, *options: Any, **keys: Any) -> Monitor:
     return Monitor(section.condition("watch", station), hold=section.hold, after=section.after)
 
 
-def watched(block: Monitor, duration: float = 2.0, **signals: Trajectory) -> tuple[bool, float, str]:
+def watched(
+    block: Monitor, duration: float = 2.0, **signals: Trajectory
+) -> tuple[bool, float, str]:
     """Play signals to a monitor in steps of 10 ms; tell whether it ended the run, when and why."""
     builder = DiagramBuilder()
     builder.AddNamedSystem("monitor", block)
@@ -77,7 +86,9 @@ def joint_limit(before: float = 1380.0) -> Monitor:
 def speed_monitor(**times: float) -> Monitor:
     """Watch one speed, up to 10 rad/s."""
     above = Condition(
-        {"velocity": 1}, lambda velocity: abs(float(velocity[0])) - 10.0, lambda velocity: f"{velocity[0]:g} rad/s"
+        {"velocity": 1},
+        lambda velocity: abs(float(velocity[0])) - 10.0,
+        lambda velocity: f"{velocity[0]:g} rad/s",
     )
     return Monitor(above, **times)
 
@@ -91,15 +102,21 @@ def speed_monitor(**times: float) -> Monitor:
         ((0, -120), 1.0, "joint_2 reached its lower limit of -60.0 deg"),
     ],
 )
-def test_the_first_joint_at_its_limit_ends_the_run(target: tuple[float, float], when: float, why: str) -> None:
-    stopped, time, message = watched(joint_limit(), position=line((0, 0, 0), (2, *np.deg2rad(target))))
+def test_the_first_joint_at_its_limit_ends_the_run(
+    target: tuple[float, float], when: float, why: str
+) -> None:
+    stopped, time, message = watched(
+        joint_limit(), position=line((0, 0, 0), (2, *np.deg2rad(target)))
+    )
     assert stopped
     assert when - 1e-9 <= time <= when + STEP + 1e-9
     assert why in message
 
 
 def test_joints_inside_of_their_limits_end_nothing() -> None:
-    stopped, time, _ = watched(joint_limit(0.0), position=line((0, -25.13, 25.13), (2, 25.13, -25.13)))
+    stopped, time, _ = watched(
+        joint_limit(0.0), position=line((0, -25.13, 25.13), (2, 25.13, -25.13))
+    )
     assert not stopped
     assert time == 2.0
 
@@ -146,21 +163,35 @@ def test_what_slides_is_told_in_metres_and_newtons() -> None:
     assert limits.excess(position) == pytest.approx(0.05)
     assert limits.why(position) == "belt reached its upper limit of 1.4 m"
     torque = condition("torque_limit", belt, {"torque_limit": {"belt": 500}}, hold=0.1)
-    assert torque.why(np.array([500.0, *still])) == "belt stayed at its torque limit of 500 N for 0.1 s"
+    assert (
+        torque.why(np.array([500.0, *still]))
+        == "belt stayed at its torque limit of 500 N for 0.1 s"
+    )
     fast = condition("divergence", belt, speed_limit=10)
     assert fast.why(np.array([20.0, *still])) == "belt ran away: 20 m/s, above 10 m/s"
 
 
-@pytest.mark.parametrize(("velocity", "settled"), [((0.0009, 5.7), True), ((0.0011, 0), False), ((0, 5.9), False)])
-def test_axes_that_turn_and_slide_have_bounds_of_their_own(velocity: tuple[float, float], settled: bool) -> None:
+@pytest.mark.parametrize(
+    ("velocity", "settled"), [((0.0009, 5.7), True), ((0.0011, 0), False), ((0, 5.9), False)]
+)
+def test_axes_that_turn_and_slide_have_bounds_of_their_own(
+    velocity: tuple[float, float], settled: bool
+) -> None:
     still = condition("settled", "irb120_on_belt", speed_deg=5.8, hold=0.2)
     values = np.array([velocity[0], np.deg2rad(velocity[1]), 0, 0, 0, 0, 0])
     assert (still.excess(values) >= 0) is settled
-    assert still.why(values) == "the robot has stood still (below 0.001 m/s and 5.8 deg/s) for 0.2 s"
+    assert (
+        still.why(values) == "the robot has stood still (below 0.001 m/s and 5.8 deg/s) for 0.2 s"
+    )
 
 
 def torque_limit(hold: float) -> Monitor:
-    return monitor("torque_limit", "double_pendulum", {"torque_limit": {"joint_1": 10, "joint_2": 4}}, hold=hold)
+    return monitor(
+        "torque_limit",
+        "double_pendulum",
+        {"torque_limit": {"joint_1": 10, "joint_2": 4}},
+        hold=hold,
+    )
 
 
 def test_a_servo_that_stays_saturated_ends_the_run() -> None:
@@ -182,7 +213,9 @@ def test_a_torque_limit_may_be_the_monitor_s_own() -> None:
 
 @pytest.mark.parametrize("part", [0.99, 0.9999])
 def test_a_servo_below_its_limit_ends_nothing(part: float) -> None:
-    assert not watched(torque_limit(0.0), torque=line((0, 10 * part, 4 * part), (9, 10 * part, 4 * part)))[0]
+    assert not watched(
+        torque_limit(0.0), torque=line((0, 10 * part, 4 * part), (9, 10 * part, 4 * part))
+    )[0]
 
 
 def test_a_limit_may_be_missing_by_the_solver_s_rounding() -> None:
@@ -203,7 +236,9 @@ def test_a_robot_that_moves_slowly_in_one_joint_is_not_settled() -> None:
     assert not watched(block, velocity=line((0, 0, -0.11), (9, 0, -0.11)))[0]
 
 
-@pytest.mark.parametrize(("error", "settled"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)])
+@pytest.mark.parametrize(
+    ("error", "settled"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)]
+)
 def test_a_robot_at_rest_is_settled_only_near_its_reference(error: float, settled: bool) -> None:
     block, off = monitor("settled", error_deg=1.0, hold=0.2), 1 + np.deg2rad(error)
     still = {"velocity": line((0, 0, 0), (9, 0, 0)), "position": line((0, 1, 1), (9, 1, 1))}
@@ -221,7 +256,9 @@ def test_a_joint_that_runs_away_ends_the_run(direction: int) -> None:
 
 
 def test_a_fast_joint_below_the_bound_ends_nothing() -> None:
-    assert not watched(monitor("divergence", speed_limit=10), velocity=line((0, 9.99, 0), (9, -9.99, 0)))[0]
+    assert not watched(
+        monitor("divergence", speed_limit=10), velocity=line((0, 9.99, 0), (9, -9.99, 0))
+    )[0]
 
 
 @pytest.mark.parametrize(("hold", "stopped"), [(0.0, True), (0.1, True), (0.3, False)])
@@ -233,12 +270,15 @@ def test_a_condition_counts_once_it_has_lasted(hold: float, stopped: bool) -> No
 
 def test_pulses_that_are_apart_do_not_add_up() -> None:
     # on for 0.2 s, off for 0.1 s, on again
-    trajectory = PiecewisePolynomial.ZeroOrderHold([0, 0.5, 0.7, 0.8, 1.0, 9], [[0, 20, 0, 20, 0, 0]])
+    trajectory = PiecewisePolynomial.ZeroOrderHold(
+        [0, 0.5, 0.7, 0.8, 1.0, 9], [[0, 20, 0, 20, 0, 0]]
+    )
     assert not watched(speed_monitor(hold=0.25), velocity=trajectory)[0]
 
 
 @pytest.mark.parametrize(
-    ("after", "stopped", "when"), [(0.3, True, 0.5), (0.6, True, 0.6), (0.8, False, 2.0), (5.0, False, 2.0)]
+    ("after", "stopped", "when"),
+    [(0.3, True, 0.5), (0.6, True, 0.6), (0.8, False, 2.0), (5.0, False, 2.0)],
 )
 def test_watching_begins_after_its_time(after: float, stopped: bool, when: float) -> None:
     found, time, _ = watched(speed_monitor(after=after), velocity=pulse(0.5, 0.7, 20.0))
@@ -265,7 +305,12 @@ def test_a_violation_at_the_start_that_must_last_is_counted_from_there() -> None
 
 
 def flying(
-    add_pendulum: AddPendulum, *, scheme: str | None, time_step: float, limit: float, monitored: bool = True
+    add_pendulum: AddPendulum,
+    *,
+    scheme: str | None,
+    time_step: float,
+    limit: float,
+    monitored: bool = True,
 ) -> tuple[SimulatorStatus, Simulator]:
     """Turn a pendulum without gravity at 2 rad/s towards a monitored limit; position is 2 t."""
     builder = DiagramBuilder()
@@ -273,7 +318,9 @@ def flying(
     plant.Finalize()
     if monitored:
         beyond = Condition(
-            {"position": 1}, lambda position: float(position[0]) - limit, lambda _: f"the hinge is beyond {limit:g} rad"
+            {"position": 1},
+            lambda position: float(position[0]) - limit,
+            lambda _: f"the hinge is beyond {limit:g} rad",
         )
         block = builder.AddNamedSystem("monitor", Monitor(beyond))
         pick = builder.AddSystem(MatrixGain(np.array([[1.0, 0.0]])))
@@ -282,7 +329,9 @@ def flying(
     diagram = builder.Build()
     simulator = Simulator(diagram)
     if scheme:
-        ApplySimulatorConfig(SimulatorConfig(integration_scheme=scheme, max_step_size=STEP), simulator)
+        ApplySimulatorConfig(
+            SimulatorConfig(integration_scheme=scheme, max_step_size=STEP), simulator
+        )
     plant.SetVelocities(plant.GetMyContextFromRoot(simulator.get_mutable_context()), [2.0])
     simulator.Initialize()
     return simulator.AdvanceTo(1.0), simulator
@@ -307,10 +356,14 @@ def test_a_monitor_that_does_not_fire_leaves_the_motion_as_it_is(
 ) -> None:
     ends = []
     for monitored in (True, False):
-        status, simulator = flying(add_pendulum, scheme=scheme, time_step=time_step, limit=5.0, monitored=monitored)
+        status, simulator = flying(
+            add_pendulum, scheme=scheme, time_step=time_step, limit=5.0, monitored=monitored
+        )
         assert status.reason() == DONE
         plant = simulator.get_system().GetSubsystemByName("plant")
-        ends.append(plant.get_state_output_port().Eval(plant.GetMyContextFromRoot(simulator.get_context())))
+        ends.append(
+            plant.get_state_output_port().Eval(plant.GetMyContextFromRoot(simulator.get_context()))
+        )
     np.testing.assert_array_equal(ends[0], ends[1])
     np.testing.assert_allclose(ends[0], [2.0, 2.0], atol=1e-6)
 
@@ -327,7 +380,11 @@ def test_a_station_s_monitor_reads_its_outputs_under_their_names() -> None:
     (block,) = [system for system in builder.GetSystems() if isinstance(system, Monitor)]
     inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
     assert block.get_name() == "monitor.slow"
-    assert [port.get_name() for port in inputs] == ["left.velocity", "left.position", "left.reference"]
+    assert [port.get_name() for port in inputs] == [
+        "left.velocity",
+        "left.position",
+        "left.reference",
+    ]
     assert all(ports.outputs[port.get_name()].size() == port.size() for port in inputs)
     trigger = ports.outputs.monitors["slow"]
     assert trigger.hold == hold
@@ -359,14 +416,23 @@ def test_a_bound_is_positive(kind: str, key: str, bad: float) -> None:
         section_of(kind, **{key: bad})
 
 
-@pytest.mark.parametrize("kind", ["joint_limit", "torque_limit", "settled", "divergence", "fall", "workspace"])
+@pytest.mark.parametrize(
+    "kind", ["joint_limit", "torque_limit", "settled", "divergence", "fall", "workspace"]
+)
 def test_whom_it_watches_is_known_or_the_only_one(kind: str) -> None:
-    bounds: dict[str, dict[str, Any]] = {"fall": {"height": 1}, "workspace": {"lower": [0, 0, 0], "upper": [1, 1, 1]}}
+    bounds: dict[str, dict[str, Any]] = {
+        "fall": {"height": 1},
+        "workspace": {"lower": [0, 0, 0], "upper": [1, 1, 1]},
+    }
     keys = bounds.get(kind, {})
     assert condition(kind, "two_irb120", robot="right", **keys).watched.keys() <= {
         f"right.{output}" for output in ("position", "velocity", "torque", "base_pose", "tcp_pose")
     }
-    with pytest.raises(SimrobError, match=r"no robot for monitors\.watch 'rihgt'; did you mean 'right'"):
+    with pytest.raises(
+        SimrobError, match=r"no robot for monitors\.watch 'rihgt'; did you mean 'right'"
+    ):
         section_of(kind, "two_irb120", robot="rihgt", **keys)
-    with pytest.raises(SimrobError, match=r"monitors\.watch\.robot is None; it must be one of left, right"):
+    with pytest.raises(
+        SimrobError, match=r"monitors\.watch\.robot is None; it must be one of left, right"
+    ):
         section_of(kind, "two_irb120", **keys)

@@ -20,7 +20,13 @@ WATCHES, WARNS, GIVES_WAY, STOPPED = range(4)
 
 def motors(limit=(LIMIT, np.inf), nominal=(NOMINAL, np.inf), fastest=1.0, **changed):
     """A loop for two axes, of which only the first one is watched; ``changed`` are keys of its section."""
-    section = {"kind": "motor_protection", "thermal_time": THERMAL_TIME, "hold": 0.02, "patience": 0.1, **changed}
+    section = {
+        "kind": "motor_protection",
+        "thermal_time": THERMAL_TIME,
+        "hold": 0.02,
+        "patience": 0.1,
+        **changed,
+    }
     return GuardedMotors(
         MotorProtection.model_validate(section),
         limit=np.array(limit),
@@ -34,7 +40,9 @@ def motors(limit=(LIMIT, np.inf), nominal=(NOMINAL, np.inf), fastest=1.0, **chan
 
 def sample(driven, torque, *, position=(0.1, 0.2), asked=(0.5, 0.6), **read):
     """Sample with a torque of the first axis [N·m]."""
-    return driven.sample(torque=np.array([torque, 7.0]), position=np.array(position), asked=np.array(asked), **read)
+    return driven.sample(
+        torque=np.array([torque, 7.0]), position=np.array(position), asked=np.array(asked), **read
+    )
 
 
 def begun_memory(**changed):
@@ -133,7 +141,9 @@ def test_it_releases_the_robot_without_a_jump_once_all_was_well():
     outputs = [sample(driven, 5.0) for _ in range(7)]
 
     assert [output["active"][0] for output in outputs] == [1, 1, 1, 1, 0, 0, 0]
-    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(target)  # offset from what is asked now
+    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(
+        target
+    )  # offset from what is asked now
     assert outputs[6]["offset"] == pytest.approx(outputs[4]["offset"] + 2 * PERIOD)
 
 

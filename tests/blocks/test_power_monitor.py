@@ -9,14 +9,22 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.resolve import resolve
 
 GRAVITY = 9.81  # m/s², the pendulum's station
-UPPER = (0.01596350, 0.07516596)  # mass [kg] and distance of its centre from the joint [m], of the pendulum's URDF
+UPPER = (
+    0.01596350,
+    0.07516596,
+)  # mass [kg] and distance of its centre from the joint [m], of the pendulum's URDF
 LOWER_MASS, LENGTH = 0.02635619, 0.14  # kg, m between the joints
 DAMPING = 0.01  # N·m·s/rad, each joint
 
 
 @pytest.mark.parametrize(
     ("torque", "velocity", "power"),
-    [([3, -2], [2, 5], 16), ([3, 2], [-2, 5], 16), ([0, 50], [9, 0], 0), ([1, 1], [np.nan, 0], np.inf)],
+    [
+        ([3, -2], [2, 5], 16),
+        ([3, 2], [-2, 5], 16),
+        ([0, 50], [9, 0], 0),
+        ([1, 1], [np.nan, 0], np.inf),
+    ],
 )
 def test_power_is_the_sum_of_sizes(torque, velocity, power):
     config = load_station("double_pendulum", {"monitors.power_limit": {"limit": 10, "hold": 0.5}})
@@ -24,7 +32,10 @@ def test_power_is_the_sum_of_sizes(torque, velocity, power):
     values = np.array(torque, dtype=float), np.array(velocity, dtype=float)
     assert condition.watched == {"torque": 2, "velocity": 2}
     assert condition.excess(*values) == power - 10
-    assert condition.why(*values) == "the power of the joints of robot reached the limit of 10 W for 0.5 s"
+    assert (
+        condition.why(*values)
+        == "the power of the joints of robot reached the limit of 10 W for 0.5 s"
+    )
 
 
 def test_a_run_ends_where_lifting_and_damping_take_the_power():
@@ -54,7 +65,9 @@ def test_a_move_ends_where_its_signals_say(hold):
     monitors = {"monitors.power_limit": {"limit": limit, "hold": hold}}
     result = simulate(load_station("irb120_dynamic", monitors))
     assert result.stopped_by == "power_limit"
-    assert result.stop_time == pytest.approx(onset + hold, abs=1e-3 + 1e-3)  # as it is cut, and as it was sampled
+    assert result.stop_time == pytest.approx(
+        onset + hold, abs=1e-3 + 1e-3
+    )  # as it is cut, and as it was sampled
 
 
 def test_a_bound_that_bounds_nothing_is_refused():

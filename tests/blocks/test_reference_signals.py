@@ -25,7 +25,12 @@ START, TARGET = np.array([0.1, -0.2]), np.array([1.1, 0.3])
 SINE = SineReference(centre=START, amplitude=TARGET, frequency=0.7, phase=np.array([0.1, 0.2]))
 MOVE = move(START, TARGET, duration=2.0)
 SPLINE = hermite([0.0, 0.4, 2.0], [START, TARGET, START], np.ones((3, 2)))
-REFERENCES = {"sine": SINE, "hold": hold(START), "ramp": ramp(START, TARGET, duration=1.0), "move": MOVE}
+REFERENCES = {
+    "sine": SINE,
+    "hold": hold(START),
+    "ramp": ramp(START, TARGET, duration=1.0),
+    "move": MOVE,
+}
 REFERENCES["spline"] = SPLINE
 
 
@@ -60,7 +65,9 @@ def test_only_what_stands_still_or_swings_is_a_sine():
     np.testing.assert_array_equal(still.centre, START)
     np.testing.assert_array_equal(still.amplitude, np.zeros(2))
     assert as_reference(MOVE).as_sine() is None
-    rows_at_rest = as_reference(interpolate_samples([0.0, 1.0, 2.0], [START, START, START])).as_sine()
+    rows_at_rest = as_reference(
+        interpolate_samples([0.0, 1.0, 2.0], [START, START, START])
+    ).as_sine()
     np.testing.assert_array_equal(rows_at_rest.centre, START)
     np.testing.assert_array_equal(rows_at_rest.amplitude, [0.0, 0.0])
 
@@ -69,7 +76,9 @@ def test_only_what_stands_still_or_swings_is_a_sine():
     "to_and_fro",
     [
         interpolate_samples([0.0, 1.0, 2.0], [START, TARGET, START]),
-        hermite([0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]),  # only the velocities say that it moves
+        hermite(
+            [0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]
+        ),  # only the velocities say that it moves
         SPLINE,
     ],
 )
@@ -97,7 +106,9 @@ def test_a_source_plays_any_trajectory_but_one_sine_only():
 @pytest.mark.parametrize("reference", [SINE, MOVE], ids=["sine", "trajectory"])
 def test_a_reference_of_too_few_axes_is_an_error(reference):
     with pytest.raises(SimrobError, match="a trajectory of 2 joints"):
-        simulate(load_station("irb120_kinematic"), reference=reference, duration=0.1, progress=False)
+        simulate(
+            load_station("irb120_kinematic"), reference=reference, duration=0.1, progress=False
+        )
 
 
 class Chirp(ReferenceSignal):
@@ -143,7 +154,9 @@ class ChirpSource(LeafSystem):
 
 @pytest.mark.long
 def test_a_reference_of_another_package_is_followed_and_saved(tmp_path):
-    result = simulate(load_station("irb120_kinematic"), reference=Chirp(), duration=1.0, progress=False)
+    result = simulate(
+        load_station("irb120_kinematic"), reference=Chirp(), duration=1.0, progress=False
+    )
     np.testing.assert_allclose(result["q.joint_1"], 0.1 * np.sin(result.times**2), atol=1e-9)
     folder = save_result(result, result.verdict, tmp_path / "result", recording=False)
     again = simulate(load_station(folder / "station.yaml"), progress=False)

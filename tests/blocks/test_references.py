@@ -76,7 +76,9 @@ def test_a_ramp_with_a_blend_gathers_speed_evenly_goes_on_and_slows_down() -> No
         share = np.clip(min(time - begin, end - time) / blend, 0, 1)
         np.testing.assert_allclose(value(trajectory, time, order=1), share * full_speed, atol=1e-12)
     np.testing.assert_allclose(value(trajectory, begin), START, atol=1e-15)
-    np.testing.assert_allclose(value(trajectory, (begin + end) / 2), (START + TARGET) / 2, atol=1e-12)
+    np.testing.assert_allclose(
+        value(trajectory, (begin + end) / 2), (START + TARGET) / 2, atol=1e-12
+    )
     np.testing.assert_allclose(value(trajectory, end + 0.5), TARGET, atol=1e-12)
 
 
@@ -86,7 +88,9 @@ def test_a_ramp_is_a_straight_line_with_two_corners(start_time: float) -> None:
     for part in (0.0, 0.25, 0.5, 1.0):
         expected = START + part * (TARGET - START)
         np.testing.assert_allclose(value(trajectory, start_time + 2.0 * part), expected, atol=1e-15)
-    np.testing.assert_allclose(value(trajectory, start_time + 1.0, order=1), (TARGET - START) / 2, atol=1e-15)
+    np.testing.assert_allclose(
+        value(trajectory, start_time + 1.0, order=1), (TARGET - START) / 2, atol=1e-15
+    )
     assert corner_times(trajectory) == [start_time, start_time + 2.0]
 
 
@@ -108,7 +112,9 @@ def test_a_move_is_the_shortest_polynomial_that_rests() -> None:
         expected = START + (TARGET - START) * (10 * s**3 - 15 * s**4 + 6 * s**5)
         np.testing.assert_allclose(value(trajectory, 2.0 * s), expected, atol=1e-14)
     # its largest speed is 15/8 of the mean one, half way
-    np.testing.assert_allclose(value(trajectory, 1.0, order=1), 15 / 8 * (TARGET - START) / 2.0, atol=1e-14)
+    np.testing.assert_allclose(
+        value(trajectory, 1.0, order=1), 15 / 8 * (TARGET - START) / 2.0, atol=1e-14
+    )
 
 
 def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> None:
@@ -117,7 +123,10 @@ def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> N
     for time, target in zip(times, targets, strict=True):
         np.testing.assert_allclose(value(trajectory, time), target, atol=1e-14)
         for order in (1, 2):
-            for side in (-1e-9, 1e-9):  # the jerk is below 2e3 rad/s^3, so 1e-9 s change no more than 2e-6 rad/s^2
+            for side in (
+                -1e-9,
+                1e-9,
+            ):  # the jerk is below 2e3 rad/s^3, so 1e-9 s change no more than 2e-6 rad/s^2
                 if time + side < 2.0:
                     np.testing.assert_allclose(value(trajectory, time + side, order), 0, atol=1e-5)
     assert corner_times(trajectory) == []
@@ -141,10 +150,15 @@ def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
 def test_a_cubic_table_is_the_spline_of_scipy() -> None:
     random = np.random.default_rng(5)
     times, samples = np.cumsum(random.uniform(0.1, 1.0, 9)), random.normal(size=(9, 4))
-    trajectory, spline = interpolate_samples(times, samples), CubicSpline(times, samples)  # both with not-a-knot ends
+    trajectory, spline = (
+        interpolate_samples(times, samples),
+        CubicSpline(times, samples),
+    )  # both with not-a-knot ends
     for time in np.linspace(times[0], times[-1], 57):
         for order in (0, 1, 2):
-            np.testing.assert_allclose(value(trajectory, time, order), spline(time, order), atol=1e-9)
+            np.testing.assert_allclose(
+                value(trajectory, time, order), spline(time, order), atol=1e-9
+            )
 
 
 def test_inside_of_a_cubic_table_there_is_no_corner() -> None:
@@ -211,7 +225,9 @@ def test_a_change_of_acceleration_alone_is_no_corner() -> None:
 
 
 def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
-    slerp = PiecewiseQuaternionSlerp([0.5, 1.0, 2.0], [Quaternion(), Quaternion(0, 1, 0, 0), Quaternion()])
+    slerp = PiecewiseQuaternionSlerp(
+        [0.5, 1.0, 2.0], [Quaternion(), Quaternion(0, 1, 0, 0), Quaternion()]
+    )
     assert corner_times(slerp) == [0.5, 2.0]
 
 
@@ -226,15 +242,21 @@ def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: int) -> N
     assert diagram.num_output_ports() == 1 + derivatives
     for order, name in ((1, "velocity"), (2, "acceleration")):
         if order <= derivatives:
-            np.testing.assert_allclose(signal(diagram, name, 0.8), value(trajectory, 0.8, order), atol=1e-12)
+            np.testing.assert_allclose(
+                signal(diagram, name, 0.8), value(trajectory, 0.8, order), atol=1e-12
+            )
 
 
 @pytest.mark.parametrize(("time", "moving"), [(0.25, False), (1.0, True), (2.75, False)])
 def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> None:
     builder = DiagramBuilder()
-    source = add_reference(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2)
+    source = add_reference(
+        builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2
+    )
     expected = (TARGET - START) / 2 if moving else np.zeros(3)
-    np.testing.assert_allclose(signal(played(builder, source), "velocity", time), expected, atol=1e-14)
+    np.testing.assert_allclose(
+        signal(played(builder, source), "velocity", time), expected, atol=1e-14
+    )
 
 
 def test_corners_become_events_of_the_simulation() -> None:
@@ -278,7 +300,9 @@ def test_a_sine_and_its_derivatives_are_the_closed_form(time: float) -> None:
     np.testing.assert_allclose(signal(diagram, "acceleration", time), acceleration, atol=1e-10)
 
 
-CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array([[0.0, 1.0, -1.0, 0.5]]))
+CUBIC = PiecewisePolynomial.CubicShapePreserving(
+    [0.0, 0.7, 1.5, 2.0], np.array([[0.0, 1.0, -1.0, 0.5]])
+)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +312,9 @@ CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array(
         move(START, TARGET, duration=2.0),
         hermite([0.0, 0.4, 2.0], [START, TARGET, START], np.ones((3, 3))),
         CompositeTrajectory([CUBIC.slice(0, 1), CUBIC.slice(1, 2)]),
-        PathParameterizedTrajectory(CUBIC, PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]])),
+        PathParameterizedTrajectory(
+            CUBIC, PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]])
+        ),
         SineReference(START, TARGET, 0.7, np.array([0.1, 0.2, 0.3])),
     ],
     ids=["polynomial", "smooth", "spline", "composite", "of_another_kind", "sine"],
@@ -297,7 +323,9 @@ def test_a_reference_goes_on_later_as_it_was(reference: Reference) -> None:
     """The shifted reference at a time is the reference that much later; one of another kind has errors of samples."""
     times = np.linspace(0.0, 1.0, 37)
     np.testing.assert_allclose(
-        reference_values(later(reference, 0.9), times), reference_values(reference, times + 0.9), atol=1e-8
+        reference_values(later(reference, 0.9), times),
+        reference_values(reference, times + 0.9),
+        atol=1e-8,
     )
 
 

@@ -48,7 +48,10 @@ def fixed(diagram: Diagram, values: dict[str, np.ndarray]) -> Context:
 
 
 def law(
-    gains: ServoGains, values: dict[str, np.ndarray], integral: np.ndarray, optional: tuple[str, ...]
+    gains: ServoGains,
+    values: dict[str, np.ndarray],
+    integral: np.ndarray,
+    optional: tuple[str, ...],
 ) -> np.ndarray:
     nothing = np.zeros(COUNT)
     velocity = values["reference_velocity"] if "reference_velocity" in optional else nothing
@@ -61,7 +64,8 @@ def law(
 
 @pytest.mark.parametrize("per_joint", [True, False])
 @pytest.mark.parametrize(
-    "optional", [(), ("feedforward",), ("reference_velocity",), ("reference_velocity", "feedforward")]
+    "optional",
+    [(), ("feedforward",), ("reference_velocity",), ("reference_velocity", "feedforward")],
 )
 def test_the_torque_is_that_of_the_law(per_joint: bool, optional: tuple[str, ...]) -> None:
     random = np.random.default_rng(3)
@@ -75,7 +79,9 @@ def test_the_torque_is_that_of_the_law(per_joint: bool, optional: tuple[str, ...
         states = integral if context.num_continuous_states() == COUNT else integral[GAINS.ki > 0]
         context.SetContinuousState(states)
         expected = law(GAINS, values, integral, optional)
-        np.testing.assert_allclose(diagram.GetOutputPort("torque").Eval(context), expected, atol=1e-12)
+        np.testing.assert_allclose(
+            diagram.GetOutputPort("torque").Eval(context), expected, atol=1e-12
+        )
         saturated += int((np.abs(expected) == GAINS.torque_limit).sum())
     assert 10 < saturated < 90  # of 100: both sides of the saturation were met
 
@@ -84,13 +90,21 @@ def test_each_joint_has_its_own_blocks_and_an_integrator_only_where_ki_is_positi
     diagram = servo_diagram(GAINS, per_joint=True)
     names = {system.get_name() for system in diagram.GetSystems()}
     assert {f"{name}.{block}" for name in NAMES for block in ("pd", "saturation")} <= names
-    assert {name for name in names if name.endswith(".integrator")} == {"b.integrator", "c.integrator"}
+    assert {name for name in names if name.endswith(".integrator")} == {
+        "b.integrator",
+        "c.integrator",
+    }
     assert diagram.num_continuous_states() == 2
 
 
 def test_a_vector_is_one_group_of_blocks() -> None:
     names = [system.get_name() for system in servo_diagram(GAINS, per_joint=False).GetSystems()]
-    assert names.count("servo.pd") == names.count("servo.saturation") == names.count("servo.integrator") == 1
+    assert (
+        names.count("servo.pd")
+        == names.count("servo.saturation")
+        == names.count("servo.integrator")
+        == 1
+    )
     assert not any(name.startswith(("a.", "b.", "c.")) for name in names)
 
 
@@ -122,7 +136,9 @@ def cascade_speed_error(values: dict[str, np.ndarray], optional: tuple[str, ...]
     return np.clip(wanted, -CASCADE.speed_limit, CASCADE.speed_limit) - velocity
 
 
-def cascade_law(values: dict[str, np.ndarray], integral: np.ndarray, optional: tuple[str, ...]) -> np.ndarray:
+def cascade_law(
+    values: dict[str, np.ndarray], integral: np.ndarray, optional: tuple[str, ...]
+) -> np.ndarray:
     """Torques of a cascade, kd (v_c - v) + clip(x) + feedforward, shape (n,) [N·m]."""
     clipped = np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit)
     torque = CASCADE.kd * cascade_speed_error(values, optional) + clipped
@@ -131,7 +147,9 @@ def cascade_law(values: dict[str, np.ndarray], integral: np.ndarray, optional: t
 
 @pytest.mark.parametrize("per_joint", [True, False])
 @pytest.mark.parametrize("optional", [(), ("feedforward",), ("reference_velocity", "feedforward")])
-def test_a_cascade_asks_for_a_speed_and_limits_it(per_joint: bool, optional: tuple[str, ...]) -> None:
+def test_a_cascade_asks_for_a_speed_and_limits_it(
+    per_joint: bool, optional: tuple[str, ...]
+) -> None:
     """Torques and rates of the integral parts, x' = ki kd / kp (v_c - v) + (clip(x) - x) / T, are those of the law."""
     random = np.random.default_rng(6)
     diagram = servo_diagram(CASCADE, per_joint=per_joint, optional=optional)
@@ -164,7 +182,9 @@ def test_a_cascade_without_limit_and_integral_is_the_single_loop() -> None:
     values = {name: random.normal(size=size) for name, size in INPUTS.items()}
     torques = []
     for gains in (plain, cascade):
-        diagram = servo_diagram(gains, per_joint=True, optional=("reference_velocity", "feedforward"))
+        diagram = servo_diagram(
+            gains, per_joint=True, optional=("reference_velocity", "feedforward")
+        )
         torques.append(diagram.GetOutputPort("torque").Eval(fixed(diagram, values)))
     np.testing.assert_allclose(*torques, atol=1e-12)
 
@@ -184,7 +204,9 @@ def integral_simulator(gains: ServoGains, source: LeafSystem, *, events: list[fl
 
 
 def integral_gains(ki: float, limit: float) -> ServoGains:
-    return ServoGains(np.zeros(1), np.array([ki]), np.zeros(1), np.array([np.inf]), np.array([limit]))
+    return ServoGains(
+        np.zeros(1), np.array([ki]), np.zeros(1), np.array([np.inf]), np.array([limit])
+    )
 
 
 def torque_at(simulator: Simulator, time: float) -> float:
@@ -198,10 +220,14 @@ def test_the_integral_is_that_of_scipy() -> None:
     simulator = integral_simulator(integral_gains(ki, limit), sine, events=[])
 
     def rate(time: float, x: np.ndarray) -> np.ndarray:
-        return ki * amplitude * np.sin(frequency * time) + (np.clip(x, -limit, limit) - x) / CLAMP_TIME
+        return (
+            ki * amplitude * np.sin(frequency * time) + (np.clip(x, -limit, limit) - x) / CLAMP_TIME
+        )
 
     times = np.linspace(0.1, 4.0, 40)
-    solution = solve_ivp(rate, (0, 4), [0.0], t_eval=times, rtol=1e-9, atol=1e-10, max_step=1e-3).y[0]
+    solution = solve_ivp(rate, (0, 4), [0.0], t_eval=times, rtol=1e-9, atol=1e-10, max_step=1e-3).y[
+        0
+    ]
     assert (np.abs(solution) > limit).any()  # the clamp was reached
     found = [torque_at(simulator, time) for time in times]
     np.testing.assert_allclose(found, np.clip(solution, -limit, limit), atol=1e-6)
@@ -214,7 +240,9 @@ def test_the_integral_part_stays_at_its_limit_and_unwinds_at_once() -> None:
     error = 1.0
     turn = 1.0  # time at which the error changes its sign [s]
     steps = PiecewisePolynomial.ZeroOrderHold([0.0, turn, 3.0], [[error, -error, -error]])
-    simulator = integral_simulator(integral_gains(ki, limit), TrajectorySource(steps), events=[turn])
+    simulator = integral_simulator(
+        integral_gains(ki, limit), TrajectorySource(steps), events=[turn]
+    )
 
     assert torque_at(simulator, turn / 2) == limit
     assert torque_at(simulator, turn) == limit
@@ -261,7 +289,11 @@ def test_an_axis_without_a_motor_has_no_torque_and_no_share() -> None:
     assert gains.holding_shares(np.zeros(COUNT)).tolist() == [0.0, 0.0, 0.0]
     for per_joint in (True, False):
         diagram = servo_diagram(gains, per_joint=per_joint, optional=("feedforward",))
-        values = {"reference": np.ones(COUNT), "state": np.zeros(2 * COUNT), "feedforward": np.array([0.0, 9.0, 0.0])}
+        values = {
+            "reference": np.ones(COUNT),
+            "state": np.zeros(2 * COUNT),
+            "feedforward": np.array([0.0, 9.0, 0.0]),
+        }
         assert diagram.GetOutputPort("torque").Eval(fixed(diagram, values))[1] == 0.0
 
 

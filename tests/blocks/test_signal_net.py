@@ -98,7 +98,9 @@ def assert_same_as_written(net, written, start):
         measured, time = random.uniform(-1, 1, 2)
 
         outputs, rates = evaluate(net, time=time, measured=measured, state=state - np.array(start))
-        expected_outputs, expected_rates = evaluate(written, time=time, measured=measured, state=state)
+        expected_outputs, expected_rates = evaluate(
+            written, time=time, measured=measured, state=state
+        )
 
         np.testing.assert_allclose(outputs, expected_outputs, atol=1e-12)
         if start:
@@ -110,14 +112,23 @@ def test_a_transfer_function_is_that_of_scipy():
     dense = np.linspace(0, 2, 20001)
     _, wanted, _ = signal.lsim(tuple(figures.values()), np.sin(3 * dense + 0.3), dense)
     _, _, (y,) = run({"G": (block("transfer_function", **figures), [[(U, 1.0)]])})
-    np.testing.assert_allclose(y, wanted[::100], rtol=1e-5, atol=1e-5)  # of 15; what Drake's accuracy of 1e-8 leaves
+    np.testing.assert_allclose(
+        y, wanted[::100], rtol=1e-5, atol=1e-5
+    )  # of 15; what Drake's accuracy of 1e-8 leaves
 
 
 def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
-    a, b, c, d = [[0, 1], [-4, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1], [1, 1]], [[0, 0], [0, 0], [1, 0]]
+    a, b, c, d = (
+        [[0, 1], [-4, -1]],
+        [[0, 1], [1, 0]],
+        [[1, 0], [0, 1], [1, 1]],
+        [[0, 0], [0, 0], [1, 0]],
+    )
     dense = np.linspace(0, 2, 20001)
     inputs = np.column_stack([np.sin(3 * dense + 0.3), dense])
-    _, wanted, _ = signal.lsim([np.array(part, dtype=float) for part in (a, b, c, d)], inputs, dense, X0=[0.2, -0.1])
+    _, wanted, _ = signal.lsim(
+        [np.array(part, dtype=float) for part in (a, b, c, d)], inputs, dense, X0=[0.2, -0.1]
+    )
     given = block("state_space", A=a, B=b, C=c, D=d, initial=[0.2, -0.1], of=["u", "time"])
     _, _, y = run({"S": (given, [[(U, 1.0)], [(TIME, 1.0)]])})
     np.testing.assert_allclose(y.T, wanted[::100], atol=1e-6)
@@ -127,8 +138,12 @@ def test_a_sampled_transfer_function_behind_another_is_that_of_scipy():
     """Both sample together: the second takes what the first gives at that very time, and all is held in between."""
     first_numerator, first_denominator = [0.3, 0.1], [1.0, -0.5]
     second_numerator, second_denominator = [1.0, 0.2], [1.0, 0.1, 0.2]
-    first = block("transfer_function", numerator=first_numerator, denominator=first_denominator, period=0.02)
-    second = block("transfer_function", numerator=second_numerator, denominator=second_denominator, period=0.02)
+    first = block(
+        "transfer_function", numerator=first_numerator, denominator=first_denominator, period=0.02
+    )
+    second = block(
+        "transfer_function", numerator=second_numerator, denominator=second_denominator, period=0.02
+    )
     slow = block("delay", period=0.06, initial=7.0)
     first_output = FIRST + 1  # index of its value: it is the second block of the net
     blocks = {  # not in the order of computation
@@ -165,7 +180,9 @@ def test_an_integrator_waits_at_its_bounds():
 
 def test_a_sampled_integrator_adds_up():
     _, u, (y,) = run({"I": (block("integrator", initial=0.5, period=0.01), [[(U, 3.0)]])})
-    np.testing.assert_allclose(y[1:], 0.5 + 0.03 * np.concatenate([[0], np.cumsum(u)[:-2]]), atol=1e-12)
+    np.testing.assert_allclose(
+        y[1:], 0.5 + 0.03 * np.concatenate([[0], np.cumsum(u)[:-2]]), atol=1e-12
+    )
 
 
 def test_a_rate_limiter_follows_within_its_slopes():
@@ -178,7 +195,9 @@ def test_a_rate_limiter_follows_within_its_slopes():
     continuous = block("rate_limiter", rising=rising, falling=falling, lag=lag, initial=start)
     sampled = block("rate_limiter", rising=rising, falling=falling, period=period, initial=start)
 
-    record = run({"continuous": (continuous, [[(U, 1.0)]]), "sampled": (sampled, [[(U, 1.0)]])}, rows=2001)
+    record = run(
+        {"continuous": (continuous, [[(U, 1.0)]]), "sampled": (sampled, [[(U, 1.0)]])}, rows=2001
+    )
 
     limited = []
     value = start
@@ -223,7 +242,9 @@ def test_a_block_without_states_is_its_equation(given, equation):
 def test_a_long_table_is_looked_up_in(count):
     points = np.cumsum(np.random.default_rng(3).uniform(0.1, 1.0, count))
     points, values = 3 * points / points[-1] - 1.5, np.sin(20 * points)
-    _, u, (y,) = run({"T": (block("lookup", points=points.tolist(), values=values.tolist()), [[(U, 1.0)]])})
+    _, u, (y,) = run(
+        {"T": (block("lookup", points=points.tolist(), values=values.tolist()), [[(U, 1.0)]])}
+    )
     np.testing.assert_allclose(y, np.interp(u, points, values), atol=1e-12)
 
 
@@ -238,13 +259,21 @@ def test_what_is_divided_by_zero_is_infinite(given, sampled):
 
 
 def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
-    loop = {"I": (block("integrator", initial=1.0), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])}
+    loop = {
+        "I": (block("integrator", initial=1.0), [[(4, -2.0)]]),
+        "K": (block("sum"), [[(FIRST, 1.0)]]),
+    }
     times, _, (y, _) = run(loop)
     np.testing.assert_allclose(y, np.exp(-2 * times), atol=1e-6)
     with pytest.raises(CycleError):
         run({"J": (block("sum"), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])})
     with pytest.raises(ValueError, match=r"periods of 0\.02, 0\.0200002 s"):
-        run({name: (block("hold", period=float(name)), [[(U, 1.0)]]) for name in ("0.02", "0.0200002")})
+        run(
+            {
+                name: (block("hold", period=float(name)), [[(U, 1.0)]])
+                for name in ("0.02", "0.0200002")
+            }
+        )
 
 
 def test_periods_share_a_common_step():
@@ -257,7 +286,9 @@ def test_periods_share_a_common_step():
 def test_a_fast_block_takes_what_a_slow_one_holds():
     """And not what the slow one would give if it took a sample then."""
     slow, fast = block("hold", period=0.06), block("hold", period=0.02)
-    _, u, (held, taken) = run({"slow": (slow, [[(U, 1.0)]]), "fast": (fast, [[(FIRST, 1.0)]])}, rows=101)
+    _, u, (held, taken) = run(
+        {"slow": (slow, [[(U, 1.0)]]), "fast": (fast, [[(FIRST, 1.0)]])}, rows=101
+    )
     np.testing.assert_allclose(held[1:], np.repeat(u[::3], 3)[:100], atol=1e-12)
     np.testing.assert_array_equal(taken, held)
 
@@ -269,7 +300,10 @@ def test_a_delay_of_several_steps_is_as_late():
 
 def test_a_net_whose_blocks_read_each_other_often_is_not_written_out():
     """Each block doubles what it reads: 2 to the power of 30 terms as one expression."""
-    blocks = {f"B{k}": WiredBlock(block("product", of=["u", "u"]), [[(FIRST + k - 1, 1.0)]] * 2) for k in range(1, 31)}
+    blocks = {
+        f"B{k}": WiredBlock(block("product", of=["u", "u"]), [[(FIRST + k - 1, 1.0)]] * 2)
+        for k in range(1, 31)
+    }
     net = signal_net({"B0": WiredBlock(block("sum"), [[(ONE, 1.0)]]), **blocks}, 1)
     assert isinstance(net, SignalNet)
 
@@ -331,7 +365,8 @@ def test_a_pid_stops_integrating_at_its_bounds(mode):
 
 
 @pytest.mark.parametrize(
-    ("weight", "upper", "lower"), [(0, [0, 1], [1, -1]), (1, [1, 0], [1, -1]), (0.5, [1, 1], [2, -2])]
+    ("weight", "upper", "lower"),
+    [(0, [0, 1], [1, -1]), (1, [1, 0], [1, -1]), (0.5, [1, 1], [2, -2])],
 )
 def test_a_sampled_pid_integrates_by_its_method(weight, upper, lower):
     """1/s is T/(z-1), T z/(z-1) or T/2 (z+1)/(z-1), in the integral and in the filter of the derivative alike."""
@@ -355,7 +390,9 @@ def test_a_sampled_pid_integrates_by_its_method(weight, upper, lower):
     numerator = period * np.array(upper, dtype=float)
     denominator = np.array(lower, dtype=float)
     integral = signal.lfilter(numerator, denominator, record.u)
-    derivative = signal.lfilter(filter_rate * denominator, denominator + filter_rate * numerator, record.u)
+    derivative = signal.lfilter(
+        filter_rate * denominator, denominator + filter_rate * numerator, record.u
+    )
     expected = p * record.u + i * integral + d * derivative
     np.testing.assert_allclose(record.outputs[0, 1:], expected[:-1], atol=1e-9)
 

@@ -68,17 +68,23 @@ class Robot(NamedTuple):
         }
         return SwingUp(**{**arguments, **changes})
 
-    def accelerations(self, positions: np.ndarray, velocities: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    def accelerations(
+        self, positions: np.ndarray, velocities: np.ndarray, torque: np.ndarray
+    ) -> np.ndarray:
         """Accelerations (n,) that Drake computes for torques (n,) of the axes."""
         context = self.plant.CreateDefaultContext()
-        self.plant.SetPositions(context, self.axes.spread_positions(positions, self.plant.GetPositions(context)))
+        self.plant.SetPositions(
+            context, self.axes.spread_positions(positions, self.plant.GetPositions(context))
+        )
         self.plant.SetVelocities(context, self.axes.spread_velocities(velocities))
         self.plant.get_actuation_input_port().FixValue(context, torque[self.driven])
         rates = self.plant.EvalTimeDerivatives(context).CopyToVector()
         return self.axes.velocities(rates[self.plant.num_positions() :])
 
 
-def robot_of(name: str, root: str, joints: list[str], *, sign: float = 1.0, **values: list[float]) -> Robot:
+def robot_of(
+    name: str, root: str, joints: list[str], *, sign: float = 1.0, **values: list[float]
+) -> Robot:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     Parser(plant).AddModels(str(models_root() / name / f"{name}.urdf"))
@@ -111,7 +117,9 @@ def pendubot() -> Robot:
     return robot_of("acrobot", "base", ["elbow", "shoulder"], **limits)
 
 
-ROBOTS = pytest.mark.parametrize("make", [cart_pole, acrobot, pendubot], ids=lambda make: make.__name__)
+ROBOTS = pytest.mark.parametrize(
+    "make", [cart_pole, acrobot, pendubot], ids=lambda make: make.__name__
+)
 
 
 def states(count: int, seed: int = 3) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -121,7 +129,9 @@ def states(count: int, seed: int = 3) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 @ROBOTS
-def test_the_torque_gives_the_driven_axis_the_acceleration_of_the_law(make: Callable[[], Robot]) -> None:
+def test_the_torque_gives_the_driven_axis_the_acceleration_of_the_law(
+    make: Callable[[], Robot],
+) -> None:
     robot = make()
     gains = SwingUpGains(energy=0.7, position=2.0, velocity=1.5)
     block = robot.block(gains=gains)
@@ -136,7 +146,9 @@ def test_the_torque_gives_the_driven_axis_the_acceleration_of_the_law(make: Call
         torque[driven] = block.swing_torque(terms, error, velocity, energy).item()
         wanted = gains.energy * energy * terms.mass[driven, passive] * velocity[passive]
         wanted -= gains.position * error[driven] + gains.velocity * velocity[driven]
-        assert robot.accelerations(position, velocity, torque)[driven] == pytest.approx(wanted, rel=1e-9)
+        assert robot.accelerations(position, velocity, torque)[driven] == pytest.approx(
+            wanted, rel=1e-9
+        )
 
 
 def test_the_energy_of_a_pole_is_the_closed_form() -> None:
@@ -159,7 +171,9 @@ def test_the_energy_of_a_pole_is_the_closed_form() -> None:
         assert error_of_pole == pytest.approx(energy_of_pole, abs=1e-9)
         # The sense of the pivot makes the end of the pole move towards -x.
         coupling = -POLE_MASS * LENGTH * np.cos(angle)
-        energy_of_cart = 0.5 * (CART_MASS + POLE_MASS) * cart_speed**2 + coupling * cart_speed * turn_speed
+        energy_of_cart = (
+            0.5 * (CART_MASS + POLE_MASS) * cart_speed**2 + coupling * cart_speed * turn_speed
+        )
         assert error_of_robot == pytest.approx(energy_of_pole + energy_of_cart, abs=1e-9)
 
 
@@ -268,7 +282,9 @@ def test_no_motor_saturates_within_the_largest_cost() -> None:
         (1.0, 1.42, 0.0),
     ],
 )
-def test_it_takes_over_and_gives_up_by_the_cost(was_balancing: float, distance: float, is_balancing: float) -> None:
+def test_it_takes_over_and_gives_up_by_the_cost(
+    was_balancing: float, distance: float, is_balancing: float
+) -> None:
     """Distances are multiples of the one at which the cost is the largest that no motor's limit disturbs."""
     robot = acrobot()
     block = robot.block()
@@ -294,7 +310,9 @@ def test_upright_is_any_number_of_turns() -> None:
     position = robot.upright + NEAR_UPRIGHT
     turned = position + 2 * np.pi * np.array([-2, 3])
 
-    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})["feedforward"]
+    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})[
+        "feedforward"
+    ]
     same = robot.block().sample(BALANCING, {"position": turned, "velocity": TURNING})["feedforward"]
 
     assert torque[1] != 0.0
@@ -307,8 +325,12 @@ def test_axes_may_count_in_the_opposite_sense() -> None:
     mirrored = acrobot(sign=-1.0)
     position = robot.upright + NEAR_UPRIGHT
 
-    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})["feedforward"]
-    opposite = mirrored.block().sample(BALANCING, {"position": -position, "velocity": -TURNING})["feedforward"]
+    torque = robot.block().sample(BALANCING, {"position": position, "velocity": TURNING})[
+        "feedforward"
+    ]
+    opposite = mirrored.block().sample(BALANCING, {"position": -position, "velocity": -TURNING})[
+        "feedforward"
+    ]
 
     assert torque[1] != 0.0
     np.testing.assert_allclose(opposite, -torque, rtol=1e-9)
@@ -319,7 +341,10 @@ def test_axes_may_count_in_the_opposite_sense() -> None:
     [
         ({"torque_limit": np.array([1.0, 1.0])}, r"torque_limit is .*must be 0 for one axis"),
         ({"torque_limit": np.array([0.0, 0.0])}, r"torque_limit is .*must be 0 for one axis"),
-        ({"upright": np.array([0.0, 1.0]), "key": "posture"}, r"posture is .*an equilibrium.* 4\.13 N·m"),
+        (
+            {"upright": np.array([0.0, 1.0]), "key": "posture"},
+            r"posture is .*an equilibrium.* 4\.13 N·m",
+        ),
     ],
     ids=["no passive axis", "no motor", "no equilibrium"],
 )
@@ -336,11 +361,15 @@ def test_a_passive_axis_that_no_motor_moves_is_refused() -> None:
         '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
         '<joint name="{0}_joint" type="continuous"><parent link="base"/><child link="{0}"/><axis xyz="0 1 0"/></joint>'
     )
-    text = f'<robot name="two"><link name="base"/>{link.format("one")}{link.format("other")}</robot>'
+    text = (
+        f'<robot name="two"><link name="base"/>{link.format("one")}{link.format("other")}</robot>'
+    )
     Parser(plant).AddModelsFromString(text, "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     plant.Finalize()
-    axes = AxisMap.of_joints(plant, [plant.GetJointByName(f"{name}_joint") for name in ("one", "other")])
+    axes = AxisMap.of_joints(
+        plant, [plant.GetJointByName(f"{name}_joint") for name in ("one", "other")]
+    )
     robot = Robot(plant, axes, np.array([9.0, 0.0]), np.array([0.0, np.pi]), np.array([True, True]))
     with pytest.raises(InvalidParameter, match="a posture that the motors can balance"):
         robot.block()

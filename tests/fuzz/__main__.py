@@ -58,7 +58,11 @@ def begin(number: int, seed: int, folder: Path) -> int:
 
 def verdict(attempt: Attempt, status: int, memory: int) -> str:
     """Return what became of a case, in a word or two if it is well, with its last line if it is not."""
-    told = (attempt.folder / "stderr").read_text(errors="replace") if (attempt.folder / "stderr").exists() else ""
+    told = (
+        (attempt.folder / "stderr").read_text(errors="replace")
+        if (attempt.folder / "stderr").exists()
+        else ""
+    )
     if memory > MEMORY:
         return f"takes {memory / 1e6:.1f} GB"
     if os.WIFSIGNALED(status):
@@ -99,11 +103,18 @@ def main(count: int = 1000, seed: int = 1, *kinds: str) -> int:
                 if time.monotonic() - attempt.began > PATIENCE:
                     os.kill(process, 9)
             time.sleep(0.02)
-    table = Table("input", *ALLOWED, "BAD", title=f"{count} cases of seed {seed} in {time.monotonic() - began:.0f} s")
+    table = Table(
+        "input",
+        *ALLOWED,
+        "BAD",
+        title=f"{count} cases of seed {seed} in {time.monotonic() - began:.0f} s",
+    )
     for kind in sorted({kind for kind, _ in found}):
         table.add_row(kind, *(str(found[kind, word]) for word in (*ALLOWED, "BAD")))
     console.print(table)
-    console.print(f"the slowest took {slowest:.1f} s of the processor, the largest {largest / 1e6:.2f} GB")
+    console.print(
+        f"the slowest took {slowest:.1f} s of the processor, the largest {largest / 1e6:.2f} GB"
+    )
     return 1 if any(word == "BAD" for _, word in found) else 0
 
 

@@ -15,7 +15,13 @@ from tests.fuzz.valid import EXAMPLES, Files, mesh, models_root, station
 
 STATIONS = ("double_pendulum", "irb120_kinematic", "irb120_dynamic", "bouncing_ball")
 LOOPS = (
-    *("humanoid_sequencer", "humanoid_height", "humanoid_fall_guard", "roid1_balance", "yobotics_walking"),
+    *(
+        "humanoid_sequencer",
+        "humanoid_height",
+        "humanoid_fall_guard",
+        "roid1_balance",
+        "yobotics_walking",
+    ),
     *("irb120_force_control", "irb120_motor_protection"),
 )
 MESHES = ("stl", "obj", "ply", "off", "dae", "glb")
@@ -79,12 +85,18 @@ class Class:
         elif chance.random() < 0.03:
             files[name] = Path(chance.choice(NO_FILES))
         else:
-            files[name] = (self.damage or BY_SUFFIX.get(Path(name).suffix, damaged))(content, chance)
+            files[name] = (self.damage or BY_SUFFIX.get(Path(name).suffix, damaged))(
+                content, chance
+            )
         return Case(kind, chance.choice(self.commands), files)
 
 
 def _keys(name: str) -> list[tuple[str, ...]]:
-    return [path for path in places(yaml.safe_load(station(name))) if all(isinstance(part, str) for part in path)]
+    return [
+        path
+        for path in places(yaml.safe_load(station(name)))
+        if all(isinstance(part, str) for part in path)
+    ]
 
 
 _OTHERS = [path for name in STATIONS for path in _keys(name)]
@@ -130,8 +142,12 @@ CLASSES: Mapping[str, Class] = {
         partial(yaml_damage, under="controllers"),
     ),
     "policies": Class([valid.network], ["net.onnx", "net.onnx", "case.yaml"], [CHECK, RUN, RUN]),
-    "programs of legs": Class(_of({"p.yaml": valid.PROGRAM}), ["p.yaml"], [["program", "p.yaml"], ["check", "p.yaml"]]),
-    "programs of arms": Class(_of({"p.yaml": valid.ARM_PROGRAM}), ["p.yaml"], [["check", "p.yaml"]]),
+    "programs of legs": Class(
+        _of({"p.yaml": valid.PROGRAM}), ["p.yaml"], [["program", "p.yaml"], ["check", "p.yaml"]]
+    ),
+    "programs of arms": Class(
+        _of({"p.yaml": valid.ARM_PROGRAM}), ["p.yaml"], [["check", "p.yaml"]]
+    ),
     "robots": Class(_ROBOTS, ["robot/robot.yaml"], [["check", "dynamic.yaml"]]),
     "gaits": Class(_ROBOTS, ["robot/gaits.yaml"], [["check", "walk.yaml"]]),
     "walking": Class(
@@ -141,31 +157,45 @@ CLASSES: Mapping[str, Class] = {
         partial(yaml_damage, under="reacting"),
     ),
     "studies": Class(
-        _of(*({"study.yaml": text} for text in (valid.STUDY, *_STUDIES))), ["study.yaml"], [["study", "study.yaml"]]
+        _of(*({"study.yaml": text} for text in (valid.STUDY, *_STUDIES))),
+        ["study.yaml"],
+        [["study", "study.yaml"]],
     ),
-    "runs of studies": Class(_of({"study.yaml": valid.STUDY}), ["study.yaml"], [[*_TUNE, "out", "--trials", "1"]]),
-    "tasks": Class(_of(*({"task.yaml": text} for text in _TASKS)), ["task.yaml"], [["task", "task.yaml"]]),
+    "runs of studies": Class(
+        _of({"study.yaml": valid.STUDY}), ["study.yaml"], [[*_TUNE, "out", "--trials", "1"]]
+    ),
+    "tasks": Class(
+        _of(*({"task.yaml": text} for text in _TASKS)), ["task.yaml"], [["task", "task.yaml"]]
+    ),
     "journals of sweeps": Class(
         [valid.sweep],
         ["sweep/rows.jsonl", "sweep/rows.jsonl", "sweep/sweep.yaml"],
         [["sweep", "sweep", "--workers", "1"]],
     ),
     "journals of studies": Class(
-        [valid.study], ["study/rows.jsonl", "study/rows.jsonl", "study/study.yaml"], [[*_TUNE, "study"]]
+        [valid.study],
+        ["study/rows.jsonl", "study/rows.jsonl", "study/study.yaml"],
+        [[*_TUNE, "study"]],
     ),
     "winners": Class([valid.study], ["study/winner.yaml"], [["proof", "study"]]),
     "start": _begins("double_pendulum", servo__ki=10.0),
     "start of a free piece": _begins("bouncing_ball"),
     "start of a loop": _begins("roid1_balance"),
     "xacro": Class(
-        _of({"arm.xacro": valid.XACRO, "limits.xacro": valid.LIMITS}), ["arm.xacro"], [["check", "arm.xacro"]]
+        _of({"arm.xacro": valid.XACRO, "limits.xacro": valid.LIMITS}),
+        ["arm.xacro"],
+        [["check", "arm.xacro"]],
     ),
     "URDF": Class(
         _of({"arm.urdf": valid.URDF, "part.stl": mesh("stl")}),
         ["arm.urdf"],
         [["check", "arm.urdf"], ["import", "arm.urdf", "--out", "../made"]],
     ),
-    "mesh": Class([partial(_pieces, ending) for ending in MESHES], [f"part.{ending}" for ending in MESHES], [CHECK]),
+    "mesh": Class(
+        [partial(_pieces, ending) for ending in MESHES],
+        [f"part.{ending}" for ending in MESHES],
+        [CHECK],
+    ),
     "MJCF": Class(_of({"arm.xml": formats.MJCF}), ["arm.xml"], _imports("arm.xml"), xml_damage),
     "SDF": Class(_of({"arm.sdf": formats.SDF}), ["arm.sdf"], _imports("arm.sdf"), xml_damage),
     "SRDF": Class(
@@ -187,7 +217,10 @@ CLASSES: Mapping[str, Class] = {
     ),
     "networks": Class([valid.network], ["net.onnx"], [CHECK, RUN], formats.network_damage),
     "uploads": Class(
-        [lambda: {"robot.zip": formats.archive()}], ["robot.zip"], [["upload", "robot.zip"]], formats.zip_damage
+        [lambda: {"robot.zip": formats.archive()}],
+        ["robot.zip"],
+        [["upload", "robot.zip"]],
+        formats.zip_damage,
     ),
     "programs": Class(
         _of({"p.yaml": valid.PROGRAM}, {"p.yaml": valid.ARM_PROGRAM}),
@@ -197,11 +230,16 @@ CLASSES: Mapping[str, Class] = {
     "table": Class(
         _of({"t.csv": valid.TABLE}),
         ["t.csv"],
-        [["run", "double_pendulum", *SHORT, "--set", _FOLLOWS.format(law)] for law in ("cubic", "linear", "hermite")],
+        [
+            ["run", "double_pendulum", *SHORT, "--set", _FOLLOWS.format(law)]
+            for law in ("cubic", "linear", "hermite")
+        ],
     ),
     "CSV log": Class(_of({"log.csv": valid.LOG}), ["log.csv"], [[*_LOG, "log.csv"]]),
     ".mat": Class(
-        _of({"log.mat": valid.mat(compressed=True)}, {"log.mat": valid.mat()}), ["log.mat"], [[*_LOG, "log.mat"]]
+        _of({"log.mat": valid.mat(compressed=True)}, {"log.mat": valid.mat()}),
+        ["log.mat"],
+        [[*_LOG, "log.mat"]],
     ),
 }
 
@@ -222,10 +260,20 @@ def _option(chance: random.Random) -> Case:
                 ["run", "double_pendulum", "--duration", "0.01", "--no-recording", "--out", plain],
                 [
                     "check",
-                    chance.choice([plain, *(f"{plain}.{end}" for end in ("yaml", "urdf", "slx", "xacro", "csv"))]),
+                    chance.choice(
+                        [
+                            plain,
+                            *(f"{plain}.{end}" for end in ("yaml", "urdf", "slx", "xacro", "csv")),
+                        ]
+                    ),
                 ],
                 ["diagram", name, "--out", chance.choice([plain, f"{plain}.svg", f"{plain}.mmd"])],
-                ["walk", "roid1_dynamic", chance.choice(["--amplitude", "--gait", "--steps", "--robot"]), plain],
+                [
+                    "walk",
+                    "roid1_dynamic",
+                    chance.choice(["--amplitude", "--gait", "--steps", "--robot"]),
+                    plain,
+                ],
                 ["act", "roid1_dynamic", plain],
                 ["import", f"{plain}.urdf", "--out", plain],
                 [
@@ -241,7 +289,12 @@ def _option(chance: random.Random) -> Case:
                     "duration=0.01",
                 ],
                 ["linearize", name, "--at", plain, "--out", "out"],
-                ["pushes", "roid1_walking", chance.choice(["--start", "--phases", "--newtons", "--at"]), plain],
+                [
+                    "pushes",
+                    "roid1_walking",
+                    chance.choice(["--start", "--phases", "--newtons", "--at"]),
+                    plain,
+                ],
                 [plain, name],
             ]
         ),

@@ -31,16 +31,80 @@ VALUES = (
         "1e999",
         "99999999999",
     ),
-    *("!!bool maybe", "!!int x", "!!float ''", "2001-99-99", "!!binary x", "!!python/name:os.system", "!!set {a, b}"),
-    *('"\\ud800"', '"\\0"', '"a\\0b"', "é\u202e", "'[bold]x'", f"'{'x' * 300}'", f"{'y' * 5000}", "1e9", "1e-9"),
-    *("1:2:3", "0x1F", "1_0", "~", "irb120", "humanoid", "none.urdf", "a/" * 900, "'1e3'", "5e-324", "1e15"),
-    *("[1, 2]", "[[[[]]]]", "{a: {b: {c: 1}}}", "{kind: x}", "{kind: sine}", "[1e300, -1e300, .nan]", "*nowhere"),
-    *("/dev/zero", "/proc/kmsg", "/proc/self/mem", "/etc/passwd", "pipe", "circle", ".", "..", "/", "../x"),
+    *(
+        "!!bool maybe",
+        "!!int x",
+        "!!float ''",
+        "2001-99-99",
+        "!!binary x",
+        "!!python/name:os.system",
+        "!!set {a, b}",
+    ),
+    *(
+        '"\\ud800"',
+        '"\\0"',
+        '"a\\0b"',
+        "é\u202e",
+        "'[bold]x'",
+        f"'{'x' * 300}'",
+        f"{'y' * 5000}",
+        "1e9",
+        "1e-9",
+    ),
+    *(
+        "1:2:3",
+        "0x1F",
+        "1_0",
+        "~",
+        "irb120",
+        "humanoid",
+        "none.urdf",
+        "a/" * 900,
+        "'1e3'",
+        "5e-324",
+        "1e15",
+    ),
+    *(
+        "[1, 2]",
+        "[[[[]]]]",
+        "{a: {b: {c: 1}}}",
+        "{kind: x}",
+        "{kind: sine}",
+        "[1e300, -1e300, .nan]",
+        "*nowhere",
+    ),
+    *(
+        "/dev/zero",
+        "/proc/kmsg",
+        "/proc/self/mem",
+        "/etc/passwd",
+        "pipe",
+        "circle",
+        ".",
+        "..",
+        "/",
+        "../x",
+    ),
     *("&a [*a]", "[" * 300, f"[{'7, ' * 5000}]", f"{'9' * 5000}", "&b [1, 1]"),
 )
 """Texts of YAML that are rarely right, whatever the key."""
 JSON_VALUES = (
-    *("null", "true", '""', "[]", "{}", "0", "-1", "1", "NaN", "-Infinity", "1e300", "5e-324", "1e999", "99999999999"),
+    *(
+        "null",
+        "true",
+        '""',
+        "[]",
+        "{}",
+        "0",
+        "-1",
+        "1",
+        "NaN",
+        "-Infinity",
+        "1e300",
+        "5e-324",
+        "1e999",
+        "99999999999",
+    ),
     *(
         '"x"',
         '"\\ud800"',
@@ -55,7 +119,18 @@ JSON_VALUES = (
 )
 """Likewise of JSON, nearly."""
 _FIGURE = re.compile(rb"(?<![\w.#-])-?\d+\.?\d*(?![\w.])")
-_ODD = (b"nan", b"-1", b"1e999", b"99999999999999", b"", b"\0", b"1e-320", b"\xed\xa0\x80", b"9" * 5000, b"null")
+_ODD = (
+    b"nan",
+    b"-1",
+    b"1e999",
+    b"99999999999999",
+    b"",
+    b"\0",
+    b"1e-320",
+    b"\xed\xa0\x80",
+    b"9" * 5000,
+    b"null",
+)
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
@@ -88,11 +163,21 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
 
 def places(content: object, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Return the paths of all values in mappings and lists."""
-    entries = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
-    return [found for key, value in entries for found in ((*above, key), *places(value, (*above, key)))]
+    entries = (
+        content.items()
+        if isinstance(content, dict)
+        else enumerate(content)
+        if isinstance(content, list)
+        else ()
+    )
+    return [
+        found for key, value in entries for found in ((*above, key), *places(value, (*above, key)))
+    ]
 
 
-def _with_values(content: Any, hostile: list[str], under: str, others: list[tuple[Any, ...]], chance: Any) -> Any:
+def _with_values(
+    content: Any, hostile: list[str], under: str, others: list[tuple[Any, ...]], chance: Any
+) -> Any:
     """Return content with marks for hostile values in place of some of its own, or under keys of others."""
     for number in range(len(hostile)):
         known = [path for path in places(content) if path[0] == under or not under]
@@ -172,7 +257,9 @@ def csv_damage(data: bytes, chance: random.Random) -> bytes:
             data.replace(b",", chance.choice([b";", b"\t", b" "])),
             head.replace(head.split(b",")[-1], head.split(b",")[0]) + b"\n" + rest,
             data * chance.choice([2, 3000]),
-            head + b"\n" + b"".join(b"%d,0,0\n" % step for step in range(chance.choice([10**5, 10**6]))),
+            head
+            + b"\n"
+            + b"".join(b"%d,0,0\n" % step for step in range(chance.choice([10**5, 10**6]))),
             b"," * 3_000_000,
             b'"' + data * 1000,
             chance.choice([b"", b"\n", head, head + b"\n", b"\xef\xbb\xbf"]),
@@ -183,7 +270,11 @@ def csv_damage(data: bytes, chance: random.Random) -> bytes:
 def xml_damage(data: bytes, chance: random.Random) -> bytes:
     """Return XML that is damaged, or out of all measure."""
     name, last = data.rpartition(b"</")[::2]
-    choices = [data + b"<!--" * 1_000_000, name + b"<a/>" * 1_000_000 + b"</" + last, b"<robot>" + b"<link>" * 100_000]
+    choices = [
+        data + b"<!--" * 1_000_000,
+        name + b"<a/>" * 1_000_000 + b"</" + last,
+        b"<robot>" + b"<link>" * 100_000,
+    ]
     return chance.choice([*[damaged(data, chance)] * 8, *choices])
 
 
@@ -192,8 +283,13 @@ def multiplied(chance: random.Random) -> bytes:
     key, times = chance.choice(["moves", "description", "robot", "duration"]), chance.choice([2, 9])
     way = chance.choice(["[{}]", "{{<<: [{}]}}"])
     first = "&a0 {x: 1}" if "<<" in way else f"&a0 [{'x, ' * 9}]"
-    steps = (f"a{n}: &a{n} {way.format(', '.join([f'*a{n - 1}'] * times))}" for n in range(1, chance.choice([5, 30])))
-    last = chance.choice(["*a4", "'" + "x" * 900_000 + "'", "- " * 20_000 + "1", "1:" * 300_000 + "1", "[" * 100_000])
+    steps = (
+        f"a{n}: &a{n} {way.format(', '.join([f'*a{n - 1}'] * times))}"
+        for n in range(1, chance.choice([5, 30]))
+    )
+    last = chance.choice(
+        ["*a4", "'" + "x" * 900_000 + "'", "- " * 20_000 + "1", "1:" * 300_000 + "1", "[" * 100_000]
+    )
     return "\n".join([f"a0: {first}", *steps, f"{key}: {last}"]).encode()
 
 

@@ -47,14 +47,53 @@ RAPID = b"""MODULE Test
 ENDMODULE
 """
 EXPRESSIONS = (
-    *("ones(1e5)", "(1:1e6)'*(1:1e6)", "diag(1:1e6)", "kron(ones(1000),ones(1000))", "1/0", "NaN", "inv(0)", "a.b.c"),
-    *("repmat('x',1,1e9)", "x(1e9)", "polyval(1:1e6,1:1e6)", "zeros(1,0)", "((((((((((1))))))))))", "'", "{1,2}"),
+    *(
+        "ones(1e5)",
+        "(1:1e6)'*(1:1e6)",
+        "diag(1:1e6)",
+        "kron(ones(1000),ones(1000))",
+        "1/0",
+        "NaN",
+        "inv(0)",
+        "a.b.c",
+    ),
+    *(
+        "repmat('x',1,1e9)",
+        "x(1e9)",
+        "polyval(1:1e6,1:1e6)",
+        "zeros(1,0)",
+        "((((((((((1))))))))))",
+        "'",
+        "{1,2}",
+    ),
 )
 """Values of a Simulink block's parameters that cost much or mean nothing."""
 _PARAMETER = re.compile(rb'<P Name="\w+">([^<]*)</P>')
 OPERATORS = (
-    *("Tanh", "Identity", "RandomNormalLike", "Bernoulli", "Loop", "If", "Scan", "Tile", "Expand", "NonZero", "Log"),
-    *("ConstantOfShape", "Unknown", "Sqrt", "Reciprocal", "Dropout", "Softmax", "Transpose", "Flatten", "Cast"),
+    *(
+        "Tanh",
+        "Identity",
+        "RandomNormalLike",
+        "Bernoulli",
+        "Loop",
+        "If",
+        "Scan",
+        "Tile",
+        "Expand",
+        "NonZero",
+        "Log",
+    ),
+    *(
+        "ConstantOfShape",
+        "Unknown",
+        "Sqrt",
+        "Reciprocal",
+        "Dropout",
+        "Softmax",
+        "Transpose",
+        "Flatten",
+        "Cast",
+    ),
 )
 """Operators that stand in the place of another one of a network."""
 
@@ -69,7 +108,9 @@ def simulink() -> bytes:
 
 def archive() -> bytes:
     """Return a ZIP archive of a robot and its SRDF, as a user uploads it."""
-    return _packed({"arm/urdf/arm.urdf": URDF, "arm/urdf/part.stl": mesh("stl"), "arm/srdf/arm.srdf": SRDF})
+    return _packed(
+        {"arm/urdf/arm.urdf": URDF, "arm/urdf/part.stl": mesh("stl"), "arm/srdf/arm.srdf": SRDF}
+    )
 
 
 def _packed(parts: dict[str, bytes]) -> bytes:
@@ -146,5 +187,7 @@ def network_damage(data: bytes, chance: random.Random) -> bytes:
         case 3:
             node.input[0] = chance.choice(["", node.output[0], "nothing", "action"])
         case 4:
-            tensor.raw_data = chance.choice([b"", b"\xff" * len(tensor.raw_data), tensor.raw_data * 1000])
+            tensor.raw_data = chance.choice(
+                [b"", b"\xff" * len(tensor.raw_data), tensor.raw_data * 1000]
+            )
     return bytes(model.SerializeToString())

@@ -118,18 +118,31 @@ def mesh(kind: str) -> bytes:
 def robot(name: str) -> Files:
     """Return the folder of a robot, without meshes, and stations and a program on it."""
     folder = models_root() / name
-    files = {f"robot/{file}.yaml": (folder / f"{file}.yaml").read_bytes() for file in ("robot", "gaits")}
-    files[f"robot/{name}.urdf"] = re.sub(rb"(?s)<visual.*?</visual>", b"", (folder / f"{name}.urdf").read_bytes())
+    files = {
+        f"robot/{file}.yaml": (folder / f"{file}.yaml").read_bytes() for file in ("robot", "gaits")
+    }
+    files[f"robot/{name}.urdf"] = re.sub(
+        rb"(?s)<visual.*?</visual>", b"", (folder / f"{name}.urdf").read_bytes()
+    )
     texts = {kind: station(f"{name}_{kind}").replace(f"model: {name}".encode(), b"model: robot/robot.yaml") for kind in
              ("dynamic", "walking")}  # fmt: skip
     walk = b"station: dynamic.yaml\nmoves:\n  - {walk: {steps: 1}}\n"
-    return {**files, "dynamic.yaml": texts["dynamic"], "walking.yaml": texts["walking"], "walk.yaml": walk}
+    return {
+        **files,
+        "dynamic.yaml": texts["dynamic"],
+        "walking.yaml": texts["walking"],
+        "walk.yaml": walk,
+    }
 
 
 def _made(write: Callable[[Path], object]) -> Files:
     with tempfile.TemporaryDirectory() as place:
         write(Path(place))
-        return {str(file.relative_to(place)): file.read_bytes() for file in Path(place).rglob("*") if file.is_file()}
+        return {
+            str(file.relative_to(place)): file.read_bytes()
+            for file in Path(place).rglob("*")
+            if file.is_file()
+        }
 
 
 @cache
@@ -138,7 +151,8 @@ def sweep() -> Files:
 
     def write(place: Path) -> None:
         whole = SweepFolder(
-            place / "sweep", Sweep(station="double_pendulum", vary={"servo.kp": "20,40"}, overrides=SHORT)
+            place / "sweep",
+            Sweep(station="double_pendulum", vary={"servo.kp": "20,40"}, overrides=SHORT),
         )
         with whole.journal.adding() as add:
             for case in whole.cases:
@@ -178,8 +192,16 @@ def network() -> Files:
 
 def mat(*, compressed: bool = False) -> bytes:
     """Return a log of MATLAB, with more in it than signals."""
-    content = {"tout": np.arange(5)[:, np.newaxis] / 100, "yout": np.zeros((5, 2)), "name": "x", "z": np.array([[1j]])}
-    content |= {"gains": {"kp": 3.0, "names": np.array(["a", "b"], dtype=object)}, "none": np.zeros((0, 0))}
+    content = {
+        "tout": np.arange(5)[:, np.newaxis] / 100,
+        "yout": np.zeros((5, 2)),
+        "name": "x",
+        "z": np.array([[1j]]),
+    }
+    content |= {
+        "gains": {"kp": 3.0, "names": np.array(["a", "b"], dtype=object)},
+        "none": np.zeros((0, 0)),
+    }
     file = io.BytesIO()
     savemat(file, content, do_compression=compressed)
     return file.getvalue()

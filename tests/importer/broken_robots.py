@@ -131,8 +131,15 @@ def binary_stl(triangles: np.ndarray) -> bytes:
     return bytes(80) + len(faces).to_bytes(4, "little") + faces.tobytes()
 
 
-TETRAHEDRON = np.array([[[0, 0, 0], [0, 1, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]]] * 2, dtype=float) / 10
-TETRAHEDRON[2:] = np.array([[[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 0], [0, 0, 0], [0, 0, 1]]]) / 10
+TETRAHEDRON = (
+    np.array(
+        [[[0, 0, 0], [0, 1, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]]] * 2, dtype=float
+    )
+    / 10
+)
+TETRAHEDRON[2:] = (
+    np.array([[[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 0], [0, 0, 0], [0, 0, 1]]]) / 10
+)
 
 OBJ = (
     """mtllib lower.mtl
@@ -333,7 +340,10 @@ def foot_file(name: str, content: bytes | str) -> Harm:
 ESTIMATE = ImportOptions(estimate_inertia=True)
 NAN_STL = TETRAHEDRON.copy()
 NAN_STL[0, 0, 0] = np.nan
-FLAT = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float) / 10
+FLAT = (
+    np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
+    / 10
+)
 NEEDLES = np.repeat(np.array([[[0, 0, 0], [1, 0, 0], [2, 0, 0]]], dtype=float), 4, axis=0)
 MIXED = binary_stl(np.concatenate([TETRAHEDRON, NEEDLES]))
 ASCII_STL = exported(trimesh.creation.box((0.2, 0.2, 0.06)), "stl_ascii")
@@ -344,7 +354,9 @@ CONTROL = '<ros2_control name="c" type="system"><joint name="elbow"/></ros2_cont
 ROS2_DRIVE = ELBOW_DRIVE.replace("<type>", "<plugin>").replace("</type>", "</plugin>")
 UNTYPED_DRIVE = ELBOW_DRIVE.replace("<type>transmission_interface/SimpleTransmission</type>", "")
 FOUR_BAR_DRIVE = ELBOW_DRIVE.replace("transmission_interface/Simple", "FourBarLinkage")
-DIFFERENTIAL = ELBOW_DRIVE.replace("Simple", "Differential").replace("<act", '<joint name="wrist"/><act')
+DIFFERENTIAL = ELBOW_DRIVE.replace("Simple", "Differential").replace(
+    "<act", '<joint name="wrist"/><act'
+)
 BOMB = '<!DOCTYPE COLLADA [<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
 FINGER = '<link name="finger"/>' + _joint("grip", "hand", "finger", "revolute", "{}")
 ANOTHER_ARM = '<link name="a"/><link name="b"/>' + _joint("c", "a", "b", "continuous")
@@ -383,49 +395,147 @@ def _glb(header: str) -> bytes:
 BILLIONS = _glb('{"asset": {"version": "2.0"}, "accessors": [{"count": 4000000000}]}')
 
 RESOLVING = [
-    Defect("package of a sibling folder", foot("package://plate_support/plate.stl"), "repaired: plate.stl' (48 faces)"),
-    Defect("model", foot("model://arm_support/meshes/foot.stl"), "repaired: foot.stl' (48 faces) is now"),
+    Defect(
+        "package of a sibling folder",
+        foot("package://plate_support/plate.stl"),
+        "repaired: plate.stl' (48 faces)",
+    ),
+    Defect(
+        "model",
+        foot("model://arm_support/meshes/foot.stl"),
+        "repaired: foot.stl' (48 faces) is now",
+    ),
     Defect("relative path", foot("../meshes/foot.stl"), "repaired: foot.stl' (48 faces) is now"),
-    Defect("no way up", foot("meshes/foot.stl"), "repaired: (48 faces) is now meshes/foot_visual_1.obj; found as"),
-    Defect("path of its author", foot("file:///home/ann/arm/meshes/foot.stl"), "repaired: found as meshes/foot.stl"),
-    Defect("path of Windows", foot(r"C:\ann\meshes\foot.stl"), "repaired: found as meshes/foot.stl"),
-    Defect("wrong case", foot("package://arm_support/Meshes/Foot.STL"), "repaired: found as meshes/foot.stl"),
-    Defect("backslashes", foot(r"package://arm_support\meshes\foot.stl"), "repaired: foot.stl' (48 faces) is now"),
-    Defect("xacro's find", foot("$(find arm_support)/meshes/foot.stl"), "repaired: foot.stl' (48 faces) is now"),
-    Defect("blanks in percent", foot_file("my%20foot.stl", FOOT), "repaired: my%20foot.stl' (48 faces) is now"),
-    Defect("unknown package", foot("package://other/meshes/foot.stl"), "repaired: found as meshes/foot.stl"),
-    Defect("missing mesh", foot("package://arm_support/none.stl"), "dropped: none.stl' there is no such file"),
-    Defect("missing mesh of a missing package", foot("package://other/x.stl"), "dropped: package 'other' is not found"),
+    Defect(
+        "no way up",
+        foot("meshes/foot.stl"),
+        "repaired: (48 faces) is now meshes/foot_visual_1.obj; found as",
+    ),
+    Defect(
+        "path of its author",
+        foot("file:///home/ann/arm/meshes/foot.stl"),
+        "repaired: found as meshes/foot.stl",
+    ),
+    Defect(
+        "path of Windows", foot(r"C:\ann\meshes\foot.stl"), "repaired: found as meshes/foot.stl"
+    ),
+    Defect(
+        "wrong case",
+        foot("package://arm_support/Meshes/Foot.STL"),
+        "repaired: found as meshes/foot.stl",
+    ),
+    Defect(
+        "backslashes",
+        foot(r"package://arm_support\meshes\foot.stl"),
+        "repaired: foot.stl' (48 faces) is now",
+    ),
+    Defect(
+        "xacro's find",
+        foot("$(find arm_support)/meshes/foot.stl"),
+        "repaired: foot.stl' (48 faces) is now",
+    ),
+    Defect(
+        "blanks in percent",
+        foot_file("my%20foot.stl", FOOT),
+        "repaired: my%20foot.stl' (48 faces) is now",
+    ),
+    Defect(
+        "unknown package",
+        foot("package://other/meshes/foot.stl"),
+        "repaired: found as meshes/foot.stl",
+    ),
+    Defect(
+        "missing mesh",
+        foot("package://arm_support/none.stl"),
+        "dropped: none.stl' there is no such file",
+    ),
+    Defect(
+        "missing mesh of a missing package",
+        foot("package://other/x.stl"),
+        "dropped: package 'other' is not found",
+    ),
     Defect("mesh without a name", foot(""), "dropped: link 'foot' <visual>: mesh ''"),
-    Defect("mesh without a file name", swap(FOOT_MESH, ""), "dropped: link 'foot' <visual>: mesh ''"),
-    Defect("mesh is a folder", foot("package://arm_support/meshes"), "dropped: mesh 'package://arm_support/meshes'"),
-    Defect("outside by dots", foot("../../../secret.stl"), "error: lies outside of the allowed folders"),
-    Defect("outside by package", foot("package://arm_support/../../secret.stl"), "error: lies outside of the allowed"),
+    Defect(
+        "mesh without a file name", swap(FOOT_MESH, ""), "dropped: link 'foot' <visual>: mesh ''"
+    ),
+    Defect(
+        "mesh is a folder",
+        foot("package://arm_support/meshes"),
+        "dropped: mesh 'package://arm_support/meshes'",
+    ),
+    Defect(
+        "outside by dots", foot("../../../secret.stl"), "error: lies outside of the allowed folders"
+    ),
+    Defect(
+        "outside by package",
+        foot("package://arm_support/../../secret.stl"),
+        "error: lies outside of the allowed",
+    ),
     Defect(
         "outside by a link",
         all_of(link("meshes/out.stl", "../../../secret.stl"), foot("../meshes/out.stl")),
         "error: mesh '../meshes/out.stl': lies outside of the allowed folders",
     ),
-    Defect("link in a circle", all_of(link("a.stl", "a.stl"), foot("../a.stl")), "dropped: there is no such file"),
-    Defect("on the network", foot("https://example.org/meshes/foot.stl"), "dropped: is on the network"),
+    Defect(
+        "link in a circle",
+        all_of(link("a.stl", "a.stl"), foot("../a.stl")),
+        "dropped: there is no such file",
+    ),
+    Defect(
+        "on the network", foot("https://example.org/meshes/foot.stl"), "dropped: is on the network"
+    ),
     Defect("device", foot("/dev/zero"), "dropped: mesh '/dev/zero' there is no such file"),
     Defect("no manifest", without("package.xml"), "repaired: foot.stl' (48 faces) is now"),
-    Defect("manifest is garbage", file("package.xml", b"\xff\0<"), "repaired: foot.stl' (48 faces) is now"),
+    Defect(
+        "manifest is garbage",
+        file("package.xml", b"\xff\0<"),
+        "repaired: foot.stl' (48 faces) is now",
+    ),
 ]
 
 MESHES = [
     Defect("STL in words", foot_file("a.stl", ASCII_STL), "repaired: a.stl' (12 faces) is now"),
-    Defect("STL in words, cut off", foot_file("a.stl", ASCII_STL[:700]), "dropped: a.stl' holds no triangles"),
-    Defect("binary STL that begins as words", foot_file("a.stl", b"solid" + FOOT[5:]), "repaired: a.stl' (48 faces)"),
+    Defect(
+        "STL in words, cut off",
+        foot_file("a.stl", ASCII_STL[:700]),
+        "dropped: a.stl' holds no triangles",
+    ),
+    Defect(
+        "binary STL that begins as words",
+        foot_file("a.stl", b"solid" + FOOT[5:]),
+        "repaired: a.stl' (48 faces)",
+    ),
     Defect("STL in capitals", foot_file("A.STL", FOOT), "repaired: A.STL' (48 faces) is now"),
-    Defect("STL cut off", foot_file("a.stl", FOOT[:700]), "dropped: a.stl' is cut off: of its 48 faces 12 are there"),
-    Defect("STL with more behind", foot_file("a.stl", FOOT + b"more"), "read: 4 bytes after its last face left out"),
-    Defect("STL of garbage", foot_file("a.stl", bytes(range(256)) * 9), "dropped: a.stl' is cut off"),
+    Defect(
+        "STL cut off",
+        foot_file("a.stl", FOOT[:700]),
+        "dropped: a.stl' is cut off: of its 48 faces 12 are there",
+    ),
+    Defect(
+        "STL with more behind",
+        foot_file("a.stl", FOOT + b"more"),
+        "read: 4 bytes after its last face left out",
+    ),
+    Defect(
+        "STL of garbage", foot_file("a.stl", bytes(range(256)) * 9), "dropped: a.stl' is cut off"
+    ),
     Defect("empty STL", foot_file("a.stl", b""), "dropped: a.stl' is empty"),
     Defect("STL of no faces", foot_file("a.stl", binary_stl(FLAT[:0])), "dropped: a.stl' is empty"),
-    Defect("faces without area", foot_file("a.stl", binary_stl(NEEDLES)), "dropped: holds no triangle with an area"),
-    Defect("some faces without area", foot_file("a.stl", MIXED), "repaired: 4 degenerate faces left out"),
-    Defect("corner that is no number", foot_file("a.stl", binary_stl(NAN_STL)), "repaired: 1 degenerate faces left"),
+    Defect(
+        "faces without area",
+        foot_file("a.stl", binary_stl(NEEDLES)),
+        "dropped: holds no triangle with an area",
+    ),
+    Defect(
+        "some faces without area",
+        foot_file("a.stl", MIXED),
+        "repaired: 4 degenerate faces left out",
+    ),
+    Defect(
+        "corner that is no number",
+        foot_file("a.stl", binary_stl(NAN_STL)),
+        "repaired: 1 degenerate faces left",
+    ),
     Defect("flat mesh", foot_file("a.stl", binary_stl(FLAT)), "repaired: a.stl' (2 faces) is now"),
     Defect(
         "flat mesh to collide with",
@@ -436,118 +546,342 @@ MESHES = [
         ),
         "repaired: mm thick",
     ),
-    Defect("huge mesh", huge_foot, "repaired: (81920 faces) is now meshes/foot_visual_1.obj; decimated from 81920"),
     Defect(
-        "200 MB", foot_file("a.stl", bytes(200_000_000)), "dropped: a.stl' cannot be read (it is larger than 100 MB)"
+        "huge mesh",
+        huge_foot,
+        "repaired: (81920 faces) is now meshes/foot_visual_1.obj; decimated from 81920",
     ),
-    Defect("unknown format", foot_file("foot.step", FOOT), "dropped: is of a format '.step' that is not read"),
+    Defect(
+        "200 MB",
+        foot_file("a.stl", bytes(200_000_000)),
+        "dropped: a.stl' cannot be read (it is larger than 100 MB)",
+    ),
+    Defect(
+        "unknown format",
+        foot_file("foot.step", FOOT),
+        "dropped: is of a format '.step' that is not read",
+    ),
     Defect("STL called OBJ", foot_file("foot.obj", FOOT), "dropped: foot.obj'"),
-    Defect("DAE with entities", file("meshes/upper.dae", DAE.replace("<COLL", f"{BOMB}<COLL")), "dropped: entities"),
-    Defect("DAE cut off", file("meshes/upper.dae", DAE[:900]), "dropped: upper.dae' is not readable as DAE"),
-    Defect("DAE with Y up", file("meshes/upper.dae", DAE.replace("Z_UP", "Y_UP")), "read: up axis Y_UP is ignored"),
-    Defect("DAE in inches", file("meshes/upper.dae", DAE.replace('"0.001"', '"25.4"')), "read: is 10160 m large"),
-    Defect("DAE of a circle", file("meshes/upper.dae", CIRCLE), "dropped: upper.dae' has more than 20000 nodes"),
-    Defect("OBJ without its library", without("meshes/lower.mtl"), "repaired: materials missing: lower.mtl"),
-    Defect("library outside", file("meshes/lower.obj", OBJ.replace("lower.mtl", "../../../secret.stl")), "error: outs"),
-    Defect("OBJ of wrong corners", file("meshes/lower.obj", OBJ + "f 1 2 99\n"), "dropped: lower.obj'"),
-    Defect("OBJ of points", file("meshes/lower.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "dropped: holds no triangles"),
+    Defect(
+        "DAE with entities",
+        file("meshes/upper.dae", DAE.replace("<COLL", f"{BOMB}<COLL")),
+        "dropped: entities",
+    ),
+    Defect(
+        "DAE cut off",
+        file("meshes/upper.dae", DAE[:900]),
+        "dropped: upper.dae' is not readable as DAE",
+    ),
+    Defect(
+        "DAE with Y up",
+        file("meshes/upper.dae", DAE.replace("Z_UP", "Y_UP")),
+        "read: up axis Y_UP is ignored",
+    ),
+    Defect(
+        "DAE in inches",
+        file("meshes/upper.dae", DAE.replace('"0.001"', '"25.4"')),
+        "read: is 10160 m large",
+    ),
+    Defect(
+        "DAE of a circle",
+        file("meshes/upper.dae", CIRCLE),
+        "dropped: upper.dae' has more than 20000 nodes",
+    ),
+    Defect(
+        "OBJ without its library",
+        without("meshes/lower.mtl"),
+        "repaired: materials missing: lower.mtl",
+    ),
+    Defect(
+        "library outside",
+        file("meshes/lower.obj", OBJ.replace("lower.mtl", "../../../secret.stl")),
+        "error: outs",
+    ),
+    Defect(
+        "OBJ of wrong corners", file("meshes/lower.obj", OBJ + "f 1 2 99\n"), "dropped: lower.obj'"
+    ),
+    Defect(
+        "OBJ of points",
+        file("meshes/lower.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
+        "dropped: holds no triangles",
+    ),
     Defect("GLB cut off", file("meshes/hand.glb", GLB[:200]), "dropped: hand.glb'"),
-    Defect("GLB of garbage", file("meshes/hand.glb", b"glTF" + bytes(100)), "dropped: hand.glb' is not readable"),
-    Defect("GLB of billions", file("meshes/hand.glb", BILLIONS), "dropped: asks for more numbers than a mesh has"),
+    Defect(
+        "GLB of garbage",
+        file("meshes/hand.glb", b"glTF" + bytes(100)),
+        "dropped: hand.glb' is not readable",
+    ),
+    Defect(
+        "GLB of billions",
+        file("meshes/hand.glb", BILLIONS),
+        "dropped: asks for more numbers than a mesh has",
+    ),
     Defect("scale one number", foot_scale("0.5"), "repaired: scaled by 0.5"),
     Defect("scale mirrors", foot_scale("1 -1 1"), "repaired: scaled by 1 -1 1"),
     Defect("scale zero", foot_scale("0 1 1"), 'repaired: scale="0 1 1" is no scale; 1 is taken'),
     Defect("scale is no number", foot_scale("nan nan nan"), 'dropped: scale="nan nan nan" is not'),
-    Defect("scale of two numbers", foot_scale("1 1"), 'dropped: scale="1 1" is not 1 or 3 finite numbers'),
-    Defect("scale in commas", foot_scale("0,5 0,5 0,5"), 'repaired: scale="0,5 0,5 0,5" written as "0.5 0.5 0.5"'),
-    Defect("drawn in millimetres", foot_scale("1000 1000 1000"), "read: m large; if it was drawn in millimetres"),
+    Defect(
+        "scale of two numbers",
+        foot_scale("1 1"),
+        'dropped: scale="1 1" is not 1 or 3 finite numbers',
+    ),
+    Defect(
+        "scale in commas",
+        foot_scale("0,5 0,5 0,5"),
+        'repaired: scale="0,5 0,5 0,5" written as "0.5 0.5 0.5"',
+    ),
+    Defect(
+        "drawn in millimetres",
+        foot_scale("1000 1000 1000"),
+        "read: m large; if it was drawn in millimetres",
+    ),
 ]
 
 SHAPES = [
-    Defect("box of size zero", swap(UPPER_BOX, '<box size="0 0 0"/>'), "dropped: link 'upper' <collision>: <box> has"),
-    Defect("box of two numbers", swap(UPPER_BOX, '<box size="1 1"/>'), 'dropped: size="1 1" is not 3 finite numbers'),
+    Defect(
+        "box of size zero",
+        swap(UPPER_BOX, '<box size="0 0 0"/>'),
+        "dropped: link 'upper' <collision>: <box> has",
+    ),
+    Defect(
+        "box of two numbers",
+        swap(UPPER_BOX, '<box size="1 1"/>'),
+        'dropped: size="1 1" is not 3 finite numbers',
+    ),
     Defect("box without size", swap(UPPER_BOX, "<box/>"), "dropped: <box> has no size"),
-    Defect("negative radius", swap('<sphere radius="0.05"/>', '<sphere radius="-0.05"/>'), "dropped: not positive"),
-    Defect("cylinder of length nan", swap('length="0.06"', 'length="nan"'), "dropped: <cylinder> has no length"),
+    Defect(
+        "negative radius",
+        swap('<sphere radius="0.05"/>', '<sphere radius="-0.05"/>'),
+        "dropped: not positive",
+    ),
+    Defect(
+        "cylinder of length nan",
+        swap('length="0.06"', 'length="nan"'),
+        "dropped: <cylinder> has no length",
+    ),
     Defect("unknown shape", swap(UPPER_BOX, "<cone/>"), "dropped: <cone> in <geometry>: 1 ×"),
     Defect(
         "two shapes",
         swap(UPPER_BOX, f'{UPPER_BOX}<sphere radius="1"/>'),
         "dropped: <sphere>: a <geometry> holds one shape",
     ),
-    Defect("no geometry", swap(f"<geometry>{UPPER_BOX}</geometry>", ""), "dropped: has no <geometry>"),
-    Defect("place of two numbers", swap('<origin xyz="0 0 0.2"/>', '<origin xyz="0 0.2"/>'), 'defaulted: xyz="0 0.2"'),
+    Defect(
+        "no geometry", swap(f"<geometry>{UPPER_BOX}</geometry>", ""), "dropped: has no <geometry>"
+    ),
+    Defect(
+        "place of two numbers",
+        swap('<origin xyz="0 0 0.2"/>', '<origin xyz="0 0.2"/>'),
+        'defaulted: xyz="0 0.2"',
+    ),
 ]
 
 NAMES = [
-    Defect("robot without a name", swap('<robot name="arm">', "<robot>"), "repaired: has no name; called 'arm'"),
-    Defect("joint without a name", swap(' name="elbow"', ""), "repaired: joint 'upper_to_lower': had no name"),
-    Defect("link without a name", swap('<link name="tcp"/>', "<link/>"), "repaired: link 'tcp': had no name; a joint"),
-    Defect("two links without names", add("<link/><link/>"), "repaired: link 'link_2': had no name"),
-    Defect("blanks around a name", swap('link="tcp"', 'link=" tcp"'), "repaired: link=' tcp' has blanks around it"),
-    Defect("name in another case", swap('child link="tcp"', 'child link="TCP"'), "repaired: which differs in case"),
+    Defect(
+        "robot without a name",
+        swap('<robot name="arm">', "<robot>"),
+        "repaired: has no name; called 'arm'",
+    ),
+    Defect(
+        "joint without a name",
+        swap(' name="elbow"', ""),
+        "repaired: joint 'upper_to_lower': had no name",
+    ),
+    Defect(
+        "link without a name",
+        swap('<link name="tcp"/>', "<link/>"),
+        "repaired: link 'tcp': had no name; a joint",
+    ),
+    Defect(
+        "two links without names", add("<link/><link/>"), "repaired: link 'link_2': had no name"
+    ),
+    Defect(
+        "blanks around a name",
+        swap('link="tcp"', 'link=" tcp"'),
+        "repaired: link=' tcp' has blanks around it",
+    ),
+    Defect(
+        "name in another case",
+        swap('child link="tcp"', 'child link="TCP"'),
+        "repaired: which differs in case",
+    ),
     Defect("link twice, the same", add('<link name="tcp"/>'), "dropped: link 'tcp': stands twice"),
-    Defect("link twice, different", add('<link name="upper"><visual/></link>'), "error: link 'upper': stands twice"),
-    Defect("joint twice, the same", add(FLANGE), "dropped: joint 'flange': stands twice, word for word"),
-    Defect("joint twice, different", add(_joint("flange", "lower", "tcp")), "error: joint 'flange': stands twice"),
+    Defect(
+        "link twice, different",
+        add('<link name="upper"><visual/></link>'),
+        "error: link 'upper': stands twice",
+    ),
+    Defect(
+        "joint twice, the same", add(FLANGE), "dropped: joint 'flange': stands twice, word for word"
+    ),
+    Defect(
+        "joint twice, different",
+        add(_joint("flange", "lower", "tcp")),
+        "error: joint 'flange': stands twice",
+    ),
     Defect(
         "two joints of a name",
         add('<link name="pin"/>' + _joint("elbow", "hand", "pin")),
         "repaired: joint 'elbow_2': was a second joint called 'elbow'",
     ),
-    Defect("names of any letters", swap('name="elbow"', 'name="codo/é 1"'), "dropped: 'elbow' is no joint that moves"),
     Defect(
-        "name as Drake's world", swap('name="tcp"', 'name="world"'), "dropped: joint 'flange': its child 'tcp' is no"
+        "names of any letters",
+        swap('name="elbow"', 'name="codo/é 1"'),
+        "dropped: 'elbow' is no joint that moves",
     ),
-    Defect("material not defined", swap(ORANGE, ""), "defaulted: material 'orange': is not defined; a grey"),
+    Defect(
+        "name as Drake's world",
+        swap('name="tcp"', 'name="world"'),
+        "dropped: joint 'flange': its child 'tcp' is no",
+    ),
+    Defect(
+        "material not defined",
+        swap(ORANGE, ""),
+        "defaulted: material 'orange': is not defined; a grey",
+    ),
     Defect("material twice", swap(ORANGE, ORANGE * 2), "dropped: twice, with the same colour"),
-    Defect("material redefined", add(ORANGE.replace("0.5", "0.1")), "dropped: defined again, with another colour"),
+    Defect(
+        "material redefined",
+        add(ORANGE.replace("0.5", "0.1")),
+        "dropped: defined again, with another colour",
+    ),
     Defect("colour of three", swap("1 0.5 0 1", "1 0.5 0"), 'repaired: written as "1 0.5 0 1"'),
     Defect("colour to 255", swap("1 0.5 0 1", "255 128 0 255"), "repaired: material 'orange'"),
-    Defect("colour in words", swap("1 0.5 0 1", "orange"), 'dropped: rgba="orange" is not 3 or 4 finite numbers'),
+    Defect(
+        "colour in words",
+        swap("1 0.5 0 1", "orange"),
+        'dropped: rgba="orange" is not 3 or 4 finite numbers',
+    ),
     Defect("texture", swap(ORANGE, TEXTURE), "dropped: its texture 'wood.png'"),
 ]
 
 TREE = [
-    Defect("no parent", swap('<parent link="upper"/>', ""), "error: joint 'elbow': it has no parent"),
     Defect(
-        "parent is no link", swap('<parent link="upper"/>', '<parent link="uper"/>'), "error: did you mean 'upper'?"
+        "no parent", swap('<parent link="upper"/>', ""), "error: joint 'elbow': it has no parent"
     ),
     Defect(
-        "child is no link", swap('<child link="lower"/>', '<child link="none"/>'), "error: joint 'elbow': its child"
+        "parent is no link",
+        swap('<parent link="upper"/>', '<parent link="uper"/>'),
+        "error: did you mean 'upper'?",
     ),
-    Defect("leaf is no link", swap('<child link="tcp"/>', '<child link="none"/>'), "dropped: its child 'none' is no"),
-    Defect("link on its own", add('<link name="table"/>'), "dropped: link 'table': no joint leads to it; left out"),
+    Defect(
+        "child is no link",
+        swap('<child link="lower"/>', '<child link="none"/>'),
+        "error: joint 'elbow': its child",
+    ),
+    Defect(
+        "leaf is no link",
+        swap('<child link="tcp"/>', '<child link="none"/>'),
+        "dropped: its child 'none' is no",
+    ),
+    Defect(
+        "link on its own",
+        add('<link name="table"/>'),
+        "dropped: link 'table': no joint leads to it; left out",
+    ),
     Defect("two robots", add(ANOTHER_ARM), "error: has 2 root links (foot, a)"),
-    Defect("loop", add(_joint("back", "tcp", "foot")), "error: has a loop: foot - upper - lower - hand - tcp - foot"),
-    Defect("two parents", add(_joint("b", "foot", "tcp")), "error: link 'tcp': is the child of two joints, 'flange'"),
-    Defect("joint to itself", add(_joint("b", "tcp", "tcp")), "error: joint 'b': joins link 'tcp' to itself"),
-    Defect("closing joint", add('<loop_joint name="l"/>'), "error: <loop_joint> 'l': is no part of a tree"),
-    Defect("joint not closed", swap("<joint", "<knot"), "error: is not XML: mismatched tag at line"),
-    Defect("world below", add('<link name="world"/>' + _joint("b", "world", "foot")), "repaired: was called 'world'"),
-    Defect("world that is no link", add(_joint("b", "world", "foot")), "repaired: a joint starts at 'world'"),
-    Defect("joint in a link", swap('<link name="tcp"/>', "<link name='tcp'>" + FLANGE + "</link>"), "repaired: moved"),
-    Defect("joint commented out", swap(FLANGE, f"<!-- {FLANGE} -->"), "dropped: link 'tcp': no joint leads to it"),
     Defect(
-        "shape commented out", swap(UPPER_BOX, f"<!-- <visual><sphere/></visual> -->{UPPER_BOX}"), "read: 1 <visual>"
+        "loop",
+        add(_joint("back", "tcp", "foot")),
+        "error: has a loop: foot - upper - lower - hand - tcp - foot",
     ),
-    Defect("dashes in a comment", swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"), "repaired: 1 comment(s) hold --"),
-    Defect("gazebo", add('<gazebo reference="upper"><mu1>0.2</mu1></gazebo>'), "dropped: <gazebo> in <robot>: 1 ×"),
+    Defect(
+        "two parents",
+        add(_joint("b", "foot", "tcp")),
+        "error: link 'tcp': is the child of two joints, 'flange'",
+    ),
+    Defect(
+        "joint to itself",
+        add(_joint("b", "tcp", "tcp")),
+        "error: joint 'b': joins link 'tcp' to itself",
+    ),
+    Defect(
+        "closing joint",
+        add('<loop_joint name="l"/>'),
+        "error: <loop_joint> 'l': is no part of a tree",
+    ),
+    Defect(
+        "joint not closed", swap("<joint", "<knot"), "error: is not XML: mismatched tag at line"
+    ),
+    Defect(
+        "world below",
+        add('<link name="world"/>' + _joint("b", "world", "foot")),
+        "repaired: was called 'world'",
+    ),
+    Defect(
+        "world that is no link",
+        add(_joint("b", "world", "foot")),
+        "repaired: a joint starts at 'world'",
+    ),
+    Defect(
+        "joint in a link",
+        swap('<link name="tcp"/>', "<link name='tcp'>" + FLANGE + "</link>"),
+        "repaired: moved",
+    ),
+    Defect(
+        "joint commented out",
+        swap(FLANGE, f"<!-- {FLANGE} -->"),
+        "dropped: link 'tcp': no joint leads to it",
+    ),
+    Defect(
+        "shape commented out",
+        swap(UPPER_BOX, f"<!-- <visual><sphere/></visual> -->{UPPER_BOX}"),
+        "read: 1 <visual>",
+    ),
+    Defect(
+        "dashes in a comment",
+        swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"),
+        "repaired: 1 comment(s) hold --",
+    ),
+    Defect(
+        "gazebo",
+        add('<gazebo reference="upper"><mu1>0.2</mu1></gazebo>'),
+        "dropped: <gazebo> in <robot>: 1 ×",
+    ),
     Defect("ros2_control", add(CONTROL), "dropped: <ros2_control> in <robot>: 1 ×"),
     Defect(
-        "safety controller", swap(ELBOW_LIMIT, ELBOW_LIMIT + "<safety_controller/>"), "dropped: <safety_controller>"
+        "safety controller",
+        swap(ELBOW_LIMIT, ELBOW_LIMIT + "<safety_controller/>"),
+        "dropped: <safety_controller>",
     ),
-    Defect("calibration", swap(ELBOW_LIMIT, ELBOW_LIMIT + '<calibration rising="0"/>'), "dropped: <calibration> in"),
-    Defect("sensor", add('<sensor name="s"><parent link="hand"/></sensor>'), "dropped: <sensor> in <robot>"),
+    Defect(
+        "calibration",
+        swap(ELBOW_LIMIT, ELBOW_LIMIT + '<calibration rising="0"/>'),
+        "dropped: <calibration> in",
+    ),
+    Defect(
+        "sensor",
+        add('<sensor name="s"><parent link="hand"/></sensor>'),
+        "dropped: <sensor> in <robot>",
+    ),
     Defect("foreign prefix", add("<mujoco:option/>"), "dropped: <mujoco:option>: 1 ×"),
 ]
 
 JOINTS = [
-    Defect("no type", swap(ELBOW, ELBOW.replace(' type="revolute"', "")), "error: joint 'elbow': it has no type"),
-    Defect("type in capitals", swap(ELBOW, ELBOW.replace("rev", "Rev")), "repaired: joint 'elbow': its type is 'Rev"),
-    Defect("unknown type", swap(ELBOW, ELBOW.replace("revolute", "ball")), "error: joint 'elbow': its type is 'ball'"),
-    Defect("planar", swap(ELBOW, ELBOW.replace("revolute", "planar")), "error: joint 'elbow': is planar"),
-    Defect("floating inside", swap(ELBOW, ELBOW.replace("revolute", "floating")), "error: joint 'elbow': is floating"),
+    Defect(
+        "no type",
+        swap(ELBOW, ELBOW.replace(' type="revolute"', "")),
+        "error: joint 'elbow': it has no type",
+    ),
+    Defect(
+        "type in capitals",
+        swap(ELBOW, ELBOW.replace("rev", "Rev")),
+        "repaired: joint 'elbow': its type is 'Rev",
+    ),
+    Defect(
+        "unknown type",
+        swap(ELBOW, ELBOW.replace("revolute", "ball")),
+        "error: joint 'elbow': its type is 'ball'",
+    ),
+    Defect(
+        "planar",
+        swap(ELBOW, ELBOW.replace("revolute", "planar")),
+        "error: joint 'elbow': is planar",
+    ),
+    Defect(
+        "floating inside",
+        swap(ELBOW, ELBOW.replace("revolute", "floating")),
+        "error: joint 'elbow': is floating",
+    ),
     Defect(
         "floating root",
         add('<link name="odom"/>' + _joint("float", "odom", "foot", "floating")),
@@ -559,105 +893,358 @@ JOINTS = [
         add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')),
         "read: mimics 'elbow' by 1 with an offset of 0: stations couple them",
     ),
-    Defect("mimic of nothing", swap(ELBOW_LIMIT, f"{ELBOW_LIMIT}<mimic/>"), "lost: joint 'elbow': mimics ''"),
-    Defect("no axis", swap('<axis xyz="0 0.6 0.8"/>', ""), "defaulted: joint 'elbow': has no axis; 1 0 0"),
-    Defect("axis zero", swap("0 0.6 0.8", "0 0 0"), "error: joint 'elbow' <axis>: xyz=\"0 0 0\" is no direction"),
-    Defect("long axis", swap("0 0.6 0.8", "0 3 4"), "repaired: joint 'elbow' <axis>: xyz=\"0 3 4\" is 5 long"),
-    Defect("axis in words", swap("0 0.6 0.8", "y"), "error: joint 'elbow' <axis>: xyz=\"y\" is not 3 finite numbers"),
-    Defect("axis of nan", swap("0 0.6 0.8", "0 nan 1"), "error: joint 'elbow' <axis>: xyz=\"0 nan 1\" is not 3"),
-    Defect("no limit", elbow_limit(""), "defaulted: joint 'elbow' <limit>: no limits, so nothing stops"),
-    Defect("limits equal", elbow_limit('<limit lower="1" upper="1"/>'), "repaired: lower and upper are both 1"),
-    Defect("limits zero", elbow_limit('<limit lower="0" upper="0" effort="9"/>'), "defaulted: joint 'elbow' <limit>"),
-    Defect("limits upside down", swap('lower="-1.5" upper="2"', 'lower="2" upper="-1.5"'), "repaired: exchanged"),
-    Defect("limits in degrees", swap('lower="-1.5" upper="2"', 'lower="-90" upper="120"'), "read: degrees meant?"),
-    Defect("limits without zero", swap('lower="-1.5"', 'lower="0.5"'), "defaulted: zero is outside of the limits of"),
-    Defect("lower is nan", swap('lower="-1.5"', 'lower="nan"'), "dropped: joint 'elbow' <limit>: lower=\"nan\""),
-    Defect("upper is inf", swap('upper="2"', 'upper="inf"'), "dropped: joint 'elbow' <limit>: upper=\"inf\""),
-    Defect("upper missing", swap(' upper="2"', ""), "defaulted: joint 'elbow' <limit>: has no upper; 0"),
-    Defect("slide without limits", slide("revolute", ""), "defaulted: a prismatic joint needs a range, ±1 m"),
-    Defect("effort zero", swap('effort="40"', 'effort="0"'), "read: joints 'elbow': passive: the file gives"),
-    Defect("effort missing", swap('effort="40" ', ""), "defaulted: joint 'elbow' <limit>: has no effort"),
-    Defect("effort negative", swap('effort="40"', 'effort="-40"'), "defaulted: effort -40 would not move it"),
-    Defect("velocity zero", swap('velocity="4"', 'velocity="0"'), "defaulted: joints 'elbow' <limit>: no velocity"),
-    Defect("velocity missing", swap(' velocity="4"', ""), "defaulted: joints 'elbow' <limit>: no velocity above 0"),
     Defect(
-        "velocity negative", swap('velocity="4"', 'velocity="-4"'), "defaulted: joints 'elbow' <limit>: no velocity"
+        "mimic of nothing",
+        swap(ELBOW_LIMIT, f"{ELBOW_LIMIT}<mimic/>"),
+        "lost: joint 'elbow': mimics ''",
     ),
-    Defect("friction", swap('damping="0.1"', 'damping="0.1" friction="0.3"'), "lost: friction 0.3, seldom measured"),
-    Defect("damping negative", swap('damping="0.1"', 'damping="-0.1"'), "repaired: damping -0.1 is negative; 0"),
-    Defect("numbers with units", swap('xyz="0 0 0.4"', 'xyz="0 0 0.4m"'), 'repaired: written as "0 0 0.4"'),
-    Defect("numbers with commas", swap('rpy="0 0 0.1"', 'rpy="0,0,0.1"'), 'repaired: written as "0 0 0.1"'),
-    Defect("numbers in words", swap('rpy="0 0 0.1"', 'rpy="0 0 a bit"'), 'defaulted: rpy="0 0 a bit" is not 3 finite'),
-    Defect("number beyond all", swap('rpy="0 0 0.1"', 'rpy="0 0 1e400"'), 'defaulted: rpy="0 0 1e400" is not 3 finite'),
+    Defect(
+        "no axis",
+        swap('<axis xyz="0 0.6 0.8"/>', ""),
+        "defaulted: joint 'elbow': has no axis; 1 0 0",
+    ),
+    Defect(
+        "axis zero",
+        swap("0 0.6 0.8", "0 0 0"),
+        "error: joint 'elbow' <axis>: xyz=\"0 0 0\" is no direction",
+    ),
+    Defect(
+        "long axis",
+        swap("0 0.6 0.8", "0 3 4"),
+        "repaired: joint 'elbow' <axis>: xyz=\"0 3 4\" is 5 long",
+    ),
+    Defect(
+        "axis in words",
+        swap("0 0.6 0.8", "y"),
+        "error: joint 'elbow' <axis>: xyz=\"y\" is not 3 finite numbers",
+    ),
+    Defect(
+        "axis of nan",
+        swap("0 0.6 0.8", "0 nan 1"),
+        "error: joint 'elbow' <axis>: xyz=\"0 nan 1\" is not 3",
+    ),
+    Defect(
+        "no limit", elbow_limit(""), "defaulted: joint 'elbow' <limit>: no limits, so nothing stops"
+    ),
+    Defect(
+        "limits equal",
+        elbow_limit('<limit lower="1" upper="1"/>'),
+        "repaired: lower and upper are both 1",
+    ),
+    Defect(
+        "limits zero",
+        elbow_limit('<limit lower="0" upper="0" effort="9"/>'),
+        "defaulted: joint 'elbow' <limit>",
+    ),
+    Defect(
+        "limits upside down",
+        swap('lower="-1.5" upper="2"', 'lower="2" upper="-1.5"'),
+        "repaired: exchanged",
+    ),
+    Defect(
+        "limits in degrees",
+        swap('lower="-1.5" upper="2"', 'lower="-90" upper="120"'),
+        "read: degrees meant?",
+    ),
+    Defect(
+        "limits without zero",
+        swap('lower="-1.5"', 'lower="0.5"'),
+        "defaulted: zero is outside of the limits of",
+    ),
+    Defect(
+        "lower is nan",
+        swap('lower="-1.5"', 'lower="nan"'),
+        "dropped: joint 'elbow' <limit>: lower=\"nan\"",
+    ),
+    Defect(
+        "upper is inf",
+        swap('upper="2"', 'upper="inf"'),
+        "dropped: joint 'elbow' <limit>: upper=\"inf\"",
+    ),
+    Defect(
+        "upper missing", swap(' upper="2"', ""), "defaulted: joint 'elbow' <limit>: has no upper; 0"
+    ),
+    Defect(
+        "slide without limits",
+        slide("revolute", ""),
+        "defaulted: a prismatic joint needs a range, ±1 m",
+    ),
+    Defect(
+        "effort zero",
+        swap('effort="40"', 'effort="0"'),
+        "read: joints 'elbow': passive: the file gives",
+    ),
+    Defect(
+        "effort missing",
+        swap('effort="40" ', ""),
+        "defaulted: joint 'elbow' <limit>: has no effort",
+    ),
+    Defect(
+        "effort negative",
+        swap('effort="40"', 'effort="-40"'),
+        "defaulted: effort -40 would not move it",
+    ),
+    Defect(
+        "velocity zero",
+        swap('velocity="4"', 'velocity="0"'),
+        "defaulted: joints 'elbow' <limit>: no velocity",
+    ),
+    Defect(
+        "velocity missing",
+        swap(' velocity="4"', ""),
+        "defaulted: joints 'elbow' <limit>: no velocity above 0",
+    ),
+    Defect(
+        "velocity negative",
+        swap('velocity="4"', 'velocity="-4"'),
+        "defaulted: joints 'elbow' <limit>: no velocity",
+    ),
+    Defect(
+        "friction",
+        swap('damping="0.1"', 'damping="0.1" friction="0.3"'),
+        "lost: friction 0.3, seldom measured",
+    ),
+    Defect(
+        "damping negative",
+        swap('damping="0.1"', 'damping="-0.1"'),
+        "repaired: damping -0.1 is negative; 0",
+    ),
+    Defect(
+        "numbers with units",
+        swap('xyz="0 0 0.4"', 'xyz="0 0 0.4m"'),
+        'repaired: written as "0 0 0.4"',
+    ),
+    Defect(
+        "numbers with commas",
+        swap('rpy="0 0 0.1"', 'rpy="0,0,0.1"'),
+        'repaired: written as "0 0 0.1"',
+    ),
+    Defect(
+        "numbers in words",
+        swap('rpy="0 0 0.1"', 'rpy="0 0 a bit"'),
+        'defaulted: rpy="0 0 a bit" is not 3 finite',
+    ),
+    Defect(
+        "number beyond all",
+        swap('rpy="0 0 0.1"', 'rpy="0 0 1e400"'),
+        'defaulted: rpy="0 0 1e400" is not 3 finite',
+    ),
 ]
 
 DRIVES = [
-    Defect("no drive", swap(ELBOW_DRIVE, ""), "read: joints 'elbow': passive: the file gives motors"),
-    Defect("two drives", add(ELBOW_DRIVE.replace("_t", "_2")), "dropped: transmission 'elbow_2': 'elbow' has a motor"),
-    Defect("drive of ROS 2", swap(ELBOW_DRIVE, ROS2_DRIVE), "repaired: transmission 'elbow_t': written as Drake reads"),
-    Defect("drive without type", swap(ELBOW_DRIVE, UNTYPED_DRIVE), "repaired: transmission 'elbow_t': has no type"),
-    Defect("drive of no joint", add(_drive("none")), "dropped: transmission 'none_t': 'none' is no joint that moves"),
-    Defect("drive of a fixed joint", add(_drive("flange")), "dropped: transmission 'flange_t': 'flange' is no joint"),
-    Defect("gears", swap(ELBOW_DRIVE, FOUR_BAR_DRIVE), "repaired: its type is 'FourBarLinkageTransmission'"),
-    Defect("differential", swap(ELBOW_DRIVE, DIFFERENTIAL), "repaired: drives 2 joints; each gets a motor of its own"),
+    Defect(
+        "no drive", swap(ELBOW_DRIVE, ""), "read: joints 'elbow': passive: the file gives motors"
+    ),
+    Defect(
+        "two drives",
+        add(ELBOW_DRIVE.replace("_t", "_2")),
+        "dropped: transmission 'elbow_2': 'elbow' has a motor",
+    ),
+    Defect(
+        "drive of ROS 2",
+        swap(ELBOW_DRIVE, ROS2_DRIVE),
+        "repaired: transmission 'elbow_t': written as Drake reads",
+    ),
+    Defect(
+        "drive without type",
+        swap(ELBOW_DRIVE, UNTYPED_DRIVE),
+        "repaired: transmission 'elbow_t': has no type",
+    ),
+    Defect(
+        "drive of no joint",
+        add(_drive("none")),
+        "dropped: transmission 'none_t': 'none' is no joint that moves",
+    ),
+    Defect(
+        "drive of a fixed joint",
+        add(_drive("flange")),
+        "dropped: transmission 'flange_t': 'flange' is no joint",
+    ),
+    Defect(
+        "gears",
+        swap(ELBOW_DRIVE, FOUR_BAR_DRIVE),
+        "repaired: its type is 'FourBarLinkageTransmission'",
+    ),
+    Defect(
+        "differential",
+        swap(ELBOW_DRIVE, DIFFERENTIAL),
+        "repaired: drives 2 joints; each gets a motor of its own",
+    ),
 ]
 
 INERTIAS = [
     Defect("no inertia", swap(UPPER_INERTIAL, ""), "open: link 'upper': has no usable inertia"),
-    Defect("no inertia, estimated", swap(UPPER_INERTIAL, ""), "defaulted: estimated: 2.56 kg", options=ESTIMATE),
-    Defect("mass zero", swap('value="2.5"', 'value="0"'), "open: link 'upper': has no usable inertia"),
-    Defect("mass negative", swap('value="2.5"', 'value="-1"'), "dropped: mass -1 kg is negative; left out"),
-    Defect("mass negative, estimated", swap('value="2.5"', 'value="-1"'), "defaulted: mass -1", options=ESTIMATE),
-    Defect("mass missing", swap('<mass value="2.5"/>', ""), "dropped: has moments of inertia but no mass; left out"),
-    Defect("mass is nan", swap('value="2.5"', 'value="nan"'), 'dropped: value="nan" is not a finite number'),
-    Defect("mass of a star", swap('value="2.5"', 'value="2e29"'), "error: robot.yaml servo.kp"),
-    Defect("mass in tonnes", swap('value="2.5"', 'value="2500000"'), "read: link 'upper' <inertial>: mass 2.5e+06 kg"),
     Defect(
-        "moments zero on the axis", swap(HAND_INERTIAL, HAND_POINT), "dropped: has a mass but no moments of inertia"
+        "no inertia, estimated",
+        swap(UPPER_INERTIAL, ""),
+        "defaulted: estimated: 2.56 kg",
+        options=ESTIMATE,
     ),
-    Defect("moments zero, refused", swap(HAND_INERTIAL, HAND_POINT), "open: link 'hand': has no usable inertia"),
-    Defect("moments zero, estimated", swap(HAND_INERTIAL, HAND_POINT), "defaulted: link 'hand'", options=ESTIMATE),
-    Defect("moments missing", upper_inertia("", "", ""), "dropped: has a mass but no moments of inertia; left out"),
-    Defect("moments negative", upper_inertia(-0.1, 0.1, 0.1), "dropped: no body has the principal moments"),
-    Defect("not positive definite", upper_inertia(0.03, 0.03, 0.003, xy=0.05), "dropped: no body has the principal"),
-    Defect("triangle slightly wrong", upper_inertia(0.03, 0.03, 0.060003), "repaired: this is a rounding error"),
-    Defect("triangle grossly wrong", upper_inertia(0.01, 0.01, 0.5), "dropped: none exceeds the others' sum; left out"),
-    Defect("triangle, estimated", upper_inertia(0.01, 0.01, 0.5), "defaulted: scaled to its mass", options=ESTIMATE),
+    Defect(
+        "mass zero", swap('value="2.5"', 'value="0"'), "open: link 'upper': has no usable inertia"
+    ),
+    Defect(
+        "mass negative",
+        swap('value="2.5"', 'value="-1"'),
+        "dropped: mass -1 kg is negative; left out",
+    ),
+    Defect(
+        "mass negative, estimated",
+        swap('value="2.5"', 'value="-1"'),
+        "defaulted: mass -1",
+        options=ESTIMATE,
+    ),
+    Defect(
+        "mass missing",
+        swap('<mass value="2.5"/>', ""),
+        "dropped: has moments of inertia but no mass; left out",
+    ),
+    Defect(
+        "mass is nan",
+        swap('value="2.5"', 'value="nan"'),
+        'dropped: value="nan" is not a finite number',
+    ),
+    Defect("mass of a star", swap('value="2.5"', 'value="2e29"'), "error: robot.yaml servo.kp"),
+    Defect(
+        "mass in tonnes",
+        swap('value="2.5"', 'value="2500000"'),
+        "read: link 'upper' <inertial>: mass 2.5e+06 kg",
+    ),
+    Defect(
+        "moments zero on the axis",
+        swap(HAND_INERTIAL, HAND_POINT),
+        "dropped: has a mass but no moments of inertia",
+    ),
+    Defect(
+        "moments zero, refused",
+        swap(HAND_INERTIAL, HAND_POINT),
+        "open: link 'hand': has no usable inertia",
+    ),
+    Defect(
+        "moments zero, estimated",
+        swap(HAND_INERTIAL, HAND_POINT),
+        "defaulted: link 'hand'",
+        options=ESTIMATE,
+    ),
+    Defect(
+        "moments missing",
+        upper_inertia("", "", ""),
+        "dropped: has a mass but no moments of inertia; left out",
+    ),
+    Defect(
+        "moments negative",
+        upper_inertia(-0.1, 0.1, 0.1),
+        "dropped: no body has the principal moments",
+    ),
+    Defect(
+        "not positive definite",
+        upper_inertia(0.03, 0.03, 0.003, xy=0.05),
+        "dropped: no body has the principal",
+    ),
+    Defect(
+        "triangle slightly wrong",
+        upper_inertia(0.03, 0.03, 0.060003),
+        "repaired: this is a rounding error",
+    ),
+    Defect(
+        "triangle grossly wrong",
+        upper_inertia(0.01, 0.01, 0.5),
+        "dropped: none exceeds the others' sum; left out",
+    ),
+    Defect(
+        "triangle, estimated",
+        upper_inertia(0.01, 0.01, 0.5),
+        "defaulted: scaled to its mass",
+        options=ESTIMATE,
+    ),
     Defect("moments in g mm²", upper_inertia(3e7, 3e7, 3e6), "read: times those of a solid body"),
-    Defect("centre in mm", swap(UPPER_INERTIAL, UPPER_INERTIAL.replace("0 0 0.2", "0 0 200")), "read: in mm?"),
+    Defect(
+        "centre in mm",
+        swap(UPPER_INERTIAL, UPPER_INERTIAL.replace("0 0 0.2", "0 0 200")),
+        "read: in mm?",
+    ),
     Defect("legs without inertias", bare, "open: link 'left_shin': has no usable inertia", LEGS),
-    Defect("legs, estimated", bare, "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg", LEGS, ESTIMATE),
+    Defect(
+        "legs, estimated",
+        bare,
+        "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg",
+        LEGS,
+        ESTIMATE,
+    ),
     Defect("legs on the world", on_world, "read: fixed base: its root link is the world", LEGS),
     Defect(
-        "legs that stay", bare, "read: link 'trunk': floating base: 2 branches of 'trunk' are called as legs are", LEGS
+        "legs that stay",
+        bare,
+        "read: link 'trunk': floating base: 2 branches of 'trunk' are called as legs are",
+        LEGS,
     ),
 ]
 
 FILES = [
     Defect("empty", content(lambda text: b""), "error: arm.urdf: is empty"),
-    Defect("not XML", content(lambda text: b"robot: arm"), "error: is not XML: syntax error at line 1"),
+    Defect(
+        "not XML", content(lambda text: b"robot: arm"), "error: is not XML: syntax error at line 1"
+    ),
     Defect("XML cut off", content(lambda text: text[:900].encode()), "error: is not XML"),
     Defect("binary", content(lambda text: b"\x7fELF" + bytes(500)), "error: is a binary file"),
-    Defect("UTF-16", content(lambda text: text.encode("utf-16")), "repaired: byte order mark (UTF-16-LE)"),
     Defect(
-        "byte order mark", content(lambda text: b"\xef\xbb\xbf" + text.encode()), "repaired: byte order mark (UTF-8)"
+        "UTF-16",
+        content(lambda text: text.encode("utf-16")),
+        "repaired: byte order mark (UTF-16-LE)",
     ),
-    Defect("Latin-1", content(lambda text: text.replace("tcp", "pié").encode("latin-1")), "repaired: is not utf-8"),
     Defect(
-        "late declaration", content(lambda text: b"\n" + text.encode()), "repaired: <?xml ...?> is not at the beginning"
+        "byte order mark",
+        content(lambda text: b"\xef\xbb\xbf" + text.encode()),
+        "repaired: byte order mark (UTF-8)",
     ),
-    Defect("entities", content(lambda text: text.replace("<robot", f"{BOMB}<robot", 1).encode()), "error: entities"),
-    Defect("deep", content(lambda text: b"<robot>" + b"<link>" * 9999), "error: nests elements more than 60 deep"),
-    Defect("SDF", content(lambda text: b"<sdf version='1.9'><model name='m'/></sdf>"), "error: has no link"),
+    Defect(
+        "Latin-1",
+        content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
+        "repaired: is not utf-8",
+    ),
+    Defect(
+        "late declaration",
+        content(lambda text: b"\n" + text.encode()),
+        "repaired: <?xml ...?> is not at the beginning",
+    ),
+    Defect(
+        "entities",
+        content(lambda text: text.replace("<robot", f"{BOMB}<robot", 1).encode()),
+        "error: entities",
+    ),
+    Defect(
+        "deep",
+        content(lambda text: b"<robot>" + b"<link>" * 9999),
+        "error: nests elements more than 60 deep",
+    ),
+    Defect(
+        "SDF",
+        content(lambda text: b"<sdf version='1.9'><model name='m'/></sdf>"),
+        "error: has no link",
+    ),
     Defect("MJCF", content(lambda text: b"<mujoco/>"), "error: has no joint that moves"),
     Defect("mesh", content(lambda text: DAE.encode()), "error: <COLLADA>: this is a COLLADA mesh"),
-    Defect("robot of nothing", content(lambda text: b"<robot name='r'/>"), "error: arm.urdf: has no link"),
-    Defect("robot of one link", content(lambda text: b"<robot><link name='l'/></robot>"), "error: no joint that moves"),
     Defect(
-        "xacro leftover", swap('effort="40"', 'effort="${e}"'), "error: joint 'elbow' <limit>: effort=\"${e}\" is an"
+        "robot of nothing",
+        content(lambda text: b"<robot name='r'/>"),
+        "error: arm.urdf: has no link",
+    ),
+    Defect(
+        "robot of one link",
+        content(lambda text: b"<robot><link name='l'/></robot>"),
+        "error: no joint that moves",
+    ),
+    Defect(
+        "xacro leftover",
+        swap('effort="40"', 'effort="${e}"'),
+        "error: joint 'elbow' <limit>: effort=\"${e}\" is an",
     ),
     Defect("xacro", swap("</robot>", "<xacro:lost/></robot>"), "error: xacro"),
-    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: it is larger than 10 MB"),
+    Defect(
+        "50 MB",
+        content(lambda text: text.encode() + b" " * 50_000_000),
+        "error: it is larger than 10 MB",
+    ),
 ]
 
 DEFECTS = [*RESOLVING, *MESHES, *SHAPES, *NAMES, *TREE, *JOINTS, *DRIVES, *INERTIAS, *FILES]

@@ -89,7 +89,9 @@ class Repaired:
         assert ET.tostring(robot, encoding="unicode") == text
 
     def told(self, kind: str) -> list[str]:
-        return [f"{entry.element}: {entry.text}" for entry in self.report.entries if entry.kind == kind]
+        return [
+            f"{entry.element}: {entry.text}" for entry in self.report.entries if entry.kind == kind
+        ]
 
 
 def loaded(robot: ET.Element, folder: Path) -> MultibodyPlant:

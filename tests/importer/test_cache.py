@@ -87,7 +87,9 @@ def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_
 
 
 def test_options_import_even_a_clean_robot(cache):
-    robot = robot_from_file(models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
+    robot = robot_from_file(
+        models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating")
+    )
     assert robot.folder.is_relative_to(cache)
 
 
@@ -95,7 +97,9 @@ def test_options_import_even_a_clean_robot(cache):
 def test_a_published_arm_moves_by_torque_as_ours_does(published_irb120):
     """The defaults of its motors suffice for the move, so nothing but the visuals is different."""
     ours = simulate(load_station("irb120_dynamic"), progress=False)
-    theirs = simulate(load_station("irb120_dynamic", {"robot.urdf": str(published_irb120)}), progress=False)
+    theirs = simulate(
+        load_station("irb120_dynamic", {"robot.urdf": str(published_irb120)}), progress=False
+    )
     assert theirs.config.robots["robot"].urdf == published_irb120
     np.testing.assert_allclose(theirs.axes("q")[-1], ours.axes("q")[-1], atol=1e-6)
     np.testing.assert_allclose(theirs.axes("tau")[-1], ours.axes("tau")[-1], atol=1e-4)
@@ -106,8 +110,15 @@ def test_a_robot_without_inertias_is_refused_by_name_for_motion_by_torque(publis
     text = re.sub(r"<inertial>.*?</inertial>", "", published_irb120.read_text(), flags=re.DOTALL)
     published_irb120.write_text(text)
     robot = {"robot.urdf": str(published_irb120), "pieces": {}}
-    with pytest.raises(InvalidModel, match=r"arm\.urdf: the moving links link_1, link_2, .*estimate_inertia: true"):
+    with pytest.raises(
+        InvalidModel, match=r"arm\.urdf: the moving links link_1, link_2, .*estimate_inertia: true"
+    ):
         simulate(load_station("irb120_dynamic", robot), duration=0.1, progress=False)
-    estimated = load_station("irb120_dynamic", robot | {"robot.import_options": {"estimate_inertia": True}})
+    estimated = load_station(
+        "irb120_dynamic", robot | {"robot.import_options": {"estimate_inertia": True}}
+    )
     assert simulate(estimated, duration=0.3, progress=False).ending == "completed"
-    assert simulate(load_station("irb120_kinematic", robot), duration=0.3, progress=False).ending == "completed"
+    assert (
+        simulate(load_station("irb120_kinematic", robot), duration=0.3, progress=False).ending
+        == "completed"
+    )

@@ -15,7 +15,9 @@ RING = trimesh.creation.annulus(0.08, 0.1, 0.2)
 ANGLE = trimesh.util.concatenate(
     [
         trimesh.creation.box((0.3, 0.05, 0.05)),
-        trimesh.creation.box((0.05, 0.05, 0.3), trimesh.transformations.translation_matrix([0.125, 0, 0.175])),
+        trimesh.creation.box(
+            (0.05, 0.05, 0.3), trimesh.transformations.translation_matrix([0.125, 0, 0.175])
+        ),
     ]
 )
 BOX = trimesh.creation.box((1.0, 0.1, 0.1))

@@ -63,7 +63,9 @@ def check_round_trip(imported: ImportedRobot, folder: Path) -> None:
     assert [name for name in first if first[name] != second[name]] == ["report.json"]
 
 
-def imported_or_refused(package: Package, folder: Path, options: ImportOptions) -> ImportedRobot | str:
+def imported_or_refused(
+    package: Package, folder: Path, options: ImportOptions
+) -> ImportedRobot | str:
     """Import a robot in this very process; return why not if it is refused, when nothing may be left behind."""
     source = package.write(folder)
     before = entries(folder)
@@ -81,7 +83,9 @@ def test_the_sound_robots_need_no_repair_but_of_their_meshes(tmp_path, text):
     assert isinstance(imported, ImportedRobot), imported
     mended = [entry for entry in imported.report.entries if entry.kind not in ("read", "defaulted")]
     assert all("is now meshes/" in entry.text for entry in mended)
-    assert [entry.text for entry in imported.report.of("defaulted")] == ["servo gains from the mass matrix"]
+    assert [entry.text for entry in imported.report.of("defaulted")] == [
+        "servo gains from the mass matrix"
+    ]
     check_robot(imported)
     check_round_trip(imported, tmp_path / "again")
 
@@ -132,7 +136,11 @@ def pairs() -> list[tuple[Defect, Defect]]:
 @pytest.mark.parametrize(
     "pair",
     [
-        pytest.param(pair, id=f"{pair[0].name} + {pair[1].name}", marks=[pytest.mark.long] if number >= FEW else [])
+        pytest.param(
+            pair,
+            id=f"{pair[0].name} + {pair[1].name}",
+            marks=[pytest.mark.long] if number >= FEW else [],
+        )
         for number, pair in enumerate(pairs())
     ],
 )
@@ -153,7 +161,12 @@ UPSETTING = [
         id="box of size zero",
         marks=pytest.mark.probe,
     ),
-    pytest.param('lower="-1" upper="2"', 'lower="2" upper="-1"', "joint 'shoulder' <limit>: Drake", id="limits"),
+    pytest.param(
+        'lower="-1" upper="2"',
+        'lower="2" upper="-1"',
+        "joint 'shoulder' <limit>: Drake",
+        id="limits",
+    ),
 ]
 
 
@@ -161,7 +174,9 @@ UPSETTING = [
 @pytest.mark.parametrize(("good", "bad", "words"), UPSETTING)
 def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad, words):
     assert good in one_joint_urdf
-    short = re.sub("<(inertial|visual)>.*?</\\1>|<dynamics.*?>", "", one_joint_urdf, flags=re.DOTALL)  # less to search
+    short = re.sub(
+        "<(inertial|visual)>.*?</\\1>|<dynamics.*?>", "", one_joint_urdf, flags=re.DOTALL
+    )  # less to search
     file = write_urdf(short.replace(good, bad, 1))
     with pytest.raises(InvalidModel) as problem:
         probe(file, ImportReport(file))

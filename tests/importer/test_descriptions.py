@@ -58,7 +58,10 @@ def test_nothing_is_downloaded(downloaded):
     downloaded.unlink()
     for folder in (downloaded.parent, downloaded.parent.parent):
         folder.rmdir()
-    with pytest.raises(InvalidModel, match=r"is not in .*arms; `robot_descriptions pull red_description` downloads it"):
+    with pytest.raises(
+        InvalidModel,
+        match=r"is not in .*arms; `robot_descriptions pull red_description` downloads it",
+    ):
         robot_file("red_description", "source")
 
 
@@ -71,7 +74,9 @@ def test_a_name_that_is_none_is_told(downloaded, monkeypatch):
         robot_file("rad_description", "source")
 
 
-def test_only_the_last_part_of_a_path_is_a_name_and_a_folder_of_this_name_is_none(downloaded, tmp_path):
+def test_only_the_last_part_of_a_path_is_a_name_and_a_folder_of_this_name_is_none(
+    downloaded, tmp_path
+):
     """A station's file gives paths from its own folder; packages of ROS have such names, too."""
     assert is_robot_file("stations/red_description")
     assert robot_file("stations/red_description", "source") == downloaded

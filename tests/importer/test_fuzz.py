@@ -49,21 +49,71 @@ SEED = """<robot name="seed">
 WEDGE = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 NUMERIC = {
-    *("xyz", "rpy", "size", "radius", "length", "scale", "rgba", "value", "lower", "upper", "effort", "velocity"),
+    *(
+        "xyz",
+        "rpy",
+        "size",
+        "radius",
+        "length",
+        "scale",
+        "rgba",
+        "value",
+        "lower",
+        "upper",
+        "effort",
+        "velocity",
+    ),
     *("damping", "friction", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
 }
 ODD_NUMBERS = [
-    *("", " ", "-", "0", "-0", "1,5", "1e400", "-1e400", "1e-320", "1e29", "9e29", "1e-29", "0x10", "1_0", "٣", "1 2"),
-    *("inf", "-Inf", "NAN", "${pi}", "1e", ".", "1.", "+.5", "--1", "0 0 0", "1e-9 1e-9 1e-9", "1e12 1e12 1e12"),
+    *(
+        "",
+        " ",
+        "-",
+        "0",
+        "-0",
+        "1,5",
+        "1e400",
+        "-1e400",
+        "1e-320",
+        "1e29",
+        "9e29",
+        "1e-29",
+        "0x10",
+        "1_0",
+        "٣",
+        "1 2",
+    ),
+    *(
+        "inf",
+        "-Inf",
+        "NAN",
+        "${pi}",
+        "1e",
+        ".",
+        "1.",
+        "+.5",
+        "--1",
+        "0 0 0",
+        "1e-9 1e-9 1e-9",
+        "1e12 1e12 1e12",
+    ),
 ]
-TAGS = sorted({element.tag for element in ET.fromstring(SEED).iter()} | {"mimic", "frame", "capsule", "texture"})
+TAGS = sorted(
+    {element.tag for element in ET.fromstring(SEED).iter()}
+    | {"mimic", "frame", "capsule", "texture"}
+)
 
 figures = st.floats(allow_nan=True, allow_infinity=True).map(repr)
 small = st.floats(-10, 10).map(lambda value: f"{value:.4g}")
 several = st.lists(small | figures, min_size=2, max_size=4).map(" ".join)
 numbers = st.one_of(small, figures, several, st.sampled_from(ODD_NUMBERS), st.text(max_size=6))
 everywhere = settings(
-    max_examples=FILES, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+    max_examples=FILES,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=list(HealthCheck),
 )
 
 
@@ -113,7 +163,10 @@ def numeric_places(robot: ET.Element) -> list[tuple[ET.Element, str]]:
 
 @pytest.mark.long
 @everywhere
-@given(options=options, changes=st.lists(st.tuples(st.integers(0, 999), numbers), min_size=1, max_size=4))
+@given(
+    options=options,
+    changes=st.lists(st.tuples(st.integers(0, 999), numbers), min_size=1, max_size=4),
+)
 def test_any_figures(folder, options, changes):
     robot = ET.fromstring(SEED)
     places = numeric_places(robot)
@@ -155,10 +208,17 @@ def damage(robot: ET.Element, kind: str, dice: random.Random) -> None:
             for key in dice.sample(sorted(element.attrib), min(1, len(element.attrib))):
                 del element.attrib[key]
         case "swap":
-            (one, a), (two, b) = (dice.choice([(e, k) for e in robot.iter() for k in e.attrib]) for _ in "ab")
+            (one, a), (two, b) = (
+                dice.choice([(e, k) for e in robot.iter() for k in e.attrib]) for _ in "ab"
+            )
             one.attrib[a], two.attrib[b] = two.attrib[b], one.attrib[a]
         case "exchange":
-            alike = [(e, k) for e in robot.iter() for k in e.attrib if k in ("name", "link", "joint", "type")]
+            alike = [
+                (e, k)
+                for e in robot.iter()
+                for k in e.attrib
+                if k in ("name", "link", "joint", "type")
+            ]
             (one, a), (two, b) = (dice.choice(alike) for _ in "ab")
             one.attrib[a], two.attrib[b] = two.attrib[b], one.attrib[a]
 

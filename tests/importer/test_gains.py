@@ -45,18 +45,24 @@ def changed(urdf, *, axis="0 0 1", inertia="0.01", damping="0"):
 
 
 @pytest.mark.parametrize("inertia", [0.01, 1e-6])
-def test_a_joint_without_load_has_the_frequency_and_is_critically_damped(one_joint_urdf, write_urdf, inertia):
+def test_a_joint_without_load_has_the_frequency_and_is_critically_damped(
+    one_joint_urdf, write_urdf, inertia
+):
     """However light: nothing is rounded up, or kd / kp, by which a joint lags behind, would be a second."""
     gains = first_gains(load_robot_from_urdf(write_urdf(changed(one_joint_urdf, inertia=inertia))))
     assert gains.kp == pytest.approx([30**2 * inertia], rel=0.05)
     assert gains.kd == pytest.approx([2 * 30 * inertia], rel=0.05)
 
 
-def test_weight_lets_a_joint_sag_by_a_degree_and_an_axis_that_slides_by_a_millimetre(one_joint_urdf, write_urdf):
+def test_weight_lets_a_joint_sag_by_a_degree_and_an_axis_that_slides_by_a_millimetre(
+    one_joint_urdf, write_urdf
+):
     (kp,) = first_gains(load_robot_from_urdf(write_urdf(changed(one_joint_urdf, axis="0 1 0")))).kp
     assert kp == pytest.approx(1.0 * 9.81 * 0.1 / np.deg2rad(1.0), rel=0.05)
     sliding = changed(one_joint_urdf).replace("revolute", "prismatic")
-    assert first_gains(load_robot_from_urdf(write_urdf(sliding))).kp == pytest.approx([9.81 / 1e-3], rel=0.05)
+    assert first_gains(load_robot_from_urdf(write_urdf(sliding))).kp == pytest.approx(
+        [9.81 / 1e-3], rel=0.05
+    )
 
 
 def test_a_light_joint_with_damping_of_its_own_keeps_up(one_joint_urdf, write_urdf, tmp_path):
@@ -69,7 +75,9 @@ def test_a_light_joint_with_damping_of_its_own_keeps_up(one_joint_urdf, write_ur
     assert error[-1].max() < 1e-3
 
 
-def test_a_joint_that_its_damping_holds_gets_the_largest_gain_and_the_report_names_it(one_joint_urdf, tmp_path):
+def test_a_joint_that_its_damping_holds_gets_the_largest_gain_and_the_report_names_it(
+    one_joint_urdf, tmp_path
+):
     """Some published files fix a joint by a damping of 1e11: 30 rad/s times that is no gain that a servo accepts."""
     (tmp_path / "arm").mkdir()
     source = tmp_path / "arm" / "arm.urdf"

@@ -78,11 +78,15 @@ def test_what_is_wrong_with_a_hand_names_its_file(files, tmp_path_factory):
 def test_the_command_writes_a_station_that_has_both(files, monkeypatch):
     monkeypatch.chdir(files)
     pose = ["--hand-pose", *(f"{value:.6f}" for value in ON_ARM)]
-    assert run_command(["station", "arm.urdf", "--hand", "hand.urdf", *pose, "--out", "s.yaml"]) == 0
+    assert (
+        run_command(["station", "arm.urdf", "--hand", "hand.urdf", *pose, "--out", "s.yaml"]) == 0
+    )
     content = yaml.safe_load((files / "s.yaml").read_text())
     assert content["robot"]["import_options"]["hand_pose"] == pytest.approx(ON_ARM, abs=1e-6)
     assert "right_slide_follows" in content["couplings"]
-    (files / "s.yaml").write_text((files / "s.yaml").read_text().replace(f"{files}/", ""))  # beside the station
+    (files / "s.yaml").write_text(
+        (files / "s.yaml").read_text().replace(f"{files}/", "")
+    )  # beside the station
     assert load_station(files / "s.yaml").robots["robot"].import_options.hand == files / "hand.urdf"
 
 

@@ -45,7 +45,9 @@ def calls(element: ET.Element, folder) -> int:
 
 
 @pytest.mark.parametrize(
-    "shape", [partial(robot), partial(robot, star=True), partial(robot, name="j")], ids=["chain", "star", "one name"]
+    "shape",
+    [partial(robot), partial(robot, star=True), partial(robot, name="j")],
+    ids=["chain", "star", "one name"],
 )
 def test_twice_the_links_are_twice_the_work(tmp_path, shape):
     calls(shape(10), tmp_path)  # what is cached later
@@ -56,6 +58,9 @@ def test_more_links_than_drake_has_memory_for_are_refused_at_once(tmp_path, monk
     monkeypatch.setattr(urdf_check, "MOST_LINKS", 20)
     check_urdf(robot(20), tmp_path / "a.urdf")
     repair(robot(20), tmp_path, ImportOptions(), ImportReport(tmp_path / "a.urdf"))
-    for check in (check_urdf, lambda *_: repair(robot(21), tmp_path, ImportOptions(), ImportReport(tmp_path))):
+    for check in (
+        check_urdf,
+        lambda *_: repair(robot(21), tmp_path, ImportOptions(), ImportReport(tmp_path)),
+    ):
         with pytest.raises(InvalidModel, match="has 21 links; at most 20 are taken"):
             check(robot(21), tmp_path / "a.urdf")

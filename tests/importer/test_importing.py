@@ -20,7 +20,11 @@ def imported(published_irb120, tmp_path):
 
 
 def files_below(folder: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file()
+    }
 
 
 def test_an_import_writes_urdf_meshes_description_and_report(imported, tmp_path):
@@ -53,7 +57,9 @@ def test_masses_and_motion_are_those_of_the_source(imported):
             robot.axes.set_positions(robot.plant, context, posture)
         np.testing.assert_allclose(*map(_mass_matrix, (ours, theirs), contexts), atol=1e-12)
         np.testing.assert_allclose(*map(_centre_of_mass, (ours, theirs), contexts), atol=1e-12)
-    assert ours.plant.CalcTotalMass(contexts[0]) == pytest.approx(theirs.plant.CalcTotalMass(contexts[1]), abs=1e-12)
+    assert ours.plant.CalcTotalMass(contexts[0]) == pytest.approx(
+        theirs.plant.CalcTotalMass(contexts[1]), abs=1e-12
+    )
 
 
 def _mass_matrix(robot: LoneRobot, context) -> np.ndarray:
@@ -99,7 +105,9 @@ def test_an_output_within_the_source_is_refused(published_irb120, place):
     assert files_below(package) == before
 
 
-def test_an_import_goes_here_or_beside_a_source_in_which_one_is(published_irb120, tmp_path, monkeypatch):
+def test_an_import_goes_here_or_beside_a_source_in_which_one_is(
+    published_irb120, tmp_path, monkeypatch
+):
     package, folder = published_irb120.parent.parent, f"{published_irb120.stem}_imported"
     monkeypatch.chdir(tmp_path)
     assert default_folder(published_irb120) == Path(folder)
@@ -133,10 +141,15 @@ def test_a_full_disk_is_told_and_leaves_nothing(published_irb120, tmp_path, monk
 
 
 @pytest.mark.parametrize(
-    ("name", "file"), [("../x y", "x_y.urdf"), ("n" * 300, f"{'n' * 100}.urdf"), ("..", "robot.urdf")]
+    ("name", "file"),
+    [("../x y", "x_y.urdf"), ("n" * 300, f"{'n' * 100}.urdf"), ("..", "robot.urdf")],
 )
-def test_the_file_is_named_as_the_robot_as_far_as_files_can_be(published_irb120, tmp_path, name, file):
-    published_irb120.write_text(published_irb120.read_text().replace('name="irb120"', f'name="{name}"', 1))
+def test_the_file_is_named_as_the_robot_as_far_as_files_can_be(
+    published_irb120, tmp_path, name, file
+):
+    published_irb120.write_text(
+        published_irb120.read_text().replace('name="irb120"', f'name="{name}"', 1)
+    )
     done = import_robot(published_irb120, tmp_path / "out", isolated=False)
     assert done.model.urdf_path == tmp_path / "out" / file
 

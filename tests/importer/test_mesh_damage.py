@@ -36,14 +36,20 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
     place, length = chance.randrange(len(data)), chance.choice([1, 2, 4, 30, 300])
     before, within, after = data[:place], data[place : place + length], data[place + length :]
     words, other = data.split(b" "), content(chance.choice(KINDS))
-    words[chance.randrange(len(words))] = chance.choice([b"nan", b"-1", b"1e999", b"99999999999999", b"", b"\0"])
+    words[chance.randrange(len(words))] = chance.choice(
+        [b"nan", b"-1", b"1e999", b"99999999999999", b"", b"\0"]
+    )
     choices = [
         before,
         before + after,
         before + chance.randbytes(length) + after,
         before + within * chance.choice([2, 50]) + after,
         b" ".join(words),
-        data.replace(data[place : place + 1], chance.choice([b"", b"9", b"}", b"-"]), chance.choice([1, 5, 1000])),
+        data.replace(
+            data[place : place + 1],
+            chance.choice([b"", b"9", b"}", b"-"]),
+            chance.choice([1, 5, 1000]),
+        ),
         before + other[chance.randrange(len(other)) :],
     ]
     return chance.choice(choices)
@@ -102,7 +108,11 @@ def test_a_gltf_that_lies_is_named(tmp_path: Path, change: dict[str, object]) ->
     assert isinstance(outcome(tmp_path / "a.gltf"), str)
 
 
-@pytest.mark.parametrize("nodes", [[{"mesh": 0, "children": [0]}], [{"mesh": 0, "children": [1]}, {"children": [0]}]])
-def test_gltf_nodes_within_themselves_come_to_an_end(tmp_path: Path, nodes: list[dict[str, object]]) -> None:
+@pytest.mark.parametrize(
+    "nodes", [[{"mesh": 0, "children": [0]}], [{"mesh": 0, "children": [1]}, {"children": [0]}]]
+)
+def test_gltf_nodes_within_themselves_come_to_an_end(
+    tmp_path: Path, nodes: list[dict[str, object]]
+) -> None:
     (tmp_path / "a.gltf").write_text(json.dumps(json.loads(content("gltf")) | {"nodes": nodes}))
     outcome(tmp_path / "a.gltf")

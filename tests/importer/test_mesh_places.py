@@ -50,7 +50,9 @@ def found(source: Path, uri: str, *mesh_path: Path) -> str:
         ("package://arm/meshes two/50%25.stl", "meshes two/50%25.stl"),
     ],
 )
-def test_a_name_that_is_right_is_followed_without_a_word(robot: Path, uri: str, expected: str) -> None:
+def test_a_name_that_is_right_is_followed_without_a_word(
+    robot: Path, uri: str, expected: str
+) -> None:
     assert found(robot, uri) == expected
     assert MeshPlaces(robot).find(uri).note == ""
 
@@ -105,7 +107,9 @@ def test_what_is_nowhere_is_missing(robot: Path, uri: str) -> None:
         MeshPlaces(robot).find(uri)
 
 
-@pytest.mark.parametrize("uri", ["http://example.org/a.stl", "HTTPS://example.org/a.stl", "ftp://example.org/a.stl"])
+@pytest.mark.parametrize(
+    "uri", ["http://example.org/a.stl", "HTTPS://example.org/a.stl", "ftp://example.org/a.stl"]
+)
 def test_nothing_is_read_from_the_network(robot: Path, uri: str) -> None:
     with pytest.raises(MeshMissing, match="network"):
         MeshPlaces(robot).find(uri)
@@ -157,7 +161,9 @@ def test_a_package_beside_is_found_by_its_name_or_its_manifest(robot: Path) -> N
 
 def test_a_folder_farther_away_is_no_package_without_a_manifest(robot: Path) -> None:
     put(robot.parents[3] / "private" / "keys.stl")
-    with pytest.raises(MeshMissing, match="package 'private' is not found, name its folder with --mesh-path"):
+    with pytest.raises(
+        MeshMissing, match="package 'private' is not found, name its folder with --mesh-path"
+    ):
         MeshPlaces(robot).find("package://private/keys.stl")
 
 
@@ -202,7 +208,11 @@ def test_a_repository_is_one_package(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "work" / "repository" / ".git").mkdir()
     assert package_root(source) == tmp_path / "work" / "repository"
     places = MeshPlaces(source)
-    assert places.find("../hands/palm.stl").path == places.find("package://hands/palm.stl").path == hand
+    assert (
+        places.find("../hands/palm.stl").path
+        == places.find("package://hands/palm.stl").path
+        == hand
+    )
     with pytest.raises(OutsideBorder):
         places.find(str(beside))
     put(source.parent / "package.xml", MANIFEST.format("both"))
@@ -224,9 +234,16 @@ def test_packages_and_files_are_found_below_a_mesh_path(robot: Path, tmp_path: P
 
 @pytest.mark.parametrize(
     ("urdf", "root"),
-    [("arm/urdf/a.urdf", "arm"), ("arm/robots/a.urdf", "arm"), ("arm/a.urdf", "arm"), ("arm/my/a.urdf", "arm/my")],
+    [
+        ("arm/urdf/a.urdf", "arm"),
+        ("arm/robots/a.urdf", "arm"),
+        ("arm/a.urdf", "arm"),
+        ("arm/my/a.urdf", "arm/my"),
+    ],
 )
-def test_without_a_manifest_the_folder_or_the_one_above_is_the_package(tmp_path: Path, urdf: str, root: str) -> None:
+def test_without_a_manifest_the_folder_or_the_one_above_is_the_package(
+    tmp_path: Path, urdf: str, root: str
+) -> None:
     assert package_root(tmp_path / urdf) == tmp_path / root
 
 
@@ -236,7 +253,10 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
     put(folder / "a.mtl", "newmtl m\nmap_Kd -s 1 1 1 Skin.PNG\nmap_Bump bump.png\n")
     put(folder / "skin.png")
     put(folder / "bump.png")
-    put(folder / "b.dae", '<COLLADA><image id="i"><init_from>tex/b&amp;w.png</init_from></image></COLLADA>')
+    put(
+        folder / "b.dae",
+        '<COLLADA><image id="i"><init_from>tex/b&amp;w.png</init_from></image></COLLADA>',
+    )
     put(folder / "tex" / "b&w.png")
     put(
         folder / "c.gltf",
@@ -244,18 +264,37 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
     )
     put(folder / "c.bin")
     (folder / "d.dae").symlink_to("/etc/hostname")
-    uris = ["a.obj", "b.dae", "c.gltf", "a.obj", "none.stl", "/etc/hostname", "d.dae", "http://a/b.stl"]
+    uris = [
+        "a.obj",
+        "b.dae",
+        "c.gltf",
+        "a.obj",
+        "none.stl",
+        "/etc/hostname",
+        "d.dae",
+        "http://a/b.stl",
+    ]
     element = ET.Element("robot")
     for uri in uris:
         ET.SubElement(element, "mesh", filename=uri)
     listed = mesh_files(element, source=robot, options=ImportOptions())
-    assert [path.name for path in listed] == ["a.obj", "a.mtl", "skin.png", "b.dae", "b&w.png", "c.gltf", "c.bin"]
+    assert [path.name for path in listed] == [
+        "a.obj",
+        "a.mtl",
+        "skin.png",
+        "b.dae",
+        "b&w.png",
+        "c.gltf",
+        "c.bin",
+    ]
 
 
 def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> None:
     other = put(robot.parents[2] / "other-main" / "package.xml", MANIFEST.format("other")).parent
     mesh = put(other / "base.stl")
-    assert MeshPlaces(robot).find(f"file://{mesh}").path == mesh  # as a xacro writes `$(find other)/base.stl`
+    assert (
+        MeshPlaces(robot).find(f"file://{mesh}").path == mesh
+    )  # as a xacro writes `$(find other)/base.stl`
     (other / "package.xml").unlink()
     with pytest.raises(OutsideBorder):
         MeshPlaces(robot).find(f"file://{mesh}")

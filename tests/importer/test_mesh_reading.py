@@ -28,7 +28,9 @@ def box() -> trimesh.Trimesh:
 
 def coloured(rgba: tuple[float, ...], mesh: trimesh.Trimesh | None = None) -> trimesh.Trimesh:
     mesh = mesh or box()
-    mesh.visual = trimesh.visual.TextureVisuals(material=PBRMaterial(baseColorFactor=[round(255 * c) for c in rgba]))
+    mesh.visual = trimesh.visual.TextureVisuals(
+        material=PBRMaterial(baseColorFactor=[round(255 * c) for c in rgba])
+    )
     return mesh
 
 
@@ -42,7 +44,9 @@ def bounds(mesh: Mesh) -> np.ndarray:
 
 
 def volume(mesh: Mesh) -> float:
-    return float(sum(trimesh.Trimesh(part.vertices, part.faces, process=False).volume for part in mesh.parts))
+    return float(
+        sum(trimesh.Trimesh(part.vertices, part.faces, process=False).volume for part in mesh.parts)
+    )
 
 
 def write(path: Path, data: bytes | str) -> Path:
@@ -76,12 +80,17 @@ def test_a_box_is_the_same_in_every_format(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(bounds(mesh), expected, atol=1e-7)
     assert volume(mesh) == pytest.approx(0.1 * 0.2 * 0.4, rel=1e-6)
     assert sum(len(part.faces) for part in mesh.parts) == 12
-    assert sum(len(part.vertices) for part in mesh.parts) == 8  # those of STL's faces at one place are one
+    assert (
+        sum(len(part.vertices) for part in mesh.parts) == 8
+    )  # those of STL's faces at one place are one
 
 
 def test_stl_whose_header_says_solid_is_known_as_binary(tmp_path: Path) -> None:
     data = box().export(file_type="stl")
-    assert volume(read(write(tmp_path / "a.stl", b"solid of facets by a CAD".ljust(80) + data[80:]))) > 0.007
+    assert (
+        volume(read(write(tmp_path / "a.stl", b"solid of facets by a CAD".ljust(80) + data[80:])))
+        > 0.007
+    )
 
 
 def test_stl_with_bytes_behind_its_end_is_read(tmp_path: Path) -> None:
@@ -102,13 +111,25 @@ def test_stl_with_bytes_behind_its_end_is_read(tmp_path: Path) -> None:
         ("a.obj", b"v 0 0 0\n", "holds no triangles"),
         ("a.obj", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "holds no triangles"),
         ("a.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "holds no triangle with an area"),
-        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n", "cut off"),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n",
+            "cut off",
+        ),
         ("a.dae", b"<COLLADA>", "is not readable as DAE"),
         ("a.dae", b"PK\x03\x04 an archive", "is not readable as DAE"),
         ("a.glb", b"glTF\2\0\0\0", "is not readable as glTF"),
         ("a.gltf", b"[1, 2]", "is not readable as glTF"),
-        ("a.gltf", b'{"accessors": [{"count": 1000000000000, "type": "VEC3"}]}', "asks for more numbers"),
-        ("a.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "no.bin"}]}', "is not readable as GLTF"),
+        (
+            "a.gltf",
+            b'{"accessors": [{"count": 1000000000000, "type": "VEC3"}]}',
+            "asks for more numbers",
+        ),
+        (
+            "a.gltf",
+            b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "no.bin"}]}',
+            "is not readable as GLTF",
+        ),
         ("a.step", b"ISO-10303-21;", "is of a format '.step' that is not read; .stl, .dae, .obj"),
         ("a", b"solid", "is of a format '' that is not read"),
     ],
@@ -128,7 +149,9 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
         read(tmp_path / "a.stl")
 
 
-def test_a_file_without_permission_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_without_permission_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(path: Path, flags: int) -> int:
         raise PermissionError(13, "Permission denied", str(path))
 
@@ -139,16 +162,27 @@ def test_a_file_without_permission_is_named(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_collada_is_scaled_by_its_unit_and_its_up_axis_is_told(tmp_path: Path) -> None:
-    mesh = read(write(tmp_path / "a.dae", DAE.format(unit="0.001", up="Y_UP", nodes=NODE.format(x=1))))
+    mesh = read(
+        write(tmp_path / "a.dae", DAE.format(unit="0.001", up="Y_UP", nodes=NODE.format(x=1)))
+    )
     np.testing.assert_allclose(bounds(mesh), [[0.001, 0, 0], [0.002, 0.001, 0.001]], atol=1e-12)
     assert mesh.parts[0].rgba == RED
     assert mesh.remarks == ["its up axis Y_UP is ignored, as ROS does"]
-    assert read(write(tmp_path / "b.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=0)))).remarks == []
+    assert (
+        read(
+            write(tmp_path / "b.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=0)))
+        ).remarks
+        == []
+    )
 
 
 def test_all_nodes_of_a_collada_scene_are_read(tmp_path: Path) -> None:
-    inner = f"<node><scale>1 1 -1</scale>{NODE.format(x=0)}</node>"  # a mirrored node keeps its outside
-    mesh = read(write(tmp_path / "a.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=5) + inner)))
+    inner = (
+        f"<node><scale>1 1 -1</scale>{NODE.format(x=0)}</node>"  # a mirrored node keeps its outside
+    )
+    mesh = read(
+        write(tmp_path / "a.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=5) + inner))
+    )
     np.testing.assert_allclose(bounds(mesh), [[0, 0, -1], [6, 1, 1]], atol=1e-12)
     assert volume(mesh) == pytest.approx(2 / 6)
     assert len(mesh.parts) == 1  # both are red
@@ -156,10 +190,18 @@ def test_all_nodes_of_a_collada_scene_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
 @pytest.mark.parametrize(
-    "head", ['<!DOCTYPE COLLADA [<!ENTITY a "b">]>', '<!DOCTYPE COLLADA SYSTEM "http://example.org/x.dtd">']
+    "head",
+    [
+        '<!DOCTYPE COLLADA [<!ENTITY a "b">]>',
+        '<!DOCTYPE COLLADA SYSTEM "http://example.org/x.dtd">',
+    ],
 )
-def test_collada_with_entities_is_refused_before_it_is_parsed(tmp_path: Path, head: str, encoding: str) -> None:
-    text = DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=0)).replace('<?xml version="1.0"?>', head)
+def test_collada_with_entities_is_refused_before_it_is_parsed(
+    tmp_path: Path, head: str, encoding: str
+) -> None:
+    text = DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=0)).replace(
+        '<?xml version="1.0"?>', head
+    )
     with pytest.raises(UnreadableMesh, match="declares entities or a document type"):
         read(write(tmp_path / "a.dae", text.encode(encoding)))
 
@@ -169,7 +211,9 @@ def test_collada_nodes_that_multiply_or_go_in_a_circle_are_refused(tmp_path: Pat
     levels = "".join(f'<node id="n{level}">{inner}</node>' for level, inner in enumerate(ten))
     circle = '<node id="n"><instance_node url="#n"/></node>'
     for nodes in (levels, circle):
-        with pytest.raises(UnreadableMesh, match="more than 20000 nodes, or nodes within themselves"):
+        with pytest.raises(
+            UnreadableMesh, match="more than 20000 nodes, or nodes within themselves"
+        ):
             read(write(tmp_path / "a.dae", DAE.format(unit="1", up="Z_UP", nodes=nodes)))
 
 
@@ -236,7 +280,12 @@ def test_buffers_and_textures_outside_of_the_package_are_refused(tmp_path: Path)
     write(folder / "x.mtl", f"newmtl m\nmap_Kd {secret}\n")
     for name, data in (
         ("a.gltf", json.dumps(gltf)),
-        ("a.glb", b"glTF" + struct.pack("<IIII", 2, 0, len(json.dumps(gltf)), 0x4E4F534A) + json.dumps(gltf).encode()),
+        (
+            "a.glb",
+            b"glTF"
+            + struct.pack("<IIII", 2, 0, len(json.dumps(gltf)), 0x4E4F534A)
+            + json.dumps(gltf).encode(),
+        ),
         ("a.dae", f"<COLLADA><image><init_from>{secret}</init_from></image></COLLADA>"),
         ("a.obj", "mtllib ../secret.bin\n"),
         ("b.obj", "mtllib linked.mtl\n"),
@@ -277,7 +326,12 @@ def test_an_image_that_is_none_or_a_bomb_leaves_the_colour(tmp_path: Path) -> No
     write(tmp_path / "a.mtl", "newmtl m\nKd 1 0 0\nmap_Kd a.png\n")
     Image.new("1", (12000, 12000)).save(tmp_path / "bomb.png")
     half = (tmp_path / "bomb.png").read_bytes()
-    for data in (b"no image", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", half, half[:300]):
+    for data in (
+        b"no image",
+        b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n",
+        half,
+        half[:300],
+    ):
         write(tmp_path / "a.png", data)
         (part,) = read(tmp_path / "a.obj").parts
         assert part.image is None
@@ -316,5 +370,7 @@ def test_a_large_mesh_is_decimated_within_its_bounds(tmp_path: Path) -> None:
 
 def test_a_mesh_in_millimetres_is_told_and_left(tmp_path: Path) -> None:
     mesh = read(write(tmp_path / "a.stl", box().apply_scale(1000).export(file_type="stl")))
-    assert mesh.remarks == ['is 400 m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"']
+    assert mesh.remarks == [
+        'is 400 m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
+    ]
     assert volume(mesh) == pytest.approx(8e6, rel=1e-5)

@@ -26,7 +26,9 @@ from simrob_drake.stations.load import load_station
 
 mujoco = pytest.importorskip("mujoco")
 
-BODY = '<inertial pos="{0} 0.02 0.1" mass="{1}" diaginertia="0.02 0.03 0.04" quat="0.9 0.1 0.2 0.3"/>'
+BODY = (
+    '<inertial pos="{0} 0.02 0.1" mass="{1}" diaginertia="0.02 0.03 0.04" quat="0.9 0.1 0.2 0.3"/>'
+)
 ARM = f"""<mujoco model="arm">
   <compiler angle="degree" meshdir="parts"/>
   <option><flag energy="enable"/></option>
@@ -83,7 +85,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def put(folder: Path, text: str = ARM) -> Path:
     (folder / "in" / "parts").mkdir(parents=True, exist_ok=True)
-    wedge = trimesh.Trimesh([[1, 0, 0], [4, 0, 0], [1, 3, 0], [1, 0, 5]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    wedge = trimesh.Trimesh(
+        [[1, 0, 0], [4, 0, 0], [1, 3, 0], [1, 0, 5]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    )
     (folder / "in" / "parts" / "wedge.stl").write_bytes(wedge.export(file_type="stl"))
     file = folder / "in" / "arm.xml"
     file.write_text(text)
@@ -91,11 +95,15 @@ def put(folder: Path, text: str = ARM) -> Path:
 
 
 def imported(folder: Path, text: str = ARM, **options) -> ImportedRobot:
-    return import_robot(put(folder, text), folder / "out", ImportOptions(**options), isolated=False, force=True)
+    return import_robot(
+        put(folder, text), folder / "out", ImportOptions(**options), isolated=False, force=True
+    )
 
 
 def told(robot: ImportedRobot, kind: str) -> str:
-    return "\n".join(f"{entry.element}: {entry.text}" for entry in robot.report.entries if entry.kind == kind)
+    return "\n".join(
+        f"{entry.element}: {entry.text}" for entry in robot.report.entries if entry.kind == kind
+    )
 
 
 def plant_of(robot: ImportedRobot) -> MultibodyPlant:
@@ -118,7 +126,9 @@ def both(robot: ImportedRobot, file: Path, postures: int = 5):
             place = model.joint(axis).qposadr[0]
             data.qpos[place] = random.uniform(-0.1, 0.2)
             joint = plant.GetJointByName(axis)
-            (joint.set_angle if hasattr(joint, "set_angle") else joint.set_translation)(context, data.qpos[place])
+            (joint.set_angle if hasattr(joint, "set_angle") else joint.set_translation)(
+                context, data.qpos[place]
+            )
         mujoco.mj_forward(model, data)
         yield model, data, plant, context
 
@@ -141,7 +151,9 @@ def test_an_arm_moves_as_in_mujoco(tmp_path, here):
         mass = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)
         np.testing.assert_allclose(plant.CalcMassMatrix(context), mass, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-6)
+        np.testing.assert_allclose(
+            plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-6
+        )
         com = model.body_mass @ data.xipos / model.body_mass.sum()
         np.testing.assert_allclose(plant.CalcCenterOfMassPositionInWorld(context), com, atol=1e-9)
         tool = (
@@ -161,7 +173,9 @@ def test_limits_motors_gains_and_home_are_those_of_the_file(tmp_path, here):
     assert np.isinf(upper[1])
     assert model.efforts[:2].tolist() == [50, 15]
     assert (model.servo.kp["pan"], model.servo.kd["pan"]) == (200, 10)
-    assert model.home_deg == pytest.approx({"pan": 28.6479, "tilt": -14.3239, "stroke": 0.1}, abs=1e-4)
+    assert model.home_deg == pytest.approx(
+        {"pan": 28.6479, "tilt": -14.3239, "stroke": 0.1}, abs=1e-4
+    )
     assert model.tools == {"attachment_site": "attachment_site"}
     assert "keyframe 'home': is the posture at the start" in told(robot, "read")
     assert "servo gains of 1 axes are those of the file's actuators" in told(robot, "read")
@@ -177,7 +191,10 @@ def test_meshes_stand_where_mujoco_puts_them(tmp_path, here):
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "in" / "arm.xml"))
     link = robot.model.element.find("link[@name='upper']")
     assert link is not None
-    assert next(visual.find("material/color").get("rgba") for visual in link.iterfind("visual")) == "1 0 0 1"
+    assert (
+        next(visual.find("material/color").get("rgba") for visual in link.iterfind("visual"))
+        == "1 0 0 1"
+    )
     shift = model.joint("tilt").pos  # the link's frame lies on its last joint
     for geom, visual in enumerate(link.iterfind("visual"), start=2):
         origin, file = visual.find("origin"), visual.find("geometry/mesh").get("filename")
@@ -192,9 +209,15 @@ def test_meshes_stand_where_mujoco_puts_them(tmp_path, here):
         corners = corners @ matrix.reshape(3, 3).T + model.geom_pos[geom]
         distances = np.linalg.norm(shown[:, np.newaxis] - corners, axis=-1)
         assert distances.min(axis=1).max() < 1e-7
-    assert [len(link.findall(tag)) for tag in ("visual", "collision")] == [2, 1]  # the second touches nothing
+    assert [len(link.findall(tag)) for tag in ("visual", "collision")] == [
+        2,
+        1,
+    ]  # the second touches nothing
     slider = robot.model.element.find("link[@name='slider']")
-    assert [len(slider.findall(tag)) for tag in ("visual", "collision")] == [0, 1]  # its group is hidden
+    assert [len(slider.findall(tag)) for tag in ("visual", "collision")] == [
+        0,
+        1,
+    ]  # its group is hidden
 
 
 def test_a_robot_that_floats_has_no_world(tmp_path, here):
@@ -207,7 +230,11 @@ def test_a_robot_that_floats_has_no_world(tmp_path, here):
       <body name="hand" mocap="true"><geom type="sphere" size="0.1"/></body>
     </worldbody></mujoco>"""
     robot = imported(tmp_path, text)
-    assert (robot.model.base, robot.model.root, list(robot.model.axes)) == ("floating", "trunk", ["hip"])
+    assert (robot.model.base, robot.model.root, list(robot.model.axes)) == (
+        "floating",
+        "trunk",
+        ["hip"],
+    )
     dropped = told(robot, "dropped")
     for words in (
         "'ball': is loose",
@@ -217,7 +244,9 @@ def test_a_robot_that_floats_has_no_world(tmp_path, here):
     ):
         assert words in dropped
     plant = plant_of(robot)
-    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(1000 * (0.2**3 + 4 / 3 * np.pi * 0.05**3))
+    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(
+        1000 * (0.2**3 + 4 / 3 * np.pi * 0.05**3)
+    )
 
 
 TWO = """<mujoco><worldbody>
@@ -228,7 +257,9 @@ TWO = """<mujoco><worldbody>
 
 
 def test_one_of_several_robots_is_chosen_by_name(tmp_path, here):
-    with pytest.raises(SimrobError, match=r"holds several robots \(left, right\); choose one with --model NAME"):
+    with pytest.raises(
+        SimrobError, match=r"holds several robots \(left, right\); choose one with --model NAME"
+    ):
         imported(tmp_path, TWO.format(""))
     assert list(imported(tmp_path, TWO.format(""), model="left").model.axes) == ["a"]
     with pytest.raises(SimrobError, match="did you mean 'right'"):
@@ -247,7 +278,9 @@ def test_a_ball_is_three_joints(tmp_path, here):
     plant.SetPositions(context, angles)
     mujoco.mju_euler2Quat(data.qpos, angles, "xyz")
     mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(plant.CalcCenterOfMassPositionInWorld(context), data.xipos[1], atol=1e-9)
+    np.testing.assert_allclose(
+        plant.CalcCenterOfMassPositionInWorld(context), data.xipos[1], atol=1e-9
+    )
 
 
 LOST = """<mujoco><worldbody><body name="a"><joint name="one" stiffness="3"/><geom size="0.1"/>
@@ -274,8 +307,9 @@ def test_what_no_tree_of_motored_joints_can_say_is_told(tmp_path, here):
         assert words in lost
     assert "joint 'two': mimics 'one'" in told(robot, "read")
     assert "<contact>: 1 ×" in told(robot, "dropped")
-    assert "actuator 'puller': pulls at several joints by a tendon; each gets a motor: one, two" in told(
-        robot, "approximated"
+    assert (
+        "actuator 'puller': pulls at several joints by a tendon; each gets a motor: one, two"
+        in told(robot, "approximated")
     )
     assert "joints 'three': passive: the file gives motors to other joints" in told(robot, "read")
     assert robot.model.efforts[:2].tolist() == [3, 6]
@@ -283,7 +317,9 @@ def test_what_no_tree_of_motored_joints_can_say_is_told(tmp_path, here):
 
 def test_a_closed_loop_is_refused_or_left_out(tmp_path, here):
     text = LOST.format(loop='<connect name="rod" body1="b" body2="c" anchor="0 0 0"/>')
-    with pytest.raises(SimrobError, match=r"'rod of 'b' and 'c'': is no part of a tree .* --drop-loops"):
+    with pytest.raises(
+        SimrobError, match=r"'rod of 'b' and 'c'': is no part of a tree .* --drop-loops"
+    ):
         imported(tmp_path, text)
     assert "'rod of 'b' and 'c''" in told(imported(tmp_path, text, drop_loops=True), "lost")
 
@@ -297,7 +333,9 @@ def test_includes_are_put_in(tmp_path, here):
     (main.parent / "common").mkdir()
     (main.parent / "common" / "head.xml").write_text(ET.tostring(head, encoding="unicode"))
     (main.parent / "common" / "body.xml").write_text(ET.tostring(body, encoding="unicode"))
-    for element in [element for element in whole if element.tag in ("default", "asset", "compiler")]:
+    for element in [
+        element for element in whole if element.tag in ("default", "asset", "compiler")
+    ]:
         whole.remove(element)
     world = whole.find("worldbody")
     world[:] = [ET.Element("include", file="common/body.xml")]
@@ -319,11 +357,20 @@ OUT = '<mujoco>{0}<worldbody><body name="a"><joint/><geom size="0.1"/></body></w
         (OUT.format('<include file="arm.xml"/>'), "more than 100 files, or a file in itself"),
         (OUT.format('<include file="none.xml"/>'), "there is no such file"),
         ("<!DOCTYPE m [<!ENTITY a 'b'>]><mujoco/>", "declares a document type or entities"),
-        ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "MuJoCo cannot read it: .*mass"),
+        (
+            "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>",
+            "MuJoCo cannot read it: .*mass",
+        ),
         ("<mujoco><worldbody><geom/></worldbody></mujoco>", "MuJoCo cannot read it"),
-        ('<mujoco><worldbody><body><geom size="1"/></body></worldbody></mujoco>', "has no joint that moves"),
+        (
+            '<mujoco><worldbody><body><geom size="1"/></body></worldbody></mujoco>',
+            "has no joint that moves",
+        ),
         ("<mujocoinclude/>", "a part of an MJCF file"),
-        ('<mujoco><asset><model name="m" file="/etc/hostname"/></asset></mujoco>', "puts another model in"),
+        (
+            '<mujoco><asset><model name="m" file="/etc/hostname"/></asset></mujoco>',
+            "puts another model in",
+        ),
     ],
 )
 def test_what_may_not_or_cannot_be_read_is_refused(tmp_path, here, text, words):
@@ -338,11 +385,16 @@ def test_plugins_are_never_loaded_and_files_of_others_never_read(tmp_path, here)
       <asset><mesh name="m" file="../secret.stl"/><hfield name="h" file="/etc/hostname" size="1 1 1 1"/>
       <texture name="t" type="2d" file="/etc/hostname"/><material name="red" texture="t"/></asset>"""
     text = OUT.format(head).replace('<geom size="0.1"/>', '<geom size="0.1" material="red"/>')
-    text = text.replace("</worldbody>", '</worldbody><actuator><plugin plugin="mujoco.pid" instance="p"/></actuator>')
+    text = text.replace(
+        "</worldbody>",
+        '</worldbody><actuator><plugin plugin="mujoco.pid" instance="p"/></actuator>',
+    )
     robot = imported(tmp_path, text)
     assert "plugins are never loaded" in told(robot, "dropped")
     (tmp_path / "secret.stl").write_bytes((tmp_path / "in" / "parts" / "wedge.stl").read_bytes())
-    shown = text.replace('material="red"/>', 'material="red"/><geom type="mesh" mesh="m" mass="0"/>')
+    shown = text.replace(
+        'material="red"/>', 'material="red"/><geom type="mesh" mesh="m" mass="0"/>'
+    )
     with pytest.raises(SimrobError, match=r"secret.stl.* lies outside of the allowed folders"):
         import_robot(put(tmp_path, shown), tmp_path / "other", isolated=False)
 
@@ -354,8 +406,12 @@ def test_masses_are_made_of_meshes_where_the_file_has_none(tmp_path, here):
     robot = imported(tmp_path, text)
     for model, data, plant, context in both(robot, tmp_path / "in" / "arm.xml", 2):
         np.testing.assert_allclose(plant.CalcTotalMass(context), 1000 * 7.5 * 0.1**3, rtol=1e-6)
-        np.testing.assert_allclose(plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-6)
-    robot = import_robot(put(tmp_path, text.replace("wedge.stl", "none.stl")), tmp_path / "without", isolated=False)
+        np.testing.assert_allclose(
+            plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-6
+        )
+    robot = import_robot(
+        put(tmp_path, text.replace("wedge.stl", "none.stl")), tmp_path / "without", isolated=False
+    )
     assert "mesh 'wedge': cannot be read, and masses are made of it" in told(robot, "lost")
 
 
@@ -363,22 +419,30 @@ def test_includes_of_a_large_file_are_found_at_once(tmp_path):
     """Each element was looked at once for each other: a minute for 6000 bodies."""
     root = ET.fromstring(f"<mujoco>{'<body><geom/><geom/></body>' * 6000}</mujoco>")
     start = time.monotonic()
-    reading._Source(root, MeshPlaces(tmp_path / "a.xml"), ImportReport(tmp_path)).put_in_includes(root)
+    reading._Source(root, MeshPlaces(tmp_path / "a.xml"), ImportReport(tmp_path)).put_in_includes(
+        root
+    )
     assert time.monotonic() - start < 5
 
 
 def test_faces_with_four_corners_weigh_what_mujoco_makes_of_them(tmp_path, here):
     """Those that are not flat are parted along one diagonal or the other, which makes other bodies of them."""
-    corners = [(x + 0.3 * y * z, y, z - 0.2 * x * y) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    corners = [
+        (x + 0.3 * y * z, y, z - 0.2 * x * y) for z in (0, 1) for y in (0, 1) for x in (0, 1)
+    ]
     faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"]
     lines = [*(f"v {x} {y} {z}" for x, y, z in corners), *(f"f {face}" for face in faces)]
     body = '<body name="a"><joint name="j"/><geom type="mesh" mesh="brick"/></body>'
     asset = '<asset><mesh name="brick" file="parts/brick.OBJ" scale="0.1 0.1 0.1"/></asset>'
     file = put(tmp_path, f"<mujoco>{asset}<worldbody>{body}</worldbody></mujoco>")
     (tmp_path / "in" / "parts" / "brick.OBJ").write_text("\n".join(lines))
-    for model, data, plant, context in both(import_robot(file, tmp_path / "out", isolated=False), file, 1):
+    for model, data, plant, context in both(
+        import_robot(file, tmp_path / "out", isolated=False), file, 1
+    ):
         np.testing.assert_allclose(plant.CalcTotalMass(context), model.body_mass.sum(), rtol=1e-12)
-        np.testing.assert_allclose(plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-12)
+        np.testing.assert_allclose(
+            plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-12
+        )
 
 
 def test_what_makes_another_motion_is_told(tmp_path, here):
@@ -416,8 +480,12 @@ def test_the_confined_process_says_the_same(tmp_path, here, monkeypatch):
     robot, report = imported(tmp_path).model.element, ImportReport(tmp_path)
     monkeypatch.undo()
     read = read_source(tmp_path / "in" / "arm.xml", report)
-    assert [name_of(joint) for joint in read.iterfind("joint")] == [name_of(joint) for joint in robot.iterfind("joint")]
-    assert [mass_of(link) for link in read.iterfind("link")] == [mass_of(link) for link in robot.iterfind("link")]
+    assert [name_of(joint) for joint in read.iterfind("joint")] == [
+        name_of(joint) for joint in robot.iterfind("joint")
+    ]
+    assert [mass_of(link) for link in read.iterfind("link")] == [
+        mass_of(link) for link in robot.iterfind("link")
+    ]
     if sys.platform == "linux":
         assert not any("would confine" in entry.text for entry in report.entries)
 
@@ -435,7 +503,9 @@ def test_every_command_takes_it(tmp_path, here, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "counts", [["1000000000"], ["1000", "1000", "1000"], ["1e9"]], ids=["one", "nested", "with an exponent"]
+    "counts",
+    [["1000000000"], ["1000", "1000", "1000"], ["1e9"]],
+    ids=["one", "nested", "with an exponent"],
 )
 def test_copies_without_measure_are_refused_before_they_are_made(tmp_path, counts):
     inner = '<geom type="sphere" size="0.1"/>'
@@ -446,6 +516,8 @@ def test_copies_without_measure_are_refused_before_they_are_made(tmp_path, count
     file = tmp_path / "arm.xml"
     file.write_text(f'<mujoco model="arm"><worldbody>{body}</worldbody></mujoco>')
     began = time.process_time()
-    with pytest.raises(SimrobError, match=f"more than {reading._MOST_COPIES} elements with all that is replicated"):
+    with pytest.raises(
+        SimrobError, match=f"more than {reading._MOST_COPIES} elements with all that is replicated"
+    ):
         read_source(file, ImportReport(file), ImportOptions())
     assert time.process_time() - began < 2

@@ -39,7 +39,9 @@ def described(tmp_path: Path) -> Path:
     return file
 
 
-def test_what_a_station_takes_is_taken_everywhere(described: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_what_a_station_takes_is_taken_everywhere(
+    described: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """Before, the station ran, and the others asked for a transmission."""
     monkeypatch.setattr("simrob_drake.results.animation.robot_view.RobotView.run", lambda *_: None)
 

@@ -25,7 +25,9 @@ JOINT = """
   <limit lower="{lower}" upper="{upper}" effort="5" velocity="3"/></joint>"""
 
 
-def arm_file(folder: Path, *, joint: str = "gripper", jaw: str = "moving_jaw", axis: str = "0 1 0") -> Path:
+def arm_file(
+    folder: Path, *, joint: str = "gripper", jaw: str = "moving_jaw", axis: str = "0 1 0"
+) -> Path:
     """An arm of two joints whose hand has a fixed jaw at x = 0, and one beside it that turns about y.
 
     With the axis 0 1 0 a positive angle turns the jaw's end, which points up, away from the fixed one.
@@ -33,11 +35,33 @@ def arm_file(folder: Path, *, joint: str = "gripper", jaw: str = "moving_jaw", a
     com = "0 0 0.04"
     parts = [LINK.format(name=name, com=com) for name in ("base", "upper", "palm", jaw)]
     parts += [
-        JOINT.format(name="lift", parent="base", child="upper", origin="0 0 0.1", axis="0 1 0", lower=-2, upper=2),
         JOINT.format(
-            name="wrist_roll", parent="upper", child="palm", origin="0 0 0.1", axis="0 0 1", lower=-2, upper=2
+            name="lift",
+            parent="base",
+            child="upper",
+            origin="0 0 0.1",
+            axis="0 1 0",
+            lower=-2,
+            upper=2,
         ),
-        JOINT.format(name=joint, parent="palm", child=jaw, origin="0.03 0 0", axis=axis, lower=-0.1, upper=1.2),
+        JOINT.format(
+            name="wrist_roll",
+            parent="upper",
+            child="palm",
+            origin="0 0 0.1",
+            axis="0 0 1",
+            lower=-2,
+            upper=2,
+        ),
+        JOINT.format(
+            name=joint,
+            parent="palm",
+            child=jaw,
+            origin="0.03 0 0",
+            axis=axis,
+            lower=-0.1,
+            upper=1.2,
+        ),
     ]
     file = folder / "hobby.urdf"
     file.write_text(f'<robot name="hobby">{"".join(parts)}</robot>')
@@ -61,13 +85,16 @@ def test_the_moving_jaw_is_found_and_closes_towards_the_fixed_one(
 
 
 @pytest.mark.parametrize(
-    ("joint", "jaw"), [("joint_6", "claw"), ("jaw_joint", "link_6"), ("Finger", "part"), ("GRIPPER", "jaw_left")]
+    ("joint", "jaw"),
+    [("joint_6", "claw"), ("jaw_joint", "link_6"), ("Finger", "part"), ("GRIPPER", "jaw_left")],
 )
 def test_names_of_jaws(tmp_path: Path, joint: str, jaw: str) -> None:
     assert list(robot_from_file(arm_file(tmp_path, joint=joint, jaw=jaw)).fingers) == [2]
 
 
-@pytest.mark.parametrize(("joint", "jaw"), [("joint_6", "link_6"), ("gripper_roll", "flange"), ("wrist_3", "tool")])
+@pytest.mark.parametrize(
+    ("joint", "jaw"), [("joint_6", "link_6"), ("gripper_roll", "flange"), ("wrist_3", "tool")]
+)
 def test_other_last_joints_are_no_jaws(tmp_path: Path, joint: str, jaw: str) -> None:
     model = robot_from_file(arm_file(tmp_path, joint=joint, jaw=jaw))
     assert not model.fingers

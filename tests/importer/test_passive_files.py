@@ -41,7 +41,9 @@ def put(folder: Path, name: str, text: str) -> Path:
 def sdf(first: str, second: str, gears: str = "") -> str:
     """Write an arm of two joints, with limits of each axis, and Drake's elements of the first joint's motor."""
     links = LINK.format("a", 0.5) + LINK.format("b", 1.0)
-    joints = JOINT.format("one", "world", "a", first, gears) + JOINT.format("two", "a", "b", second, "")
+    joints = JOINT.format("one", "world", "a", first, gears) + JOINT.format(
+        "two", "a", "b", second, ""
+    )
     return f'<sdf version="1.7"><model name="arm">{links}{joints}</model></sdf>'
 
 
@@ -50,14 +52,20 @@ def passive_axes(file: Path, folder: Path) -> list[str]:
     imported = import_robot(file, folder / "out", isolated=False, force=True)
     model = imported.model
     plant = lone_robot(model, floating=False).plant
-    driven = {plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()}
+    driven = {
+        plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
+    }
     passive = [axis for axis, entry in model.axes.items() if entry.joint not in driven]
     assert model.passive_axes == passive
     assert ((model.efforts > 0) == ~model.passive).all()
     gains = model.axis_vector(model.servo.kp, "servo.kp")
     assert ((gains > 0) == ~model.passive).all()
-    told = [entry.element for entry in imported.report.entries if entry.text.startswith("passive: ")]
-    assert told == [f"joints '{axis}'" for axis in passive]  # one line, of the one joint that these files have
+    told = [
+        entry.element for entry in imported.report.entries if entry.text.startswith("passive: ")
+    ]
+    assert told == [
+        f"joints '{axis}'" for axis in passive
+    ]  # one line, of the one joint that these files have
     return passive
 
 
@@ -70,7 +78,9 @@ def test_examples_of_drake(tmp_path, name, expected):
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModels(str(file))
     plant.Finalize()
-    driven = [plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()]
+    driven = [
+        plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
+    ]
     assert len(driven) == 1
     assert driven != expected
 
@@ -94,7 +104,8 @@ def test_sdf(tmp_path, text, expected):
 MOTOR_OF_ONE = '<actuator><motor joint="one" ctrllimited="true" ctrlrange="-5 5"/></actuator>'
 EQUALITY = '<equality><joint joint1="two" joint2="one"/></equality>'
 WITHOUT_FORCE = (
-    '<actuator><motor joint="one" ctrllimited="true" ctrlrange="-5 5"/><general joint="two" gainprm="0"/></actuator>'
+    '<actuator><motor joint="one" ctrllimited="true" ctrlrange="-5 5"/>'
+    '<general joint="two" gainprm="0"/></actuator>'
 )
 
 

@@ -63,11 +63,15 @@ def put(folder: Path, text: str) -> Path:
 
 
 def imported(folder: Path, text: str, **options) -> ImportedRobot:
-    return import_robot(put(folder, text), folder / "out", ImportOptions(**options), isolated=False, force=True)
+    return import_robot(
+        put(folder, text), folder / "out", ImportOptions(**options), isolated=False, force=True
+    )
 
 
 def told(robot: ImportedRobot, kind: str) -> str:
-    return "\n".join(f"{entry.element}: {entry.text}" for entry in robot.report.entries if entry.kind == kind)
+    return "\n".join(
+        f"{entry.element}: {entry.text}" for entry in robot.report.entries if entry.kind == kind
+    )
 
 
 def finished(plant: MultibodyPlant) -> MultibodyPlant:
@@ -108,7 +112,9 @@ def figures(plant: MultibodyPlant, axes: dict[str, float], free: str = "") -> li
     ]
 
 
-@pytest.mark.parametrize(("version", "old"), [("1.4", ""), ("1.6", ""), ("1.6", "true"), ("1.9", "")])
+@pytest.mark.parametrize(
+    ("version", "old"), [("1.4", ""), ("1.6", ""), ("1.6", "true"), ("1.9", "")]
+)
 def test_an_arm_moves_as_drake_reads_it(tmp_path, version, old):
     """Axes in the joint's frame or the model's, by version; frames anywhere; a joint that leads back to the root."""
     element = f"<use_parent_model_frame>{old}</use_parent_model_frame>" if old else ""
@@ -137,7 +143,9 @@ def test_frames_and_included_models_are_where_drake_has_them(tmp_path):
 def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
     """Its own frame, which it calls ``__model__``, is that of the ``include``."""
     merged = NEW.replace("<include>", '<include merge="true">').replace("<name>hand</name>", "")
-    merged = merged.replace("<placement_frame>mount</placement_frame>", "").replace("hand::body", "body")
+    merged = merged.replace("<placement_frame>mount</placement_frame>", "").replace(
+        "hand::body", "body"
+    )
     robot = imported(tmp_path, merged, base="floating")
     ours, drakes = both(robot, put(tmp_path, merged))
     for angle in (0.0, 0.7, -1.2):
@@ -149,13 +157,19 @@ def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
 def test_colours_and_what_is_lost(tmp_path):
     robot = imported(tmp_path, ARM.format(version="1.6", old=""))
     upper = robot.model.element.find("link[@name='upper']")
-    assert [visual.find("material/color").get("rgba") for visual in upper.iterfind("visual")] == ["1 0 0 1"]
+    assert [visual.find("material/color").get("rgba") for visual in upper.iterfind("visual")] == [
+        "1 0 0 1"
+    ]
     assert "<plane> is no shape of a robot" in told(robot, "dropped")
     assert "<sensor>: 1 ×" in told(robot, "dropped")
     assert (robot.model.base, robot.model.root) == ("fixed", "robot_world")
     assert not told(robot, "lost")
-    text = ARM.format(version="1.6", old="").replace("<visual", "<gravity>false</gravity><visual", 1)
-    text = text.replace("</link>", "<collision><surface><friction/></surface></collision></link>", 1)
+    text = ARM.format(version="1.6", old="").replace(
+        "<visual", "<gravity>false</gravity><visual", 1
+    )
+    text = text.replace(
+        "</link>", "<collision><surface><friction/></surface></collision></link>", 1
+    )
     assert text.count("<friction/>") == text.count("<gravity>") == 1
     lost = told(imported(tmp_path, text), "lost")
     assert "<surface>: 1 ×: a station has contact figures of its own" in lost
@@ -188,7 +202,9 @@ def test_the_robot_of_a_world_is_found_or_chosen(tmp_path):
     assert robot.model.name == "left"
     assert "model 'table': stands in the world beside the robot" in told(robot, "dropped")
     two = world(model("left"), model("right"))
-    with pytest.raises(SimrobError, match=r"holds 2 robots \(left, right\); choose one with --model NAME"):
+    with pytest.raises(
+        SimrobError, match=r"holds 2 robots \(left, right\); choose one with --model NAME"
+    ):
         imported(tmp_path, two)
     assert imported(tmp_path, two, model="right").model.name == "right"
 

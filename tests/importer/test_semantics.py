@@ -45,7 +45,10 @@ def test_states_are_postures_and_home_is_home(file, folder):
     assert robot_from_file(file).postures == {}
     beside(file, folder=folder)
     robot = robot_from_file(file)
-    assert robot.postures == {"far": {"along": 0.25, "left_slide": 0.01}, "Open": {"left_slide": 0.04}}
+    assert robot.postures == {
+        "far": {"along": 0.25, "left_slide": 0.01},
+        "Open": {"left_slide": 0.04},
+    }
     np.testing.assert_allclose(robot.home, [0, 0.1, 0.04, 0.04])
     assert robot.gripper.axes == {"left_slide": (0, 0.04), "right_slide": (0, 0.04)}
 
@@ -65,7 +68,9 @@ def test_fingers_are_open_where_it_says_so(file, tmp_path):
     beside(file, SRDF.format(opened=0.002))
     made = import_robot(file, tmp_path / "made")
     assert made.model.gripper.axes == {"left_slide": (0.04, 0), "right_slide": (0.04, 0)}
-    assert "left_slide are open where the SRDF says so" in [entry.text for entry in made.report.of("repaired")]
+    assert "left_slide are open where the SRDF says so" in [
+        entry.text for entry in made.report.of("repaired")
+    ]
 
 
 def test_what_the_robot_lacks_is_told(file, tmp_path):
@@ -82,7 +87,9 @@ def test_links_that_do_not_mind_each_other_never_collide(file):
         model = cell.free_space(["robot"]).model
         inspector, plant = model.query().inspector(), model.plant
         shapes = inspector.GetAllGeometryIds(Role.kProximity)
-        of = {plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).name(): shape for shape in shapes}
+        of = {
+            plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).name(): shape for shape in shapes
+        }
         return inspector.CollisionFiltered(of["base"], of["palm"])
 
     (file.parent / "own.yaml").write_text("robot: {urdf: gantry.urdf}\nmode: kinematic\n")
@@ -93,8 +100,14 @@ def test_links_that_do_not_mind_each_other_never_collide(file):
 
 def test_a_carrier_of_a_hand_is_the_first_tool(tmp_path):
     parts = [link("base"), link("arm", box("0.1 0.1 0.1")), link("flange"), link("camera")]
-    joints = [joint("turn", "base", "arm"), joint("fix", "arm", "flange", kind="fixed"), joint("eye", "arm", "camera")]
-    (tmp_path / "gantry.urdf").write_text(f'<robot name="gantry">{"".join([*parts, *joints])}</robot>')
+    joints = [
+        joint("turn", "base", "arm"),
+        joint("fix", "arm", "flange", kind="fixed"),
+        joint("eye", "arm", "camera"),
+    ]
+    (tmp_path / "gantry.urdf").write_text(
+        f'<robot name="gantry">{"".join([*parts, *joints])}</robot>'
+    )
     assert next(iter(robot_from_file(tmp_path / "gantry.urdf").tools)) != "flange"
     end = '<end_effector name="e" parent_link="flange" group="h"/>'
     beside(tmp_path / "gantry.urdf", f'<robot name="gantry">{end}</robot>', ".")
@@ -110,7 +123,9 @@ def test_a_broken_one_is_left_out_unless_it_was_asked_for(file, tmp_path):
         import_robot(file, tmp_path / "again", ImportOptions(srdf=broken))
     good = tmp_path / "other.srdf"
     good.write_text(SRDF.format(opened=0.04))
-    assert import_robot(file, tmp_path / "third", ImportOptions(srdf=good)).model.postures.keys() == {"far", "Open"}
+    assert import_robot(
+        file, tmp_path / "third", ImportOptions(srdf=good)
+    ).model.postures.keys() == {"far", "Open"}
 
 
 def test_groups_in_a_circle_end(file):

@@ -33,16 +33,24 @@ class Imported:
         self.file.write_bytes(ET.tostring(robot))
 
     def meshes(self, tag: str) -> list[str]:
-        return [mesh.get("filename", "") for mesh in self.robot.iterfind(f"link/{tag}/geometry/mesh")]
+        return [
+            mesh.get("filename", "") for mesh in self.robot.iterfind(f"link/{tag}/geometry/mesh")
+        ]
 
     def mesh(self, name: str) -> trimesh.Trimesh:
         return trimesh.load_mesh(self.folder / name)
 
     def files(self) -> dict[str, bytes]:
-        return {str(f.relative_to(self.folder)): f.read_bytes() for f in sorted(self.folder.rglob("*")) if f.is_file()}
+        return {
+            str(f.relative_to(self.folder)): f.read_bytes()
+            for f in sorted(self.folder.rglob("*"))
+            if f.is_file()
+        }
 
     def told(self) -> str:
-        return "\n".join(f"{entry.kind}: {entry.element}: {entry.text}" for entry in self.report.entries)
+        return "\n".join(
+            f"{entry.kind}: {entry.element}: {entry.text}" for entry in self.report.entries
+        )
 
 
 Import = Callable[..., Imported]
@@ -74,11 +82,15 @@ def imported(package: Path, tmp_path: Path) -> Import:
     def run(text: str | Path, **options: object) -> Imported:
         source = text if isinstance(text, Path) else package / "arm.urdf"
         if isinstance(text, str):
-            source.write_text(f'<robot name="arm" xmlns:drake="http://drake.mit.edu">{text}</robot>')
+            source.write_text(
+                f'<robot name="arm" xmlns:drake="http://drake.mit.edu">{text}</robot>'
+            )
         robot, report = ET.parse(source).getroot(), ImportReport(source)
         folder = tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
         folder.mkdir()
-        import_shapes(robot, source=source, folder=folder, options=ImportOptions(**options), report=report)
+        import_shapes(
+            robot, source=source, folder=folder, options=ImportOptions(**options), report=report
+        )
         return Imported(folder, robot, report)
 
     return run
@@ -98,18 +110,28 @@ def test_stl_becomes_obj_that_drake_shows_and_collides_with(imported: Import) ->
         f'<link name="base"><visual>{MESH.format("torus.stl")}<material name="m"><color rgba="1 0 0 1"/></material>'
         f"</visual><collision>{MESH.format('torus.stl')}</collision></link>"
     )
-    assert sorted(result.files()) == ["arm.urdf", "meshes/base_collision_1.obj", "meshes/base_visual_1.obj"]
+    assert sorted(result.files()) == [
+        "arm.urdf",
+        "meshes/base_collision_1.obj",
+        "meshes/base_visual_1.obj",
+    ]
     source = trimesh.creation.torus(0.1, 0.02, 24, 12)
     assert result.mesh("meshes/base_visual_1.obj").volume == pytest.approx(source.volume, rel=1e-5)
     hull = result.mesh("meshes/base_collision_1.obj")
     assert hull.is_convex
     assert hull.volume == pytest.approx(source.convex_hull.volume, rel=0.02)
-    (visual,), (collision,) = shapes_in_drake(result, Role.kIllustration), shapes_in_drake(result, Role.kProximity)
+    (visual,), (collision,) = (
+        shapes_in_drake(result, Role.kIllustration),
+        shapes_in_drake(result, Role.kProximity),
+    )
     assert isinstance(visual, DrakeMesh)
     assert isinstance(collision, Convex)
-    assert result.robot.find("link/visual/material/color") is not None  # STL has no colour of its own
     assert (
-        "repaired: link 'base' <visual>: mesh 'torus.stl' (576 faces) is now meshes/base_visual_1.obj" in result.told()
+        result.robot.find("link/visual/material/color") is not None
+    )  # STL has no colour of its own
+    assert (
+        "repaired: link 'base' <visual>: mesh 'torus.stl' (576 faces) is now meshes/base_visual_1.obj"
+        in result.told()
     )
     assert "its convex hull of" in result.told()
 
@@ -133,12 +155,16 @@ def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path)
         assert again.files() == first.files()
         assert not again.report.changed, again.told()
         assert {entry.kind for entry in again.report.entries} == {"read"}
-        assert imported(links, collision=collision).files() == first.files()  # the same bytes each time
+        assert (
+            imported(links, collision=collision).files() == first.files()
+        )  # the same bytes each time
 
 
 def test_a_clean_obj_is_copied_byte_for_byte(imported: Import, package: Path) -> None:
     shape = MESH.format("box.obj")
-    result = imported(f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>')
+    result = imported(
+        f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>'
+    )
     data = (package / "box.obj").read_bytes()
     assert result.files()["meshes/a_visual_1.obj"] == data
     assert result.files()["meshes/a_collision_1.obj"] == data  # it is convex
@@ -155,21 +181,28 @@ def test_each_colour_becomes_a_visual_as_in_rviz(imported: Import) -> None:
     assert [visual.get("name") for visual in visuals] == ["v", "v_3", "v_2"]
     assert [pose_of(visual).translation()[2] for visual in visuals] == [1, 1, 0]
     colours = [visual.find("material/color") for visual in visuals]
-    assert [colour.get("rgba") for colour in colours if colour is not None] == ["1 0 0 1", "0 0 1 1"]
+    assert [colour.get("rgba") for colour in colours if colour is not None] == [
+        "1 0 0 1",
+        "0 0 1 1",
+    ]
     names = [material.get("name") for material in result.robot.iter("material")]
     assert len(set(names)) == 3
-    assert "2 colours, a <visual> for each; the URDF's material gives way to its own look" in result.told()
+    assert (
+        "2 colours, a <visual> for each; the URDF's material gives way to its own look"
+        in result.told()
+    )
     assert len(shapes_in_drake(result, Role.kIllustration)) == 3
 
 
 def test_a_texture_stays_with_its_mesh(imported: Import, package: Path) -> None:
     Image.new("RGB", (64, 64), (200, 30, 30)).save(package / "Skin File.png")
     (package / "a.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd Skin File.png\n")
-    text = (
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0 0.25\nusemtl m\nf 1/1 2/2 3/3\nf 1/1 1/1 2/2\n"
-    )
+    vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0 0.25\n"
+    text = f"mtllib a.mtl\n{vertices}usemtl m\nf 1/1 2/2 3/3\nf 1/1 1/1 2/2\n"
     (package / "a.obj").write_text(text)
-    result = imported(f'<link name="base"><visual>{MESH.format("a.obj")}<material name="x"/></visual></link>')
+    result = imported(
+        f'<link name="base"><visual>{MESH.format("a.obj")}<material name="x"/></visual></link>'
+    )
     assert {"meshes/base_visual_1.mtl", "meshes/base_visual_1.png"} < set(result.files())
     assert b"map_Kd base_visual_1.png" in result.files()["meshes/base_visual_1.mtl"]
     assert result.robot.find("link/visual/material") is None  # Drake would complain that it has two
@@ -180,15 +213,21 @@ def test_a_texture_stays_with_its_mesh(imported: Import, package: Path) -> None:
 
 def test_a_scale_is_baked_in(imported: Import) -> None:
     shape = '<geometry><mesh filename="box.stl" scale="-0.5 2 1"/></geometry>'
-    result = imported(f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>')
+    result = imported(
+        f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>'
+    )
     for name in (*result.meshes("visual"), *result.meshes("collision")):
         assert result.mesh(name).volume == pytest.approx(0.008, rel=1e-5)
-        np.testing.assert_allclose(result.mesh(name).bounds, [[-0.175, 0.8, 0.5], [-0.125, 1.2, 0.9]], atol=1e-6)
+        np.testing.assert_allclose(
+            result.mesh(name).bounds, [[-0.175, 0.8, 0.5], [-0.125, 1.2, 0.9]], atol=1e-6
+        )
     assert not [mesh for mesh in result.robot.iter("mesh") if "scale" in mesh.attrib]
     assert "scaled by -0.5 2 1" in result.told()
 
 
-@pytest.mark.parametrize("scale", ["0 0 0", "1 0 1", "nan", "1 1", "", "big", "1e999", "1 1 1 1", "1e-200"])
+@pytest.mark.parametrize(
+    "scale", ["0 0 0", "1 0 1", "nan", "1 1", "", "big", "1e999", "1 1 1 1", "1e-200"]
+)
 def test_a_scale_that_is_none_counts_as_one(imported: Import, scale: str) -> None:
     result = imported(
         f'<link name="a"><visual><geometry><mesh filename="box.stl" scale="{scale}"/></geometry></visual></link>'
@@ -205,7 +244,9 @@ def test_a_collision_mesh_becomes_a_box_at_its_place(imported: Import) -> None:
     )
     assert sorted(result.files()) == ["arm.urdf"]
     (box,) = result.robot.iterfind("link/collision/geometry/box")
-    np.testing.assert_allclose([float(word) for word in box.get("size", "").split()], [0.1, 0.2, 0.4], atol=1e-7)
+    np.testing.assert_allclose(
+        [float(word) for word in box.get("size", "").split()], [0.1, 0.2, 0.4], atol=1e-7
+    )
     collision = result.robot.find("link/collision")
     assert collision is not None
     np.testing.assert_allclose(pose_of(collision).translation(), [1 - 0.5, 0.3, 0.7], atol=1e-7)
@@ -234,7 +275,10 @@ def test_a_robot_without_collision_shapes_gets_them_from_its_visuals(imported: I
     collision = result.robot.find("link[@name='a']/collision")
     assert collision is not None
     assert pose_of(collision).translation().tolist() == [1, 2, 3]
-    assert result.report.of("defaulted")[0].text == "no link has a collision shape; 2 are made of the visuals"
+    assert (
+        result.report.of("defaulted")[0].text
+        == "no link has a collision shape; 2 are made of the visuals"
+    )
     assert imported(links, collision="none").report.of("defaulted") == []
 
 
@@ -245,14 +289,20 @@ def test_a_mesh_that_is_nowhere_is_dropped_with_what_follows(imported: Import) -
     )
     assert result.robot.find("link/visual") is None
     assert result.robot.find("link/collision") is None
-    assert "dropped: link 'a' <visual> 1: mesh 'none.stl' there is no such file; it is not shown" in result.told()
+    assert (
+        "dropped: link 'a' <visual> 1: mesh 'none.stl' there is no such file; it is not shown"
+        in result.told()
+    )
     assert "is on the network, where nothing is read from" in result.told()
     assert (
-        "package 'other' is not found, name its folder with --mesh-path DIR; the link touches nothing" in result.told()
+        "package 'other' is not found, name its folder with --mesh-path DIR; the link touches nothing"
+        in result.told()
     )
 
 
-def test_a_collision_mesh_that_cannot_be_read_gives_way_to_the_visuals(imported: Import, package: Path) -> None:
+def test_a_collision_mesh_that_cannot_be_read_gives_way_to_the_visuals(
+    imported: Import, package: Path
+) -> None:
     (package / "bad.stl").write_bytes(b"garbage")
     result = imported(
         f'<link name="a"><visual><origin xyz="1 0 0"/>{MESH.format("torus.stl")}</visual>'
@@ -265,7 +315,9 @@ def test_a_collision_mesh_that_cannot_be_read_gives_way_to_the_visuals(imported:
     assert "dropped: link 'a' <collision> 2: mesh 'none.stl' there is no such file" in result.told()
 
 
-def test_a_mesh_outside_of_the_package_refuses_the_robot(imported: Import, package: Path, tmp_path: Path) -> None:
+def test_a_mesh_outside_of_the_package_refuses_the_robot(
+    imported: Import, package: Path, tmp_path: Path
+) -> None:
     secret = tmp_path / "secret.stl"
     secret.write_bytes((package / "box.stl").read_bytes())
     (package / "linked.stl").symlink_to(secret)
@@ -274,7 +326,9 @@ def test_a_mesh_outside_of_the_package_refuses_the_robot(imported: Import, packa
             text = f'<link name="a"><{tag}>{MESH.format(name)}</{tag}></link>'
             with pytest.raises(InvalidModel) as problem:
                 imported(text)
-            assert f"arm.urdf: link 'a': mesh '{name}': lies outside of the allowed folders" in str(problem.value)
+            assert f"arm.urdf: link 'a': mesh '{name}': lies outside of the allowed folders" in str(
+                problem.value
+            )
             assert f"allow it with --mesh-path {tmp_path}" in str(problem.value)
             assert imported(text, mesh_path=(tmp_path,)).meshes(tag) == [f"meshes/a_{tag}_1.obj"]
 
@@ -286,11 +340,17 @@ def test_the_same_mesh_is_written_once(imported: Import) -> None:
         f'<link name="b"><visual>{MESH.format("./box.stl")}</visual><visual>{scaled}</visual></link>',
         collision="none",
     )
-    assert result.meshes("visual") == ["meshes/a_visual_1.obj", "meshes/a_visual_1.obj", "meshes/b_visual_2.obj"]
+    assert result.meshes("visual") == [
+        "meshes/a_visual_1.obj",
+        "meshes/a_visual_1.obj",
+        "meshes/b_visual_2.obj",
+    ]
     assert sorted(result.files()) == ["arm.urdf", "meshes/a_visual_1.obj", "meshes/b_visual_2.obj"]
 
 
-def test_files_are_named_by_links_and_nothing_is_written_elsewhere(imported: Import, tmp_path: Path) -> None:
+def test_files_are_named_by_links_and_nothing_is_written_elsewhere(
+    imported: Import, tmp_path: Path
+) -> None:
     before = {path for path in tmp_path.rglob("*") if "out" not in str(path)}
     names = ["../../evil", "a b", "a_b", "A_B", "", "手", "x" * 300]
     meshes = ["box.stl", "torus.stl"]
@@ -304,14 +364,18 @@ def test_files_are_named_by_links_and_nothing_is_written_elsewhere(imported: Imp
     assert len({name.lower() for name in result.meshes("visual")}) == len(names)
     assert "meshes/______evil_visual_1.obj" in result.files()
     assert all(len(Path(name).name) < 120 for name in result.files())
-    assert {path for path in tmp_path.rglob("*") if "out" not in str(path)} - before == {tmp_path / "arm" / "arm.urdf"}
+    assert {path for path in tmp_path.rglob("*") if "out" not in str(path)} - before == {
+        tmp_path / "arm" / "arm.urdf"
+    }
 
 
 def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None:
     text = f'<robot name="arm"><link name="a"><visual>{MESH.format("torus.stl")}</visual></link></robot>'
     robot, report = ET.fromstring(text), ImportReport(package / "arm.urdf")
     before = sorted(package.rglob("*"))
-    import_shapes(robot, source=package / "arm.urdf", folder=None, options=ImportOptions(), report=report)
+    import_shapes(
+        robot, source=package / "arm.urdf", folder=None, options=ImportOptions(), report=report
+    )
     assert len(report.of("repaired")) == 1
     assert len(report.of("defaulted")) == 1
     assert sorted(package.rglob("*")) == before
@@ -321,8 +385,14 @@ def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None
 @pytest.mark.parametrize(
     ("geometry", "problem"),
     [
-        ('<geometry><box size="0 1 1"/></geometry>', '<box> has size="0 1 1", which is not positive'),
-        ('<geometry><box size="1 1"/></geometry>', '<box> has size="1 1" where 3 numbers should be'),
+        (
+            '<geometry><box size="0 1 1"/></geometry>',
+            '<box> has size="0 1 1", which is not positive',
+        ),
+        (
+            '<geometry><box size="1 1"/></geometry>',
+            '<box> has size="1 1" where 3 numbers should be',
+        ),
         ('<geometry><box size="1 1 inf"/></geometry>', "where 3 numbers should be"),
         ("<geometry><box/></geometry>", "<box> has no size"),
         ('<geometry><sphere radius="-1"/></geometry>', "which is not positive"),
@@ -336,7 +406,9 @@ def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None
         ("", "has no <geometry>"),
     ],
 )
-def test_a_shape_that_is_none_is_dropped(imported: Import, tag: str, geometry: str, problem: str) -> None:
+def test_a_shape_that_is_none_is_dropped(
+    imported: Import, tag: str, geometry: str, problem: str
+) -> None:
     result = imported(f'<link name="a"><{tag}>{geometry}</{tag}></link>')
     assert result.robot.find(f"link/{tag}") is None
     assert f"dropped: link 'a' <{tag}>: " in result.told()
@@ -373,14 +445,19 @@ def test_of_several_shapes_in_a_geometry_the_first_stays(imported: Import) -> No
 
 
 def test_wrong_case_and_packages_are_told_as_repaired(imported: Import) -> None:
-    result = imported(f'<link name="a"><visual>{MESH.format("package://arm/BOX.OBJ")}</visual></link>')
-    assert result.report.of("repaired")[0].text.endswith("is now meshes/a_visual_1.obj; found as box.obj")
+    result = imported(
+        f'<link name="a"><visual>{MESH.format("package://arm/BOX.OBJ")}</visual></link>'
+    )
+    assert result.report.of("repaired")[0].text.endswith(
+        "is now meshes/a_visual_1.obj; found as box.obj"
+    )
 
 
 def test_collision_shapes_have_no_texture(imported: Import, package: Path) -> None:
     box = trimesh.creation.box((1, 1, 1))
     box.visual = trimesh.visual.TextureVisuals(
-        uv=box.vertices[:, :2] + 0.5, material=PBRMaterial(baseColorTexture=Image.new("RGB", (8, 8), (1, 200, 3)))
+        uv=box.vertices[:, :2] + 0.5,
+        material=PBRMaterial(baseColorTexture=Image.new("RGB", (8, 8), (1, 200, 3))),
     )
     (package / "box.glb").write_bytes(trimesh.Scene([box]).export(file_type="glb"))
     result = imported(f'<link name="a"><visual>{MESH.format("box.glb")}</visual></link>')

@@ -11,7 +11,11 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 def robot(branches: list[list[str]], root: str = "body", foot: str = "") -> ET.Element:
     """Return a robot whose branches are lists of joint types; they start at a plate fixed to the root."""
-    parts = [f'<link name="{root}">{foot}</link>', '<link name="plate"/>', joint("plate", root, "plate")]
+    parts = [
+        f'<link name="{root}">{foot}</link>',
+        '<link name="plate"/>',
+        joint("plate", root, "plate"),
+    ]
     for number, kinds in enumerate(branches):
         names = ["plate", *(f"l{number}{step}" for step in range(len(kinds)))]
         for parent, child, kind in zip(names[:-1], names[1:], kinds, strict=True):
@@ -85,23 +89,41 @@ def called(*branches: str, way: str = "0 0 -0.3", kind: str = "revolute") -> ET.
 
 LEGS = ("l_hip l_knee l_ankle", "r_hip r_knee r_ankle")
 ARMS = ("left_shoulder left_elbow left_wrist", "right_shoulder right_elbow right_wrist")
-HAND = [f"{finger}_1 {finger}_2 {finger}_3" for finger in ("thumb", "index_finger", "little_finger")]
+HAND = [
+    f"{finger}_1 {finger}_2 {finger}_3" for finger in ("thumb", "index_finger", "little_finger")
+]
 DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
 
 
 @pytest.mark.parametrize(
     ("element", "base", "reason"),
     [
-        (called(*ARMS), "fixed", "6 joints are called as those of arms and hands are"),  # that hang at zero
+        (
+            called(*ARMS),
+            "fixed",
+            "6 joints are called as those of arms and hands are",
+        ),  # that hang at zero
         (called(*HAND), "fixed", "9 joints are called"),  # of a hand that points downward
         (called("waist neck", *[f"waist>{arm}" for arm in ARMS]), "fixed", "6 joints"),
         (called(*ARMS, "l_hip", "r_hip"), "fixed", "6 joints"),  # hips alone are no legs
         (called(*ARMS, *LEGS), "floating", "2 branches of 'base' are called as legs are"),
-        (called(*ARMS, "waist", *[f"waist>{leg}" for leg in LEGS]), "floating", "2 branches of 'waist_link'"),
+        (
+            called(*ARMS, "waist", *[f"waist>{leg}" for leg in LEGS]),
+            "floating",
+            "2 branches of 'waist_link'",
+        ),
         (called("LHipYaw LKnee", "RHipYaw RKnee"), "floating", "2 branches"),
-        (called(*DOG, way="0.1 0 0.2"), "floating", "4 branches"),  # in whichever way its legs point
+        (
+            called(*DOG, way="0.1 0 0.2"),
+            "floating",
+            "4 branches",
+        ),  # in whichever way its legs point
         (called(*DOG, "arm_1 arm_2 arm_3"), "floating", "4 branches"),
-        (called("whip_1 whip_2 ship", "telegram_1 telegram_2 chip"), "floating", "as legs do"),  # by shape alone
+        (
+            called("whip_1 whip_2 ship", "telegram_1 telegram_2 chip"),
+            "floating",
+            "as legs do",
+        ),  # by shape alone
         (
             called("wheel_left", "wheel_right", kind="continuous"),
             "floating",

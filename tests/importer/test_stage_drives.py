@@ -9,13 +9,19 @@ from repair_stages import ARM, DRIVE, END, INERTIA, LIMIT, Repaired, joint, with
 from simrob_drake.robots.imports import ImportOptions
 
 HAND = f'<link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>{INERTIA}</inertial></link>'
-ELBOW = joint("elbow", "tip", "hand", "revolute", f'<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>{LIMIT}')
+ELBOW = joint(
+    "elbow", "tip", "hand", "revolute", f'<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>{LIMIT}'
+)
 TWO = with_defect(END, f"{HAND}{ELBOW}{END}")  # tip lies 0.3 m above the shoulder
 G = 9.80665
 
 
-def drive(*joints: str, kind: str = "<type>SimpleTransmission</type>", name: str = "d", gears: str = "") -> str:
-    inside = "".join(f'<joint name="{joint}"/><actuator name="{joint}_m">{gears}</actuator>' for joint in joints)
+def drive(
+    *joints: str, kind: str = "<type>SimpleTransmission</type>", name: str = "d", gears: str = ""
+) -> str:
+    inside = "".join(
+        f'<joint name="{joint}"/><actuator name="{joint}_m">{gears}</actuator>' for joint in joints
+    )
     return f'<transmission name="{name}">{kind}{inside}</transmission>'
 
 
@@ -23,10 +29,24 @@ DRIVEN = TWO.replace(END, f"{drive('elbow')}{END}")  # both joints have a motor
 
 ROS2 = "<plugin>transmission_interface/SimpleTransmission</plugin>"
 DRIVES = [
-    pytest.param("", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"),
-    pytest.param(drive("shoulder", "elbow"), "repaired", "drives 2 joints; each gets a motor of its own", id="both"),
-    pytest.param(DRIVE * 2 + drive("elbow"), "dropped", "'drive': 'shoulder' has a motor already", id="twice"),
-    pytest.param(DRIVE + drive("elbow", kind=ROS2), "repaired", "written as Drake reads it; Simple", id="ROS 2"),
+    pytest.param(
+        "", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"
+    ),
+    pytest.param(
+        drive("shoulder", "elbow"),
+        "repaired",
+        "drives 2 joints; each gets a motor of its own",
+        id="both",
+    ),
+    pytest.param(
+        DRIVE * 2 + drive("elbow"), "dropped", "'drive': 'shoulder' has a motor already", id="twice"
+    ),
+    pytest.param(
+        DRIVE + drive("elbow", kind=ROS2),
+        "repaired",
+        "written as Drake reads it; Simple",
+        id="ROS 2",
+    ),
     pytest.param(DRIVE + drive("elbow", kind=""), "repaired", "has no type", id="no type"),
     pytest.param(
         DRIVE + drive("elbow", kind="<type>FourBarLinkageTransmission</type>"),
@@ -41,16 +61,29 @@ DRIVES = [
         id="differential",
     ),
     pytest.param(
-        DRIVE + drive("elbow") + drive("flange"), "dropped", "'flange' is no joint that moves", id="fixed joint"
+        DRIVE + drive("elbow") + drive("flange"),
+        "dropped",
+        "'flange' is no joint that moves",
+        id="fixed joint",
     ),
-    pytest.param(DRIVE + drive("elbow") + drive("none"), "dropped", "'none' is no joint", id="no such joint"),
+    pytest.param(
+        DRIVE + drive("elbow") + drive("none"), "dropped", "'none' is no joint", id="no such joint"
+    ),
     pytest.param(DRIVE + drive("elbow") + drive(), "dropped", "drives no joint", id="no joint"),
     pytest.param(
-        DRIVE + drive("elbow").replace("elbow_m", "motor"), "repaired", "a second motor called 'motor'", id="motors"
+        DRIVE + drive("elbow").replace("elbow_m", "motor"),
+        "repaired",
+        "a second motor called 'motor'",
+        id="motors",
     ),
-    pytest.param(DRIVE + drive("elbow").replace("elbow_m", ""), "repaired", "written as Drake", id="nameless"),
     pytest.param(
-        DRIVE + drive("elbow", gears='<drake:gear_ratio value="0"/>'), "dropped", "its gear_ratio is no", id="gear 0"
+        DRIVE + drive("elbow").replace("elbow_m", ""), "repaired", "written as Drake", id="nameless"
+    ),
+    pytest.param(
+        DRIVE + drive("elbow", gears='<drake:gear_ratio value="0"/>'),
+        "dropped",
+        "its gear_ratio is no",
+        id="gear 0",
     ),
     pytest.param(
         DRIVE + drive("elbow", gears="<mechanicalReduction>?</mechanicalReduction>"),
@@ -65,13 +98,16 @@ DRIVES = [
 def test_every_joint_gets_one_motor(tmp_path, drives, kind, words):
     done = Repaired(with_defect(DRIVE, drives, TWO), tmp_path)
     assert any(words in line for line in done.told(kind)), done.report.entries
-    motors = [done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()]
+    motors = [
+        done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()
+    ]
     assert sorted(motor.joint().name() for motor in motors) == ["elbow", "shoulder"]
 
 
 def test_gears_stay(tmp_path):
     gears = (
-        '<drake:gear_ratio value="100"/><drake:rotor_inertia value="1e-4"/><mechanicalReduction>1</mechanicalReduction>'
+        '<drake:gear_ratio value="100"/><drake:rotor_inertia value="1e-4"/>'
+        "<mechanicalReduction>1</mechanicalReduction>"
     )
     for kind, changed in (("<type>SimpleTransmission</type>", False), ("", True)):
         text = with_defect(DRIVE, drive("shoulder", kind=kind, gears=gears))
@@ -83,7 +119,9 @@ def test_gears_stay(tmp_path):
 
 
 def effort(done: Repaired, name: str) -> float:
-    motors = [done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()]
+    motors = [
+        done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()
+    ]
     return next(motor.effort_limit() for motor in motors if motor.joint().name() == name)
 
 
@@ -94,11 +132,16 @@ def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, ba
     assert effort(done, "shoulder") == pytest.approx(39)
     assert shoulder == pytest.approx(38.2, abs=0.1)
     assert effort(done, "elbow") == 12  # 3 · g · 2 kg · 0.2 m = 11.8 N·m
-    assert any("<limit>: " in line and "; 39 N·m, by what it carries" in line for line in done.told("defaulted"))
+    assert any(
+        "<limit>: " in line and "; 39 N·m, by what it carries" in line
+        for line in done.told("defaulted")
+    )
 
 
 def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
-    text = with_defect('effort="10"', 'effort="500"', DRIVEN).replace(ELBOW, ELBOW.replace('effort="10"', ""))
+    text = with_defect('effort="10"', 'effort="500"', DRIVEN).replace(
+        ELBOW, ELBOW.replace('effort="10"', "")
+    )
     done = Repaired(text, tmp_path)
     assert effort(done, "shoulder") == 500
     assert effort(done, "elbow") == 50
@@ -108,7 +151,11 @@ def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
 
 
 def test_the_least_efforts_and_those_without_masses(tmp_path):
-    light = DRIVEN.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
+    light = (
+        DRIVEN.replace('"10"', '"0"')
+        .replace('mass value="2"', 'mass value="1e-6"')
+        .replace('"1"/>', '"1e-6"/>')
+    )
     light = light.replace('"0.01"', '"1e-9"')
     assert effort(Repaired(light, tmp_path), "elbow") == 1
     slide = light.replace('type="revolute"', 'type="prismatic"')
@@ -117,11 +164,15 @@ def test_the_least_efforts_and_those_without_masses(tmp_path):
     bare = (ARM[:start] + ARM[end:]).replace('effort="10"', 'effort="0"')
     guessed = Repaired(bare, tmp_path)
     assert effort(guessed, "shoulder") == 10
-    assert any(line.endswith("10 N·m, a guess, for no mass is known") for line in guessed.told("defaulted"))
+    assert any(
+        line.endswith("10 N·m, a guess, for no mass is known") for line in guessed.told("defaulted")
+    )
 
 
 def test_a_prismatic_joint_lifts_three_times_what_hangs_on_it(tmp_path):
-    done = Repaired(DRIVEN.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
+    done = Repaired(
+        DRIVEN.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path
+    )
     assert effort(done, "shoulder") == 89  # 3 · g · 3 kg = 88.3 N
     assert effort(done, "elbow") == 59
 
@@ -133,7 +184,10 @@ def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
         names = ["trunk", *(f"{side}{number}" for number in (1, 2, 3))]
         for parent, child in pairwise(names):
             inside = f'<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/>{limit}'
-            parts += [HAND.replace("hand", child), joint(f"j_{child}", parent, child, "revolute", inside)]
+            parts += [
+                HAND.replace("hand", child),
+                joint(f"j_{child}", parent, child, "revolute", inside),
+            ]
     walker = f'<robot name="walker">{"".join(parts)}</robot>'
     done = Repaired(walker, tmp_path)
     assert done.base == "floating"
@@ -147,8 +201,13 @@ def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
 @pytest.mark.parametrize("bad", ['velocity="0"', "", 'velocity="-1"'])
 def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
     turning = Repaired(with_defect('velocity="3"', bad), tmp_path)
-    assert turning.plant.GetJointByName("shoulder").velocity_upper_limits() == pytest.approx([np.pi])
-    assert any("'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line for line in turning.told("defaulted"))
+    assert turning.plant.GetJointByName("shoulder").velocity_upper_limits() == pytest.approx(
+        [np.pi]
+    )
+    assert any(
+        "'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line
+        for line in turning.told("defaulted")
+    )
     sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
     assert sliding.plant.GetJointByName("shoulder").velocity_upper_limits() == [1.0]
 
@@ -160,7 +219,9 @@ ACCELERATION = 10.0  # rad/s², which the estimate states
 def test_an_estimated_motor_moves_its_own_armature(tmp_path):
     """Gravity once, and ten rad/s² of rotor and load: the elbow carries 2 kg at 0.2 m and a hand's own inertia."""
     gears = f'<drake:rotor_inertia value="{ARMATURE / 100}"/><drake:gear_ratio value="10"/>'
-    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(ELBOW, ELBOW.replace('effort="10"', ""))
+    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(
+        ELBOW, ELBOW.replace('effort="10"', "")
+    )
     done = Repaired(text, tmp_path)
     needed = G * 2 * 0.2 + (ARMATURE + 2 * 0.2**2) * ACCELERATION
     assert needed <= effort(done, "elbow") <= 1.15 * needed
@@ -169,7 +230,9 @@ def test_an_estimated_motor_moves_its_own_armature(tmp_path):
 
 def test_a_sliding_motor_moves_its_own_armature(tmp_path):
     gears = '<drake:rotor_inertia value="40"/><drake:gear_ratio value="1"/>'
-    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace('type="revolute"', 'type="prismatic"')
+    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(
+        'type="revolute"', 'type="prismatic"'
+    )
     done = Repaired(text.replace('effort="10"', ""), tmp_path)
     needed = G * 2 + (40 + 2) * 5
     assert needed <= effort(done, "elbow") <= 1.1 * needed
@@ -177,7 +240,10 @@ def test_a_sliding_motor_moves_its_own_armature(tmp_path):
 
 def passive_joints(done: Repaired) -> list[str]:
     """Names of the joints that have no motor, after a check that Drake agrees."""
-    driven = {done.plant.get_joint_actuator(index).joint().name() for index in done.plant.GetJointActuatorIndices()}
+    driven = {
+        done.plant.get_joint_actuator(index).joint().name()
+        for index in done.plant.GetJointActuatorIndices()
+    }
     idle = [name for name in ("shoulder", "elbow") if name not in driven]
     if idle:
         names = "', '".join(idle)
@@ -194,7 +260,9 @@ PASSIVE = [  # transmissions, limits of shoulder and elbow, and the joints that 
     pytest.param(DRIVE, ZERO, LIMIT, ["elbow"], id="driven with effort 0"),
     pytest.param("", LIMIT, ZERO, ["elbow"], id="effort 0 of one"),
     pytest.param(BOTH_DRIVES, ZERO, LIMIT, ["shoulder"], id="effort 0 with a transmission"),
-    pytest.param(BOTH_DRIVES, NO_EFFORT, ZERO, ["elbow"], id="effort 0 beside a motor without effort"),
+    pytest.param(
+        BOTH_DRIVES, NO_EFFORT, ZERO, ["elbow"], id="effort 0 beside a motor without effort"
+    ),
     pytest.param(drive("none"), LIMIT, LIMIT, [], id="transmission of no joint"),
     pytest.param("", LIMIT, NO_EFFORT, [], id="effort missing"),
     pytest.param("", ZERO, ZERO, [], id="all efforts 0"),
@@ -205,8 +273,14 @@ PASSIVE = [  # transmissions, limits of shoulder and elbow, and the joints that 
 
 
 @pytest.mark.parametrize(("drives", "shoulder", "elbow", "expected"), PASSIVE)
-def test_joints_without_a_motor_beside_others_with_one_are_passive(tmp_path, drives, shoulder, elbow, expected):
-    text = TWO.replace(ELBOW, ELBOW.replace(LIMIT, elbow)).replace(LIMIT, shoulder, 1).replace(DRIVE, drives)
+def test_joints_without_a_motor_beside_others_with_one_are_passive(
+    tmp_path, drives, shoulder, elbow, expected
+):
+    text = (
+        TWO.replace(ELBOW, ELBOW.replace(LIMIT, elbow))
+        .replace(LIMIT, shoulder, 1)
+        .replace(DRIVE, drives)
+    )
     assert passive_joints(Repaired(text, tmp_path)) == expected
 
 

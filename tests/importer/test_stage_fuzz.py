@@ -12,19 +12,72 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.robots.imports import ImportOptions
 
 HAND = f'<link name="hand"><inertial><mass value="1"/>{INERTIA}</inertial></link>'
-SLIDE = joint("slide", "tip", "hand", "prismatic", '<axis xyz="1 0 0"/><limit lower="0" upper="1" effort="9"/>')
+SLIDE = joint(
+    "slide",
+    "tip",
+    "hand",
+    "prismatic",
+    '<axis xyz="1 0 0"/><limit lower="0" upper="1" effort="9"/>',
+)
 SEED = with_defect(END, f'{HAND}{SLIDE}<frame name="tcp" link="tip"/>{END}')
 """Its shapes are sound and stay so: they are the matter of another stage."""
 
-WORDS = ["", "0", "0 0 0", "nan", "-inf", "-1", "1,5", "1.0f", "1e400", "1e-320", "1e29", "abc", "0 0 0 0", "1 2", "  "]
-NAMES = ["world", "base", "upper", "tip", "shoulder", "revolute", "continuous", "fixed", "floating", "prismatic", "é"]
-TAGS = ["link", "joint", "inertial", "mimic", "limit", "axis", "origin", "frame", "transmission", "material", "gazebo"]
+WORDS = [
+    "",
+    "0",
+    "0 0 0",
+    "nan",
+    "-inf",
+    "-1",
+    "1,5",
+    "1.0f",
+    "1e400",
+    "1e-320",
+    "1e29",
+    "abc",
+    "0 0 0 0",
+    "1 2",
+    "  ",
+]
+NAMES = [
+    "world",
+    "base",
+    "upper",
+    "tip",
+    "shoulder",
+    "revolute",
+    "continuous",
+    "fixed",
+    "floating",
+    "prismatic",
+    "é",
+]
+TAGS = [
+    "link",
+    "joint",
+    "inertial",
+    "mimic",
+    "limit",
+    "axis",
+    "origin",
+    "frame",
+    "transmission",
+    "material",
+    "gazebo",
+]
 
 
 def damage(robot: ET.Element, draw) -> None:
     """Do one random harm to a robot, but to none of its shapes."""
-    shapes = {id(part) for shape in robot.iter() if shape.tag in ("visual", "collision") for part in shape.iter()}
-    places = [(parent, child) for parent in robot.iter() for child in parent if id(child) not in shapes]
+    shapes = {
+        id(part)
+        for shape in robot.iter()
+        if shape.tag in ("visual", "collision")
+        for part in shape.iter()
+    }
+    places = [
+        (parent, child) for parent in robot.iter() for child in parent if id(child) not in shapes
+    ]
     if not places:
         return
     parent, element = places[draw(st.integers(0, len(places) - 1))]
@@ -45,7 +98,9 @@ def damage(robot: ET.Element, draw) -> None:
             element.tag = draw(st.sampled_from(TAGS))
         case _:
             ET.SubElement(
-                element, draw(st.sampled_from(TAGS)), {draw(st.sampled_from(["name", "xyz", "value"])): value}
+                element,
+                draw(st.sampled_from(TAGS)),
+                {draw(st.sampled_from(["name", "xyz", "value"])): value},
             )
 
 
@@ -64,13 +119,17 @@ def refusal_of(text: str, folder, options: ImportOptions) -> str:
 
 
 @pytest.mark.long
-@settings(max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
 @given(data=st.data())
 def test_random_damage_is_repaired_or_refused(folder, data):
     robot = ET.fromstring(SEED)
     for _ in range(data.draw(st.integers(1, 6))):
         damage(robot, data.draw)
-    options = ImportOptions(estimate_inertia=data.draw(st.booleans()), friction_as_damping=data.draw(st.booleans()))
+    options = ImportOptions(
+        estimate_inertia=data.draw(st.booleans()), friction_as_damping=data.draw(st.booleans())
+    )
     text = ET.tostring(robot, encoding="unicode")
     refusal = refusal_of(text, folder, options)
     assert "\n" not in refusal

@@ -12,7 +12,9 @@ from simrob_drake.robots.imports import ImportOptions
 ESTIMATE = ImportOptions(estimate_inertia=True)
 MASS = '<mass value="1"/>'
 INERTIAL = f'<inertial><origin xyz="0 0 0.1"/>{MASS}{INERTIA}</inertial>'
-COLLISION = '<collision><origin xyz="0 0 0.1"/><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
+COLLISION = (
+    '<collision><origin xyz="0 0 0.1"/><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
+)
 BARE = with_defect(COLLISION, "")
 BOX = SpatialInertia.SolidBoxWithDensity(1000.0, 0.1, 0.1, 0.3)  # 3 kg
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -30,16 +32,28 @@ def body(done: Repaired, name: str = "upper") -> tuple[float, list[float], np.nd
 
 
 UNUSABLE = [
-    pytest.param(INERTIA, moments(0.01, 0.01, 0.03), "principal moments 0.01, 0.01, 0.03 kg m²: none is", 1, id="tri"),
+    pytest.param(
+        INERTIA,
+        moments(0.01, 0.01, 0.03),
+        "principal moments 0.01, 0.01, 0.03 kg m²: none is",
+        1,
+        id="tri",
+    ),
     pytest.param(INERTIA, moments(-0.01, 0.01, 0.01), "none is negative", 1, id="negative moment"),
-    pytest.param(INERTIA, moments(0.01, 0.01, 0.01, 0.02), "none is negative", 1, id="products too large"),
+    pytest.param(
+        INERTIA, moments(0.01, 0.01, 0.01, 0.02), "none is negative", 1, id="products too large"
+    ),
     pytest.param(INERTIA, "", "has a mass but no moments of inertia", 1, id="no moments"),
     pytest.param('ixx="0.01" ', "", "has a mass but no moments", 1, id="one moment missing"),
     pytest.param('ixx="0.01"', 'ixx="?"', "has a mass but no moments", 1, id="unreadable moment"),
     pytest.param(MASS, "", "has moments of inertia but no mass", 3, id="no mass"),
-    pytest.param(MASS, '<mass value="0"/>', "has moments of inertia but no mass", 3, id="mass zero"),
+    pytest.param(
+        MASS, '<mass value="0"/>', "has moments of inertia but no mass", 3, id="mass zero"
+    ),
     pytest.param(MASS, '<mass value="-1"/>', "mass -1 kg is negative", 3, id="mass negative"),
-    pytest.param(MASS, '<mass value="nan"/>', "has moments of inertia but no mass", 3, id="mass nan"),
+    pytest.param(
+        MASS, '<mass value="nan"/>', "has moments of inertia but no mass", 3, id="mass nan"
+    ),
 ]
 
 
@@ -56,9 +70,13 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
     assert any(words in line and "estimated: " in line for line in estimated.told("defaulted"))
     assert estimated.told("open") == []
     found, centre, about = body(estimated)
-    assert found == pytest.approx(mass)  # the link's own where it is possible, of its shapes at 1000 kg/m³ else
+    assert found == pytest.approx(
+        mass
+    )  # the link's own where it is possible, of its shapes at 1000 kg/m³ else
     assert centre == pytest.approx([0, 0, 0.1])
-    np.testing.assert_allclose(about, BOX.CalcRotationalInertia().CopyToFullMatrix3() * mass / 3, atol=1e-12)
+    np.testing.assert_allclose(
+        about, BOX.CalcRotationalInertia().CopyToFullMatrix3() * mass / 3, atol=1e-12
+    )
 
 
 def test_a_missing_inertia_is_refused_or_estimated(tmp_path):
@@ -78,14 +96,18 @@ def test_a_link_that_only_names_a_frame_needs_no_inertia(tmp_path):
 
 def test_mass_zero_and_moments_zero_is_how_nothing_is_written(tmp_path):
     zero = f'<inertial><mass value="0"/>{moments(0, 0, 0)}</inertial>'
-    assert not Repaired(with_defect(TIP, f'<link name="tip">{zero}</link>'), tmp_path).report.changed
+    assert not Repaired(
+        with_defect(TIP, f'<link name="tip">{zero}</link>'), tmp_path
+    ).report.changed
 
 
 def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
     point = f'<inertial><origin xyz="0 0 0.1"/><mass value="2"/>{moments(0, 0, 0)}</inertial>'
     clean = Repaired(with_defect(TIP, f'<link name="tip">{point}</link>'), tmp_path)
     assert not clean.report.changed
-    told = Repaired(with_defect(TIP, f'<link name="tip">{point.replace(moments(0, 0, 0), "")}</link>'), tmp_path)
+    told = Repaired(
+        with_defect(TIP, f'<link name="tip">{point.replace(moments(0, 0, 0), "")}</link>'), tmp_path
+    )
     assert "has a mass but no moments of inertia; a point of 2 kg" in told.told("defaulted")[0]
     for done in (clean, told):
         mass, centre, _ = body(done)
@@ -94,7 +116,13 @@ def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given", [(0.01, 0.01, 0.02000001), (0.01, 0.01, 0.020009), (0.02, -1e-8, 0.02), (0.01, 0.03000002, 0.02)]
+    "given",
+    [
+        (0.01, 0.01, 0.02000001),
+        (0.01, 0.01, 0.020009),
+        (0.02, -1e-8, 0.02),
+        (0.01, 0.03000002, 0.02),
+    ],
 )
 def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
     done = Repaired(with_defect(INERTIA, moments(*given)), tmp_path)
@@ -105,14 +133,18 @@ def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
 def test_mending_moves_each_moment_alike_and_turns_with_the_axes():
     turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     found = correct_rounding(turn @ np.diag([0.01, 0.01, 0.0200003]) @ turn.T)
-    np.testing.assert_allclose(found, turn @ np.diag([0.0100001, 0.0100001, 0.0200002]) @ turn.T, atol=1e-10)
+    np.testing.assert_allclose(
+        found, turn @ np.diag([0.0100001, 0.0100001, 0.0200002]) @ turn.T, atol=1e-10
+    )
     assert correct_rounding(np.diag([0.01, 0.01, 0.021])) is None
     assert correct_rounding(np.diag([-0.001, 0.01, 0.01])) is None
 
 
 def test_shapes_add_up_and_visuals_stand_in_where_there_is_no_collision(tmp_path):
     ball = '<visual><origin xyz="0 0 1"/><geometry><sphere radius="0.1"/></geometry></visual>'
-    both = Repaired(with_defect(INERTIAL, COLLISION.replace("0 0 0.1", "0 0 0.5")), tmp_path, ESTIMATE)
+    both = Repaired(
+        with_defect(INERTIAL, COLLISION.replace("0 0 0.1", "0 0 0.5")), tmp_path, ESTIMATE
+    )
     assert body(both)[0] == pytest.approx(6)
     assert body(both)[1] == pytest.approx([0, 0, 0.3])
     seen = Repaired(with_defect(INERTIAL, ball, BARE), tmp_path, ESTIMATE)
@@ -158,8 +190,13 @@ def test_the_shapes_of_rigidly_joined_links_make_one_body(tmp_path):
 
 def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
     floating = ImportOptions(base="floating")
-    assert [line.split(":")[0] for line in Repaired(ARM, tmp_path, floating).told("open")] == ["link 'base'"]
-    assert Repaired(ARM, tmp_path, floating.model_copy(update={"estimate_inertia": True})).told("open") == []
+    assert [line.split(":")[0] for line in Repaired(ARM, tmp_path, floating).told("open")] == [
+        "link 'base'"
+    ]
+    assert (
+        Repaired(ARM, tmp_path, floating.model_copy(update={"estimate_inertia": True})).told("open")
+        == []
+    )
     assert Repaired(ARM, tmp_path).told("open") == []
 
 
@@ -167,7 +204,11 @@ def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
     ("good", "bad", "words"),
     [
         (MASS, '<mass value="1000"/>', "in 0.003 m³ is 3.33e+05 kg/m³; grams, or mm?"),
-        ('<origin xyz="0 0 0.1"/><mass', '<origin xyz="0 0 100"/><mass', "lies 99.9 m from the middle of its shapes"),
+        (
+            '<origin xyz="0 0 0.1"/><mass',
+            '<origin xyz="0 0 100"/><mass',
+            "lies 99.9 m from the middle of its shapes",
+        ),
         (INERTIA, moments(1e4, 1e4, 1e4), "its moments are 1.64e+06 times those of a solid body"),
     ],
 )
@@ -179,6 +220,8 @@ def test_slips_with_units_are_told_but_kept(tmp_path, good, bad, words):
 
 def test_estimates_are_for_bodies_without_mass_only(tmp_path):
     elbow = joint("elbow", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}')
-    done = Repaired(with_defect(END, f'<link name="hand">{COLLISION}</link>{elbow}{END}'), tmp_path, ESTIMATE)
+    done = Repaired(
+        with_defect(END, f'<link name="hand">{COLLISION}</link>{elbow}{END}'), tmp_path, ESTIMATE
+    )
     assert body(done)[0] == 1.0
     assert body(done, "hand")[0] == pytest.approx(3.0)

@@ -19,21 +19,83 @@ def limit(lower: object, upper: object) -> str:
 
 RANGES = [
     pytest.param("revolute", LIMIT, (-1, 2), None, "", id="clean"),
-    pytest.param("revolute", "", (-INF, INF), "defaulted", "no limits, so nothing stops it", id="no limit"),
     pytest.param(
-        "revolute", '<limit effort="10" velocity="3"/>', (-INF, INF), "defaulted", "continuous instead", id="no range"
+        "revolute", "", (-INF, INF), "defaulted", "no limits, so nothing stops it", id="no limit"
     ),
-    pytest.param("revolute", limit(0, 0), (-INF, INF), "defaulted", "lower 0, upper 0, so nothing", id="both zero"),
-    pytest.param("revolute", limit("-inf", "inf"), (-INF, INF), "defaulted", "no limits", id="infinite"),
+    pytest.param(
+        "revolute",
+        '<limit effort="10" velocity="3"/>',
+        (-INF, INF),
+        "defaulted",
+        "continuous instead",
+        id="no range",
+    ),
+    pytest.param(
+        "revolute",
+        limit(0, 0),
+        (-INF, INF),
+        "defaulted",
+        "lower 0, upper 0, so nothing",
+        id="both zero",
+    ),
+    pytest.param(
+        "revolute", limit("-inf", "inf"), (-INF, INF), "defaulted", "no limits", id="infinite"
+    ),
     pytest.param("revolute", limit("nan", 2), (0, 2), "defaulted", "has no lower; 0", id="nan"),
-    pytest.param("revolute", limit(2, -1), (-1, 2), "repaired", "lower 2 is above upper -1; exchanged", id="swapped"),
-    pytest.param("revolute", limit("-3,14", "3,14"), (-3.14, 3.14), "repaired", 'written as "-3.14"', id="commas"),
-    pytest.param("revolute", limit(-1e16, 1e16), (-INF, INF), "repaired", "stop nothing; continuous", id="endless"),
-    pytest.param("revolute", limit(-170, 170), (-170, 170), "read", "were degrees meant?", id="degrees"),
-    pytest.param("continuous", '<limit effort="9"/>', (-INF, INF), "defaulted", "3.142 rad/s", id="continuous"),
-    pytest.param("continuous", limit(-1, 2), (-1, 2), "read", "of a continuous joint are heeded", id="both"),
-    pytest.param("continuous", limit(0, 0), (-INF, INF), "dropped", "are no range; a continuous", id="continuous zero"),
-    pytest.param("continuous", '<limit upper="1"/>', (-INF, INF), "dropped", "lower missing, upper 1", id="half"),
+    pytest.param(
+        "revolute",
+        limit(2, -1),
+        (-1, 2),
+        "repaired",
+        "lower 2 is above upper -1; exchanged",
+        id="swapped",
+    ),
+    pytest.param(
+        "revolute",
+        limit("-3,14", "3,14"),
+        (-3.14, 3.14),
+        "repaired",
+        'written as "-3.14"',
+        id="commas",
+    ),
+    pytest.param(
+        "revolute",
+        limit(-1e16, 1e16),
+        (-INF, INF),
+        "repaired",
+        "stop nothing; continuous",
+        id="endless",
+    ),
+    pytest.param(
+        "revolute", limit(-170, 170), (-170, 170), "read", "were degrees meant?", id="degrees"
+    ),
+    pytest.param(
+        "continuous",
+        '<limit effort="9"/>',
+        (-INF, INF),
+        "defaulted",
+        "3.142 rad/s",
+        id="continuous",
+    ),
+    pytest.param(
+        "continuous", limit(-1, 2), (-1, 2), "read", "of a continuous joint are heeded", id="both"
+    ),
+    pytest.param(
+        "continuous",
+        limit(0, 0),
+        (-INF, INF),
+        "dropped",
+        "are no range; a continuous",
+        id="continuous zero",
+    ),
+    pytest.param(
+        "continuous",
+        '<limit upper="1"/>',
+        (-INF, INF),
+        "dropped",
+        "lower missing, upper 1",
+        id="half",
+    ),
     pytest.param("prismatic", limit(0, 0), (-1, 1), "defaulted", "needs a range, ±1 m", id="slide"),
     pytest.param("prismatic", limit(0, 500), (0, 500), None, "", id="long slide"),
 ]
@@ -54,12 +116,26 @@ def test_the_range_of_a_joint_is_what_the_file_means(tmp_path, kind, text, expec
 def test_a_robot_in_millimetres_is_told(tmp_path, height, suspected):
     elbow = joint("elbow", "tip", "hand", "fixed", f'<origin xyz="0 0 {height}"/>')
     done = Repaired(with_defect(END, f'<link name="hand"/>{elbow}{END}'), tmp_path)
-    assert any("is 250 m from the joint before it; were millimetres" in line for line in done.told("read")) is suspected
+    assert (
+        any(
+            "is 250 m from the joint before it; were millimetres" in line
+            for line in done.told("read")
+        )
+        is suspected
+    )
 
 
-@pytest.mark.parametrize(("kind", "axis"), [("revolute", "0 1 0"), ("revolute", "1 2 3"), ("prismatic", "0 0 2")])
+@pytest.mark.parametrize(
+    ("kind", "axis"), [("revolute", "0 1 0"), ("revolute", "1 2 3"), ("prismatic", "0 0 2")]
+)
 def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
-    elbow = joint("elbow", "tip", "hand", kind, f'<origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><axis xyz="{axis}"/>{{}}')
+    elbow = joint(
+        "elbow",
+        "tip",
+        "hand",
+        kind,
+        f'<origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><axis xyz="{axis}"/>{{}}',
+    )
     text = with_defect(END, f'<link name="hand"/>{elbow}{END}')
     free, held = (Repaired(text.format(limit(*ends)), tmp_path) for ends in ((-1, 1), (0.5, 0.5)))
     context = free.plant.CreateDefaultContext()
@@ -67,26 +143,66 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
     positions[free.plant.GetJointByName("elbow").position_start()] = 0.5
     free.plant.SetPositions(context, positions)
     expected, found = (
-        done.plant.CalcRelativeTransform(place, done.plant.GetFrameByName("base"), done.plant.GetFrameByName("hand"))
+        done.plant.CalcRelativeTransform(
+            place, done.plant.GetFrameByName("base"), done.plant.GetFrameByName("hand")
+        )
         for done, place in ((free, context), (held, held.plant.CreateDefaultContext()))
     )
     assert found.IsNearlyEqualTo(expected, 1e-12)
     assert not held.plant.HasJointNamed("elbow")
-    assert any("are both 0.5, so it can't move; fixed there" in line for line in held.told("repaired"))
+    assert any(
+        "are both 0.5, so it can't move; fixed there" in line for line in held.told("repaired")
+    )
 
 
 @pytest.mark.parametrize(
     ("good", "bad", "kind", "words"),
     [
-        pytest.param(REVOLUTE, 'type="Revolute "', "repaired", "its type is 'Revolute '; revolute", id="capital"),
-        pytest.param(REVOLUTE, 'type="continous"', "repaired", "its type is 'continous'; continuous", id="typo"),
-        pytest.param('<axis xyz="0 1 0"/>', "", "defaulted", "has no axis; 1 0 0, as the format has it", id="no axis"),
+        pytest.param(
+            REVOLUTE,
+            'type="Revolute "',
+            "repaired",
+            "its type is 'Revolute '; revolute",
+            id="capital",
+        ),
+        pytest.param(
+            REVOLUTE,
+            'type="continous"',
+            "repaired",
+            "its type is 'continous'; continuous",
+            id="typo",
+        ),
+        pytest.param(
+            '<axis xyz="0 1 0"/>',
+            "",
+            "defaulted",
+            "has no axis; 1 0 0, as the format has it",
+            id="no axis",
+        ),
         pytest.param('xyz="0 1 0"', "", "defaulted", "has no axis; 1 0 0", id="axis without xyz"),
-        pytest.param('xyz="0 1 0"', 'xyz="1 1 0"', "repaired", '"1 1 0" is 1.414 long; "0.70710678', id="not unit"),
-        pytest.param('"0.1"', '"-0.1"', "repaired", "<dynamics>: damping -0.1 is negative; 0", id="damping"),
-        pytest.param('"0.1"', '"0.1" friction="-2"', "repaired", "friction -2 is negative; 0", id="friction"),
-        pytest.param('"0.1"', '"0.1" friction="2"', "lost", "friction 2, seldom measured; `--set ", id="lost"),
-        pytest.param(LIMIT, f'{LIMIT}<mimic joint="x"/>', "lost", "mimics 'x', which is no joint; known: ", id="mimic"),
+        pytest.param(
+            'xyz="0 1 0"',
+            'xyz="1 1 0"',
+            "repaired",
+            '"1 1 0" is 1.414 long; "0.70710678',
+            id="not unit",
+        ),
+        pytest.param(
+            '"0.1"', '"-0.1"', "repaired", "<dynamics>: damping -0.1 is negative; 0", id="damping"
+        ),
+        pytest.param(
+            '"0.1"', '"0.1" friction="-2"', "repaired", "friction -2 is negative; 0", id="friction"
+        ),
+        pytest.param(
+            '"0.1"', '"0.1" friction="2"', "lost", "friction 2, seldom measured; `--set ", id="lost"
+        ),
+        pytest.param(
+            LIMIT,
+            f'{LIMIT}<mimic joint="x"/>',
+            "lost",
+            "mimics 'x', which is no joint; known: ",
+            id="mimic",
+        ),
         pytest.param(
             '<child link="tip"/>',
             '<child link="tip"/><mimic joint="x"/>',
@@ -112,24 +228,35 @@ def test_a_defect_of_a_joint_is_mended_and_told(tmp_path, good, bad, kind, words
 def test_rounded_axes_stay_as_they_are(tmp_path):
     done = Repaired(with_defect('xyz="0 1 0"', 'xyz="0.7071 0.7071 0"'), tmp_path)
     assert not done.report.changed
-    np.testing.assert_allclose(done.plant.GetJointByName("shoulder").revolute_axis(), [0.5**0.5, 0.5**0.5, 0])
+    np.testing.assert_allclose(
+        done.plant.GetJointByName("shoulder").revolute_axis(), [0.5**0.5, 0.5**0.5, 0]
+    )
 
 
 def test_friction_becomes_damping_where_chosen(tmp_path):
     text = with_defect(DYNAMICS, '<dynamics damping="0.1" friction="0.25"/>')
     done = Repaired(text, tmp_path, ImportOptions(friction_as_damping=True))
     assert done.plant.GetJointByName("shoulder").default_damping() == pytest.approx(0.35)
-    assert any("damping 0.1 plus friction 0.25: damping 0.35" in line for line in done.told("repaired"))
+    assert any(
+        "damping 0.1 plus friction 0.25: damping 0.35" in line for line in done.told("repaired")
+    )
 
 
 def test_a_mimic_joint_gets_a_motor_of_its_own(tmp_path):
-    finger = joint("finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="shoulder"/>')
+    finger = joint(
+        "finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="shoulder"/>'
+    )
     done = Repaired(with_defect(END, f'<link name="hand"/>{finger}{END}'), tmp_path)
     assert done.plant.num_actuators() == 2
-    assert any("mimics 'shoulder' by 1 with an offset of 0: stations couple" in line for line in done.told("read"))
+    assert any(
+        "mimics 'shoulder' by 1 with an offset of 0: stations couple" in line
+        for line in done.told("read")
+    )
 
 
-@pytest.mark.parametrize("mimic", ['<mimic joint="shoulder" multiplier="0"/>', '<mimic joint="clamp"/>'])
+@pytest.mark.parametrize(
+    "mimic", ['<mimic joint="shoulder" multiplier="0"/>', '<mimic joint="clamp"/>']
+)
 def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_path, mimic):
     clamp = '<link name="plate"/>' + joint("clamp", "tip", "plate", "fixed")
     finger = joint("finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}{mimic}')
@@ -142,10 +269,18 @@ def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_pa
 @pytest.mark.parametrize(
     ("good", "bad", "words"),
     [
-        (REVOLUTE, 'type="ball"', "joint 'shoulder': its type is 'ball'; a station's robot has joints of"),
+        (
+            REVOLUTE,
+            'type="ball"',
+            "joint 'shoulder': its type is 'ball'; a station's robot has joints of",
+        ),
         (REVOLUTE, 'type="revolute2"', "its type is 'revolute2'"),
         (REVOLUTE, "", "joint 'shoulder': it has no type"),
-        (REVOLUTE, 'type="planar"', "is planar, which no motor can drive; write it as two prismatic joints"),
+        (
+            REVOLUTE,
+            'type="planar"',
+            "is planar, which no motor can drive; write it as two prismatic joints",
+        ),
         (REVOLUTE, 'type="floating"', "is floating, which no motor can drive; only the root"),
         ('xyz="0 1 0"', 'xyz="0 0 0"', "joint 'shoulder' <axis>: xyz=\"0 0 0\" is no direction"),
         (LIMIT, limit(1, 1), "has no joint that moves"),
@@ -158,12 +293,17 @@ def test_what_no_motor_can_drive_is_refused(tmp_path, good, bad, words):
 
 
 def test_a_floating_joint_at_an_empty_root_is_a_floating_base(tmp_path):
-    text = with_defect(END, '<link name="odom"/>' + joint("float", "odom", "base", "floating") + END)
+    text = with_defect(
+        END, '<link name="odom"/>' + joint("float", "odom", "base", "floating") + END
+    )
     done = Repaired(text, tmp_path)
     assert done.base == "floating"
     assert root_link(done.robot) == "base"
     assert any("floats below 'odom'" in line for line in done.told("repaired"))
-    assert any("floating base: a floating joint held it; --base fixed" in line for line in done.told("read"))
+    assert any(
+        "floating base: a floating joint held it; --base fixed" in line
+        for line in done.told("read")
+    )
     assert list(done.robot.attrib) == ["name"]
 
 

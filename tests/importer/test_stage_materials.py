@@ -22,7 +22,10 @@ def colours(done: Repaired) -> list[tuple[float, ...]]:
     inspector = scene_graph.model_inspector()
     shapes = plant.GetVisualGeometriesForBody(plant.GetBodyByName("base"))
     found = [inspector.GetProperties(shape, Role.kIllustration) for shape in shapes]
-    rgba = [properties.GetPropertyOrDefault("phong", "diffuse", Rgba(1, 1, 1, 0)) for properties in found]
+    rgba = [
+        properties.GetPropertyOrDefault("phong", "diffuse", Rgba(1, 1, 1, 0))
+        for properties in found
+    ]
     return [(value.r(), value.g(), value.b(), value.a()) for value in rgba]
 
 
@@ -44,8 +47,20 @@ def with_visual(material: str, text: str = ARM) -> str:
             GREY,
             id="undefined",
         ),
-        pytest.param(with_visual("<material/>"), "dropped", "neither name nor colour", (1, 1, 1, 0), id="nothing"),
-        pytest.param(with_defect(RED, RED * 2), "dropped", "twice, with the same colour", (1, 0, 0, 1), id="twice"),
+        pytest.param(
+            with_visual("<material/>"),
+            "dropped",
+            "neither name nor colour",
+            (1, 1, 1, 0),
+            id="nothing",
+        ),
+        pytest.param(
+            with_defect(RED, RED * 2),
+            "dropped",
+            "twice, with the same colour",
+            (1, 0, 0, 1),
+            id="twice",
+        ),
         pytest.param(
             with_defect(RED, RED + RED.replace("1 0 0 1", "0 1 0 1")),
             "dropped",
@@ -53,8 +68,20 @@ def with_visual(material: str, text: str = ARM) -> str:
             (1, 0, 0, 1),
             id="redefined",
         ),
-        pytest.param(with_defect(RED, '<material name="red"/>'), "dropped", "has no colour", GREY, id="colourless"),
-        pytest.param(with_defect(RED, RED.replace(' name="red"', "")), "dropped", "has no name", GREY, id="nameless"),
+        pytest.param(
+            with_defect(RED, '<material name="red"/>'),
+            "dropped",
+            "has no colour",
+            GREY,
+            id="colourless",
+        ),
+        pytest.param(
+            with_defect(RED, RED.replace(' name="red"', "")),
+            "dropped",
+            "has no name",
+            GREY,
+            id="nameless",
+        ),
         pytest.param(
             with_visual('<material name="t"><texture filename="a.png"/></material>'),
             "dropped",
@@ -63,7 +90,11 @@ def with_visual(material: str, text: str = ARM) -> str:
             id="texture",
         ),
         pytest.param(
-            with_visual('<material name="t"><color/></material>'), "dropped", "its colour has no rgba", GREY, id="rgba"
+            with_visual('<material name="t"><color/></material>'),
+            "dropped",
+            "its colour has no rgba",
+            GREY,
+            id="rgba",
         ),
         pytest.param(
             with_visual('<material name="red"><color rgba="0 0 1 1"/></material>'),
@@ -73,12 +104,26 @@ def with_visual(material: str, text: str = ARM) -> str:
             id="another colour",
         ),
         pytest.param(
-            with_defect("1 0 0 1", "1.5 -1 0 1"), "repaired", 'written as "1 0 0 1"', (1, 0, 0, 1), id="out of range"
+            with_defect("1 0 0 1", "1.5 -1 0 1"),
+            "repaired",
+            'written as "1 0 0 1"',
+            (1, 0, 0, 1),
+            id="out of range",
         ),
         pytest.param(
-            with_defect("1 0 0 1", "255 0 51 255"), "repaired", 'written as "1 0 0.2 1"', (1, 0, 0.2, 1), id="8 bits"
+            with_defect("1 0 0 1", "255 0 51 255"),
+            "repaired",
+            'written as "1 0 0.2 1"',
+            (1, 0, 0.2, 1),
+            id="8 bits",
         ),
-        pytest.param(with_defect("1 0 0 1", "1 0 0"), "repaired", 'written as "1 0 0 1"', (1, 0, 0, 1), id="three"),
+        pytest.param(
+            with_defect("1 0 0 1", "1 0 0"),
+            "repaired",
+            'written as "1 0 0 1"',
+            (1, 0, 0, 1),
+            id="three",
+        ),
     ],
 )
 def test_a_material_is_mended_and_told(tmp_path, text, kind, words, first):
@@ -123,7 +168,12 @@ def test_a_colour_that_one_visual_defines_outlives_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "material", ['<material name="x"/>', '<material name="x"><texture filename="a.png"/></material>', "<material/>"]
+    "material",
+    [
+        '<material name="x"/>',
+        '<material name="x"><texture filename="a.png"/></material>',
+        "<material/>",
+    ],
 )
 def test_a_material_without_colour_is_no_reason_to_refuse_a_robot(tmp_path, material):
     source = tmp_path / "arm.urdf"

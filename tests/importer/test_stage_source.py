@@ -46,17 +46,25 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
         pytest.param(b"", "is empty", id="empty"),
         pytest.param(b" \n ", "is empty", id="blank"),
         pytest.param(b"solid cube", "is not XML: syntax error at line 1, column 1", id="text"),
-        pytest.param(b"<robot>\n <link></robot>", "mismatched tag at line 2, column 10", id="mismatch"),
-        pytest.param(b"\n\n<robot>\n <link></robot>", "at line 4, column 10", id="line numbers hold"),
+        pytest.param(
+            b"<robot>\n <link></robot>", "mismatched tag at line 2, column 10", id="mismatch"
+        ),
+        pytest.param(
+            b"\n\n<robot>\n <link></robot>", "at line 4, column 10", id="line numbers hold"
+        ),
         pytest.param(b"\x7fELF\0\0\0\1", "is a binary file", id="binary"),
         pytest.param(b"<robot/><robot/>", "junk after document element at line 1", id="two robots"),
         pytest.param(b'<robot a="1" a="2"/>', "duplicate attribute", id="attribute twice"),
         pytest.param(b"<robot>&nbsp;</robot>", "undefined entity", id="unknown entity"),
         pytest.param(BOMB.encode(), "declares a document type or entities", id="entity bomb"),
-        pytest.param(b'<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "document type", id="doctype"),
+        pytest.param(
+            b'<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "document type", id="doctype"
+        ),
         pytest.param(b"<a>" * 500 + b"</a>" * 500, "more than 60 deep", id="deep"),
         pytest.param(b'<sdf version="1.9"/>', "holds no model", id="sdf"),
-        pytest.param(b"<mujocoinclude/>", "<mujocoinclude>: this is a part of an MJCF file", id="mjcf"),
+        pytest.param(
+            b"<mujocoinclude/>", "<mujocoinclude>: this is a part of an MJCF file", id="mjcf"
+        ),
         pytest.param(b"<COLLADA/>", "<COLLADA>: this is a COLLADA mesh", id="dae"),
         pytest.param(b"<cube/>", "<cube>: the outermost element of a URDF is <robot>", id="else"),
         pytest.param(b"\xff\xfea", "cannot be read as UTF-16-LE text", id="half a character"),
@@ -87,23 +95,35 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        pytest.param(b"\xef\xbb\xbf" + ARM.encode(), "begins with a byte order mark (UTF-8)", id="mark"),
-        pytest.param(ARM.encode("utf-16"), "begins with a byte order mark (UTF-16-LE)", id="utf-16"),
+        pytest.param(
+            b"\xef\xbb\xbf" + ARM.encode(), "begins with a byte order mark (UTF-8)", id="mark"
+        ),
+        pytest.param(
+            ARM.encode("utf-16"), "begins with a byte order mark (UTF-16-LE)", id="utf-16"
+        ),
         pytest.param(
             b'<?xml version="1.0" encoding="utf-8"?>' + ARM.replace("base", "pié").encode("cp1252"),
             "is not utf-8, as it says or should be; read as cp1252",
             id="not the encoding it claims",
         ),
         pytest.param(
-            b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(), "is not klingon", id="unknown encoding"
+            b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(),
+            "is not klingon",
+            id="unknown encoding",
         ),
-        pytest.param(b' \n<?xml version="1.0"?>' + ARM.encode(), "<?xml ...?> is not at the", id="late declaration"),
+        pytest.param(
+            b' \n<?xml version="1.0"?>' + ARM.encode(),
+            "<?xml ...?> is not at the",
+            id="late declaration",
+        ),
         pytest.param(
             b'<!-- licence -->\n<?xml version="1.0" encoding="utf-8"?>' + ARM.encode(),
             "<?xml ...?> is not at the beginning",
             id="comment before it",
         ),
-        pytest.param(b"<!-- a -- b -->" + ARM.encode(), "1 comment(s) hold --", id="dashes in a comment"),
+        pytest.param(
+            b"<!-- a -- b -->" + ARM.encode(), "1 comment(s) hold --", id="dashes in a comment"
+        ),
     ],
 )
 def test_what_readers_do_not_mind_is_mended_and_told(tmp_path, content, words):
@@ -138,10 +158,16 @@ def test_undeclared_prefixes_are_no_error(tmp_path):
 
 @pytest.mark.parametrize(
     ("declared", "prefix"),
-    [("", "drake"), (' xmlns:drake="elsewhere"', "drake"), (' xmlns:d="http://drake.mit.edu"', "d")],
+    [
+        ("", "drake"),
+        (' xmlns:drake="elsewhere"', "drake"),
+        (' xmlns:d="http://drake.mit.edu"', "d"),
+    ],
 )
 def test_elements_of_drake_stay_however_they_are_declared(tmp_path, declared, prefix):
-    text = ARM.replace('velocity="3"', f'velocity="3" {prefix}:acceleration="7"').replace("<robot", f"<robot{declared}")
+    text = ARM.replace('velocity="3"', f'velocity="3" {prefix}:acceleration="7"').replace(
+        "<robot", f"<robot{declared}"
+    )
     robot, report = read(tmp_path / "a.urdf", text.encode())
     limit = robot.find("joint/limit")
     assert limit is not None
@@ -150,13 +176,17 @@ def test_elements_of_drake_stay_however_they_are_declared(tmp_path, declared, pr
 
 
 def test_a_default_namespace_changes_no_name(tmp_path):
-    robot, report = read(tmp_path / "a.urdf", ARM.replace("<robot", '<robot xmlns="http://ros.org"').encode())
+    robot, report = read(
+        tmp_path / "a.urdf", ARM.replace("<robot", '<robot xmlns="http://ros.org"').encode()
+    )
     assert (robot.tag, report.entries) == ("robot", [])
 
 
 def test_comments_that_hide_elements_are_told_once(tmp_path):
     hidden = '<!-- <visual><geometry><mesh filename="old.dae"/></geometry></visual> --><!-- <joint name="x"> -->'
-    _, report = read(tmp_path / "a.urdf", ARM.replace("<link ", f"{hidden}<!-- by <a@b.c> --><link ", 1).encode())
+    _, report = read(
+        tmp_path / "a.urdf", ARM.replace("<link ", f"{hidden}<!-- by <a@b.c> --><link ", 1).encode()
+    )
     [(kind, text)] = told(report)
     assert kind == "read"
     assert text.startswith("2 comment(s) hide elements (")

@@ -26,14 +26,52 @@ def test_a_clean_robot_is_left_as_it_is(tmp_path):
 
 
 MENDED = [
-    pytest.param('<robot name="arm">', "<robot>", "repaired", "called 'arm' after its file", id="robot without name"),
-    pytest.param(SHOULDER, SHOULDER.replace("shoulder", ""), "repaired", "joint 'base_to_upper'", id="joint no name"),
-    pytest.param(TIP, "<link/>", "repaired", "link 'tip': had no name; a joint asks", id="link without name"),
-    pytest.param('link="tip"', 'link=" tip "', "repaired", "link=' tip ' has blanks around it; 'tip'", id="blanks"),
-    pytest.param('link="tip"', 'link="Tip"', "repaired", "'Tip' is no link; 'tip', which differs in case", id="case"),
+    pytest.param(
+        '<robot name="arm">',
+        "<robot>",
+        "repaired",
+        "called 'arm' after its file",
+        id="robot without name",
+    ),
+    pytest.param(
+        SHOULDER,
+        SHOULDER.replace("shoulder", ""),
+        "repaired",
+        "joint 'base_to_upper'",
+        id="joint no name",
+    ),
+    pytest.param(
+        TIP, "<link/>", "repaired", "link 'tip': had no name; a joint asks", id="link without name"
+    ),
+    pytest.param(
+        'link="tip"',
+        'link=" tip "',
+        "repaired",
+        "link=' tip ' has blanks around it; 'tip'",
+        id="blanks",
+    ),
+    pytest.param(
+        'link="tip"',
+        'link="Tip"',
+        "repaired",
+        "'Tip' is no link; 'tip', which differs in case",
+        id="case",
+    ),
     pytest.param(TIP, TIP * 2, "dropped", "link 'tip': stands twice", id="link twice"),
-    pytest.param(TIP, f'{TIP}<link name="upper"/>', "dropped", "link 'upper': stands twice", id="empty second link"),
-    pytest.param(FLANGE, FLANGE * 2, "dropped", "joint 'flange': stands twice, word for word", id="joint twice"),
+    pytest.param(
+        TIP,
+        f'{TIP}<link name="upper"/>',
+        "dropped",
+        "link 'upper': stands twice",
+        id="empty second link",
+    ),
+    pytest.param(
+        FLANGE,
+        FLANGE * 2,
+        "dropped",
+        "joint 'flange': stands twice, word for word",
+        id="joint twice",
+    ),
     pytest.param(
         END,
         '<link name="t"/>' + joint("flange", "tip", "t") + END,
@@ -48,7 +86,9 @@ MENDED = [
         "joint 'more': its child 'none' is no link",
         id="dangling child",
     ),
-    pytest.param(FLANGE, "", "dropped", "link 'tip': no joint leads to it; left out", id="lone link"),
+    pytest.param(
+        FLANGE, "", "dropped", "link 'tip': no joint leads to it; left out", id="lone link"
+    ),
     pytest.param(
         FLANGE,
         '<link name="b"/>' + joint("j", "tip", "b"),
@@ -65,25 +105,47 @@ MENDED = [
     ),
     pytest.param(
         END,
-        "<gazebo><plugin/></gazebo><gazebo/><ros2_control><joint name='shoulder'/></ros2_control>" + END,
+        "<gazebo><plugin/></gazebo><gazebo/><ros2_control><joint name='shoulder'/></ros2_control>"
+        + END,
         "dropped",
         "<gazebo> in <robot>: 2 ×",
         id="gazebo",
     ),
     pytest.param(
-        LIMIT, LIMIT + "<safety_controller k_velocity='3'/>", "dropped", "<safety_controller> in", id="safety"
+        LIMIT,
+        LIMIT + "<safety_controller k_velocity='3'/>",
+        "dropped",
+        "<safety_controller> in",
+        id="safety",
     ),
-    pytest.param(LIMIT, LIMIT * 2, "dropped", "joint 'shoulder': a second <limit>", id="second limit"),
-    pytest.param(END, '<frame name="f" link="none"/>' + END, "dropped", "frame 'f'", id="frame of no link"),
-    pytest.param(END, '<frame name="tip" link="upper"/>' + END, "dropped", "frame 'tip'", id="frame named as a link"),
+    pytest.param(
+        LIMIT, LIMIT * 2, "dropped", "joint 'shoulder': a second <limit>", id="second limit"
+    ),
+    pytest.param(
+        END, '<frame name="f" link="none"/>' + END, "dropped", "frame 'f'", id="frame of no link"
+    ),
     pytest.param(
         END,
-        '<drake:collision_filter_group name="g"><drake:member link="tip"/></drake:collision_filter_group>' + END,
+        '<frame name="tip" link="upper"/>' + END,
+        "dropped",
+        "frame 'tip'",
+        id="frame named as a link",
+    ),
+    pytest.param(
+        END,
+        '<drake:collision_filter_group name="g"><drake:member link="tip"/></drake:collision_filter_group>'
+        + END,
         "dropped",
         "collision filter group 'g'",
         id="group of a welded link",
     ),
-    pytest.param("<link ", "<drake:nothing/><link ", "dropped", "<drake:nothing> in <robot>", id="unknown of Drake"),
+    pytest.param(
+        "<link ",
+        "<drake:nothing/><link ",
+        "dropped",
+        "<drake:nothing> in <robot>",
+        id="unknown of Drake",
+    ),
 ]
 
 
@@ -95,21 +157,44 @@ def test_a_defect_is_mended_and_told(tmp_path, good, bad, kind, words):
 
 
 REFUSED = [
-    pytest.param('<parent link="base"/>', "", "joint 'shoulder': it has no parent; without it", id="no parent"),
+    pytest.param(
+        '<parent link="base"/>',
+        "",
+        "joint 'shoulder': it has no parent; without it",
+        id="no parent",
+    ),
     pytest.param(
         '<parent link="base"/>',
         '<parent link="bse"/>',
         "joint 'shoulder': its parent 'bse' is no link; did you mean 'base'?; without it the robot falls apart",
         id="unknown parent",
     ),
-    pytest.param(END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"),
     pytest.param(
-        END, joint("b", "base", "tip") + END, "is the child of two joints, 'flange' and 'b'", id="two parents"
+        END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"
     ),
-    pytest.param(END, joint("self", "tip", "tip") + END, "joint 'self': joins link 'tip' to itself", id="self"),
-    pytest.param(END, '<link name="upper"><visual/></link>' + END, "link 'upper': stands twice", id="different links"),
     pytest.param(
-        END, joint("shoulder", "base", "upper") + END, "joint 'shoulder': stands twice with different", id="joints"
+        END,
+        joint("b", "base", "tip") + END,
+        "is the child of two joints, 'flange' and 'b'",
+        id="two parents",
+    ),
+    pytest.param(
+        END,
+        joint("self", "tip", "tip") + END,
+        "joint 'self': joins link 'tip' to itself",
+        id="self",
+    ),
+    pytest.param(
+        END,
+        '<link name="upper"><visual/></link>' + END,
+        "link 'upper': stands twice",
+        id="different links",
+    ),
+    pytest.param(
+        END,
+        joint("shoulder", "base", "upper") + END,
+        "joint 'shoulder': stands twice with different",
+        id="joints",
     ),
     pytest.param(
         END,
@@ -117,9 +202,21 @@ REFUSED = [
         "has 2 root links (base, a)",
         id="two robots",
     ),
-    pytest.param(END, '<loop_joint name="l"/>' + END, "<loop_joint> 'l': is no part of a tree", id="loop joint"),
-    pytest.param('name="tip"', 'name="${tip}"', 'name="${tip}" is an expression of xacro', id="leftover"),
-    pytest.param('xyz="0 1 0"', 'xyz="0 one 0"', "joint 'shoulder' <axis>: xyz=\"0 one 0\" is not 3", id="axis"),
+    pytest.param(
+        END,
+        '<loop_joint name="l"/>' + END,
+        "<loop_joint> 'l': is no part of a tree",
+        id="loop joint",
+    ),
+    pytest.param(
+        'name="tip"', 'name="${tip}"', 'name="${tip}" is an expression of xacro', id="leftover"
+    ),
+    pytest.param(
+        'xyz="0 1 0"',
+        'xyz="0 one 0"',
+        "joint 'shoulder' <axis>: xyz=\"0 one 0\" is not 3",
+        id="axis",
+    ),
 ]
 
 
@@ -145,21 +242,29 @@ def test_elements_of_drake_stay(tmp_path):
     )
     ends = '<drake:bushing_frameA name="tip"/><drake:bushing_frameC name="base"/>'
     bushing = f"<drake:linear_bushing_rpy>{ends}{BUSHING}</drake:linear_bushing_rpy>"
-    done = Repaired(with_defect(END, f'<frame name="f" link="tip"/>{group}{bushing}{END}'), tmp_path)
+    done = Repaired(
+        with_defect(END, f'<frame name="f" link="tip"/>{group}{bushing}{END}'), tmp_path
+    )
     assert not done.report.changed
     assert done.plant.HasFrameNamed("f")
     assert done.plant.num_force_elements() == 2  # gravity is the other
 
 
 def test_a_dropped_frame_leaves_its_name_to_another_one(tmp_path):
-    done = Repaired(with_defect(END, f'<frame name="f" link="none"/><frame name="f" link="tip"/>{END}'), tmp_path)
+    done = Repaired(
+        with_defect(END, f'<frame name="f" link="none"/><frame name="f" link="tip"/>{END}'),
+        tmp_path,
+    )
     assert len(done.told("dropped")) == 1
     assert done.plant.HasFrameNamed("f")
 
 
 def test_a_world_link_becomes_a_root_of_another_name(tmp_path):
     text = with_defect(
-        END, '<link name="world"/>' + joint("stand", "world", "base", inside='<origin xyz="1 2 3"/>') + END
+        END,
+        '<link name="world"/>'
+        + joint("stand", "world", "base", inside='<origin xyz="1 2 3"/>')
+        + END,
     )
     done = Repaired(text, tmp_path)
     assert root_link(done.robot) == "robot_world"
@@ -184,7 +289,9 @@ def test_a_link_called_world_in_the_middle_is_only_renamed(tmp_path):
 
 @pytest.mark.parametrize("name", ["two words", "a/b", "a::b", "cañón", "1", "$", "a.b"])
 def test_names_that_drake_takes_stay(tmp_path, name):
-    done = Repaired(ARM.replace('"upper"', f'"{name}"').replace('"shoulder"', f'"{name}"'), tmp_path)
+    done = Repaired(
+        ARM.replace('"upper"', f'"{name}"').replace('"shoulder"', f'"{name}"'), tmp_path
+    )
     assert not done.report.changed
     assert done.plant.HasJointNamed(name)
 
@@ -236,7 +343,9 @@ def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
     report = ImportReport(tmp_path / "a.urdf")
     mend_numbers(robot, report)
     assert robot[0][0].attrib == {}
-    assert [entry.text for entry in report.entries] == ['ixx="x" is not a finite number; the moments count as missing']
+    assert [entry.text for entry in report.entries] == [
+        'ixx="x" is not a finite number; the moments count as missing'
+    ]
 
 
 def test_a_closing_joint_is_left_out_where_that_is_asked_for(tmp_path):

@@ -20,7 +20,9 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 
-installed = pytest.mark.skipif(importlib.util.find_spec("xacro") is None, reason="needs the extra xacro")
+installed = pytest.mark.skipif(
+    importlib.util.find_spec("xacro") is None, reason="needs the extra xacro"
+)
 
 HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 BAR = f"""{HEAD}
@@ -45,7 +47,10 @@ ARM = f"""{HEAD}
 
 def packages(folder: Path) -> Path:
     """Write an arm in one package that includes a macro from another, and return its file."""
-    for name, file, text in (("arm_support", "urdf/arm.urdf.xacro", ARM), ("bars", "bar.xacro", BAR)):
+    for name, file, text in (
+        ("arm_support", "urdf/arm.urdf.xacro", ARM),
+        ("bars", "bar.xacro", BAR),
+    ):
         path = folder / name / file
         path.parent.mkdir(parents=True)
         path.write_text(text)
@@ -108,7 +113,9 @@ def test_a_station_runs_a_xacro_and_notices_what_it_includes(tmp_path, monkeypat
     [origin] = robot_from_file(path).element.findall("joint[@name='elbow']/origin")
     assert origin.get("xyz") == "0 0 0.6"
     station = tmp_path / "arm.yaml"
-    station.write_text(f"robot: {{urdf: {path}, import_options: {{xacro_arg: ['mass:=3']}}}}\nmode: dynamic\n")
+    station.write_text(
+        f"robot: {{urdf: {path}, import_options: {{xacro_arg: ['mass:=3']}}}}\nmode: dynamic\n"
+    )
     result = simulate(load_station(station), duration=0.02)
     assert result.stopped_by is None
 
@@ -116,7 +123,9 @@ def test_a_station_runs_a_xacro_and_notices_what_it_includes(tmp_path, monkeypat
 @installed
 def test_an_import_takes_arguments_and_keeps_the_name(tmp_path):
     path = packages(tmp_path)
-    done = CliRunner().invoke(app, ["import", str(path), "--out", str(tmp_path / "out"), "--xacro-arg", "mass:=5"])
+    done = CliRunner().invoke(
+        app, ["import", str(path), "--out", str(tmp_path / "out"), "--xacro-arg", "mass:=5"]
+    )
     assert done.exit_code == 0, done.output
     assert 'mass value="5"' in (tmp_path / "out" / "arm.urdf").read_text()
     assert "'mass=5' is not of the form NAME:=VALUE" in refusal(path, xacro_arg=("mass=5",))
@@ -127,14 +136,18 @@ def test_without_xacro_one_line_says_how(tmp_path, monkeypatch, text):
     monkeypatch.setattr(xacro.importlib.util, "find_spec", lambda name: None)
     path = tmp_path / "arm.xacro"
     path.write_text(text)
-    assert refusal(path).endswith('is a xacro file, which needs the extra xacro: pip install "xacro>=2.1"')
+    assert refusal(path).endswith(
+        'is a xacro file, which needs the extra xacro: pip install "xacro>=2.1"'
+    )
 
 
 def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
     (tmp_path / "xacro").mkdir()
     code = "import sys; sys.path = [p for p in sys.path if 'site-packages' not in p]; import importlib.util as u\n"
     code += "found = u.find_spec('xacro'); print(found is not None and found.origin is not None)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True
+    )
     assert done.stdout.decode().strip() == "False"
 
 
@@ -143,12 +156,18 @@ def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
     ("body", "words"),
     [
         ("<xacro:lost/>", "xacro cannot expand it: unknown macro name: xacro:lost"),
-        ('<link name="$(arg kind)"/>', "argument kind; arguments, given with --xacro-arg NAME:=VALUE: kind (needed)"),
+        (
+            '<link name="$(arg kind)"/>',
+            "argument kind; arguments, given with --xacro-arg NAME:=VALUE: kind (needed)",
+        ),
         ('<link name="${1 / 0}"/>', "division by zero"),
         ('<link name="${1 +}"/>', "invalid syntax"),
         ('<link name="${[0] * 10**10}"/>', "xacro cannot expand it"),
         ('<xacro:include filename="lost.xacro"/>', "lost.xacro: No such file or directory"),
-        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "maximum recursion depth exceeded"),
+        (
+            '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
+            "maximum recursion depth exceeded",
+        ),
         ("<link name=\"${'x' * 1000000}\"/>" * 21, "gives more than 20 MB"),
         ("<xacro:element xacro:name=\"${'xacro' + ':late'}\"/>", "xacro"),
     ],
@@ -160,7 +179,9 @@ def test_what_cannot_be_expanded_is_told_in_one_line(tmp_path, body, words):
 @installed
 def test_a_xacro_without_end_is_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(xacro, "TIME_LIMIT", 1.5)
-    path = alone(tmp_path, '<link name="${[len([0 for i in range(90000)]) for k in range(90000)]}"/>')
+    path = alone(
+        tmp_path, '<link name="${[len([0 for i in range(90000)]) for k in range(90000)]}"/>'
+    )
     start = time.monotonic()
     assert "did not end within 1.5 s" in refusal(path)
     assert time.monotonic() - start < 15
@@ -192,25 +213,38 @@ def test_several_files_of_a_folder_are_included_by_a_pattern(tmp_path):
     path = alone(tmp_path, '<xacro:include filename="part_*.xacro"/>')
     for name in ("part_b", "part_a", "other"):
         (path.parent / f"{name}.xacro").write_text(f'{HEAD}<link name="{name}"/></robot>')
-    assert [link.get("name") for link in read_source(path, ImportReport(path))] == ["base", "part_a", "part_b"]
+    assert [link.get("name") for link in read_source(path, ImportReport(path))] == [
+        "base",
+        "part_a",
+        "part_b",
+    ]
 
 
 @pytest.mark.long
 @installed
 def test_what_is_mended_in_an_included_file_is_told_with_its_name(tmp_path):
-    path = alone(tmp_path, '<xacro:include filename="part.xacro"/><xacro:include filename="none.xacro" optional="1"/>')
-    (path.parent / "part.xacro").write_text(f'\ufeff<!-- a -- b -->{HEAD}<link name="part"/></robot>')
+    path = alone(
+        tmp_path,
+        '<xacro:include filename="part.xacro"/><xacro:include filename="none.xacro" optional="1"/>',
+    )
+    (path.parent / "part.xacro").write_text(
+        f'\ufeff<!-- a -- b -->{HEAD}<link name="part"/></robot>'
+    )
     robot = read_source(path, report := ImportReport(path))
     assert [link.get("name") for link in robot] == ["base", "part"]
     assert [entry.element for entry in report.of("repaired")] == ["part.xacro", "part.xacro"]
-    (path.parent / "part.xacro").write_text(f'<!DOCTYPE robot [<!ENTITY a "b">]>{HEAD}<link name="&a;"/></robot>')
+    (path.parent / "part.xacro").write_text(
+        f'<!DOCTYPE robot [<!ENTITY a "b">]>{HEAD}<link name="&a;"/></robot>'
+    )
     assert "part.xacro declares a document type or entities" in refusal(path)
 
 
 @installed
 def test_yaml_has_keys_units_and_dates(tmp_path):
     (tmp_path / "arm").mkdir()
-    content = "arm: {turn: !degrees 180, long: !inches 2 * 5, when: 2001-02-03, keys: [a, {items: 7}]}"
+    content = (
+        "arm: {turn: !degrees 180, long: !inches 2 * 5, when: 2001-02-03, keys: [a, {items: 7}]}"
+    )
     (tmp_path / "arm" / "figures.yaml").write_text(content)
     value = "${f.arm.turn / pi} ${f['arm'].long} ${f.arm.when} ${f.arm['keys'][1].items}"
     body = f"<xacro:property name='f' value=\"${{load_yaml('figures.yaml')}}\"/><link name=\"{value}\"/>"
@@ -222,7 +256,10 @@ def test_yaml_has_keys_units_and_dates(tmp_path):
 def test_what_the_file_says_and_what_the_system_lacks_is_in_the_report(tmp_path, monkeypatch):
     path = alone(tmp_path, "<link name=\"a${xacro.warning('old', 'names')}\"/>")
     read_source(path, report := ImportReport(path))
-    assert [entry.text for entry in report.of("read")] == ["the file says: old names", "xacro, expanded"]
+    assert [entry.text for entry in report.of("read")] == [
+        "the file says: old names",
+        "xacro, expanded",
+    ]
     end = {"urdf": HEAD + "</robot>", "messages": [], "unconfined": ["Landlock"]}
     monkeypatch.setattr(child, "_exchange", lambda *_: end)
     read_source(path, report := ImportReport(path))
@@ -232,8 +269,13 @@ def test_what_the_file_says_and_what_the_system_lacks_is_in_the_report(tmp_path,
 @pytest.mark.long
 @installed
 def test_sets_are_in_the_same_order_each_time(tmp_path):
-    path = alone(tmp_path, "<link name=\"${'_'.join(python.set('arm leg hand foot head tail toe'.split()))}\"/>")
-    first, second = (read_source(path, ImportReport(path)).findall("link")[1].get("name") for _ in range(2))
+    path = alone(
+        tmp_path,
+        "<link name=\"${'_'.join(python.set('arm leg hand foot head tail toe'.split()))}\"/>",
+    )
+    first, second = (
+        read_source(path, ImportReport(path)).findall("link")[1].get("name") for _ in range(2)
+    )
     assert first == second
 
 
@@ -275,7 +317,9 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
     told = refusal(path)
     assert "kinds/short/figures.yaml: No such file or directory; arguments" in told
     assert "kind:=short (known: long); hand:=none (known: none, three, two)" in told
-    robot = read_source(path, report := ImportReport(path), ImportOptions(xacro_arg=("kind:=long",)))
+    robot = read_source(
+        path, report := ImportReport(path), ImportOptions(xacro_arg=("kind:=long",))
+    )
     assert [link.get("name") for link in robot] == ["base", "tip", "l2"]
     assert "hand:=none (known: none, three, two)" in report.of("read")[0].text
 

@@ -74,12 +74,16 @@ SAME = [
 ]
 
 NAMES = symbols(abs_filename=str, load_yaml=str)
-installed = pytest.mark.skipif(importlib.util.find_spec("xacro") is None, reason="needs the extra xacro")
+installed = pytest.mark.skipif(
+    importlib.util.find_spec("xacro") is None, reason="needs the extra xacro"
+)
 
 
 def xacro_file(folder, text):
     """Write a xacro file with a text as an attribute."""
-    escaped = text.replace("FILE", str(folder / "owned")).replace("<", "&lt;").replace('"', "&quot;")
+    escaped = (
+        text.replace("FILE", str(folder / "owned")).replace("<", "&lt;").replace('"', "&quot;")
+    )
     (folder / "arm.xacro").write_text(f'{HEAD}<link name="{escaped}"/></robot>')
     return folder / "arm.xacro"
 
@@ -173,7 +177,9 @@ print("end", len(os.environ))
 def confined(folder, shut):
     """Return what a process that was shut in by a call could still do, behind what that call said."""
     code = ENTRY_KINDS.replace("FILE", str(folder / "owned")).replace("SHUT", shut)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
     return done.stdout.split()
 
 

@@ -10,7 +10,9 @@ import pytest
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.robots.catalog import load_robot, load_robot_from_urdf
 
-Row = tuple[float, float, float, float]  # θ offset [rad], d [m], a [m], alpha [rad]; A = Rz(θ) Tz(d) Tx(a) Rx(alpha)
+Row = tuple[
+    float, float, float, float
+]  # θ offset [rad], d [m], a [m], alpha [rad]; A = Rz(θ) Tz(d) Tx(a) Rx(alpha)
 
 RIGHT = np.pi / 2
 IRB120: tuple[Row, ...] = (
@@ -70,7 +72,12 @@ ODD: tuple[Row, ...] = (  # no two axes parallel, none that meet
     (0, 0.1, 0.03, -1.1),
     (0, 0.08, 0, 0.3),
 )
-BELT: Row = (0.4, 0.1, 0.3, -0.7)  # the pose of an arm's foot on a slide along z, nowhere at right angles
+BELT: Row = (
+    0.4,
+    0.1,
+    0.3,
+    -0.7,
+)  # the pose of an arm's foot on a slide along z, nowhere at right angles
 
 
 def dh_poses(rows: Sequence[Row], positions: np.ndarray) -> np.ndarray:
@@ -154,7 +161,15 @@ def drake_poses() -> Callable[..., np.ndarray]:
 
 @pytest.fixture
 def tables() -> dict[str, tuple[Row, ...]]:
-    return {"irb120": IRB120, "puma560": PUMA560, "tx40": TX40, "ur5": UR5, "kr6": KR6, "iiwa": IIWA, "odd": ODD}
+    return {
+        "irb120": IRB120,
+        "puma560": PUMA560,
+        "tx40": TX40,
+        "ur5": UR5,
+        "kr6": KR6,
+        "iiwa": IIWA,
+        "odd": ODD,
+    }
 
 
 @pytest.fixture

@@ -30,7 +30,9 @@ def test_round_trip_with_offset_shoulders(name, dh_chain, random_postures, table
     solutions = AnalyticSolver(chain).solve(targets, postures)
     assert solutions.reached.all()
     assert _error(chain, solutions.positions, targets) < PROMISED
-    np.testing.assert_allclose(solutions.positions, postures, atol=1e-6)  # near singular ones lose half the digits
+    np.testing.assert_allclose(
+        solutions.positions, postures, atol=1e-6
+    )  # near singular ones lose half the digits
 
 
 @pytest.mark.parametrize("name", ["irb120", "puma560", "tx40", "ur5"])
@@ -38,20 +40,26 @@ def test_all_eight_postures_reach_the_target(name, dh_chain, random_postures, ta
     chain = dh_chain(tables[name], limit=2 * np.pi)
     targets = chain.forward(random_postures(chain, 300))
     postures, reach = AnalyticSolver(chain).postures(targets, np.zeros(6))
-    if name == "ur5":  # its wrist bends the way to the shoulder: some poses leave the triangle of axes 2, 3, 4 open
+    if (
+        name == "ur5"
+    ):  # its wrist bends the way to the shoulder: some poses leave the triangle of axes 2, 3, 4 open
         assert (reach.sum(axis=1) % 2 == 0).all()
         assert reach.any(axis=1).all()
     else:
         assert reach.all()  # every pose has eight, as no limit is in the way
     assert _error(chain, postures[reach], np.repeat(targets, reach.sum(axis=1), axis=0)) < PROMISED
-    apart = np.abs(np.exp(1j * postures[:, :, np.newaxis]) - np.exp(1j * postures[:, np.newaxis])).max(axis=-1)
+    apart = np.abs(
+        np.exp(1j * postures[:, :, np.newaxis]) - np.exp(1j * postures[:, np.newaxis])
+    ).max(axis=-1)
     both = reach[:, :, np.newaxis] & reach[:, np.newaxis] & ~np.eye(8, dtype=bool)
     assert (apart[both] > 1e-6).all()
 
 
 @pytest.mark.parametrize("flipped", [(1,), (2,), (1, 2)])
 def test_parallel_axes_may_point_against_each_other(flipped, dh_chain, random_postures, tables):
-    rows = [(*row[:3], np.pi if index in flipped else row[3]) for index, row in enumerate(tables["ur5"])]
+    rows = [
+        (*row[:3], np.pi if index in flipped else row[3]) for index, row in enumerate(tables["ur5"])
+    ]
     chain = dh_chain(rows)
     postures = 0.9 * random_postures(chain, 200)
     postures[::4, 4] = 0.0  # a straight wrist keeps the sum of the start
@@ -84,7 +92,9 @@ def test_whole_turns_of_joint_6(irb120_chain, home):
         found = solver.solve(irb120_chain.forward(posture), posture).positions[0]
         np.testing.assert_allclose(found, posture, atol=1e-9)
     beyond = home + np.array([0, 0, 0, 0, 0, 6.9])
-    found = solver.solve(irb120_chain.forward(beyond + np.array([0, 0, 0, 0, 0, 0.3])), beyond).positions[0]
+    found = solver.solve(
+        irb120_chain.forward(beyond + np.array([0, 0, 0, 0, 0, 0.3])), beyond
+    ).positions[0]
     np.testing.assert_allclose(found[5], 7.2 - 2 * np.pi, atol=1e-9)  # 412° is too far, 52° is not
 
 
@@ -106,7 +116,9 @@ def test_flags_are_what_they_say(name, shoulder, elbow, wrist, dh_chain, random_
     place = chain.in_plant
     context = place.plant.CreateDefaultContext()
     targets = chain.forward(random_postures(chain, 20))
-    solutions = AnalyticSolver(chain, shoulder=shoulder, elbow=elbow, wrist=wrist).solve(targets, np.zeros(6))
+    solutions = AnalyticSolver(chain, shoulder=shoulder, elbow=elbow, wrist=wrist).solve(
+        targets, np.zeros(6)
+    )
     assert solutions.reached.mean() > 0.7
     for posture in solutions.positions[solutions.reached]:
         place.plant.SetPositions(context, posture)
@@ -162,7 +174,9 @@ def test_nearly_singular_wrist_loses_no_digits(irb120_chain, random_postures, an
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-11, 1e-9, 1e-7])
-def test_a_cobot_with_axis_6_along_axis_4_keeps_the_sum_of_the_parallel_ones(angle, dh_chain, random_postures, tables):
+def test_a_cobot_with_axis_6_along_axis_4_keeps_the_sum_of_the_parallel_ones(
+    angle, dh_chain, random_postures, tables
+):
     chain = dh_chain(tables["ur5"])
     postures = 0.5 * random_postures(chain, 200)
     postures[:, 4] = angle
@@ -171,14 +185,18 @@ def test_a_cobot_with_axis_6_along_axis_4_keeps_the_sum_of_the_parallel_ones(ang
     assert _error(chain, found, targets) < PROMISED
     if angle < 1e-10:
         kept = np.abs((found - starts)[:, 1:4].sum(axis=1)) < 1e-9
-        assert kept.mean() > 0.8  # some cannot keep it, as stretched arms; for some another posture lies nearer
+        assert (
+            kept.mean() > 0.8
+        )  # some cannot keep it, as stretched arms; for some another posture lies nearer
 
 
 def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
     chain = dh_chain(tables["irb120"])
     posture = np.array([0.4, -0.5, 0.0, 0.3, 0.6, -0.2])
     elbow, fore = 0.27 * np.sin(posture[1]), np.hypot(0.07, 0.302)
-    posture[2] = -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)  # so that the wrist is over axis 1
+    posture[2] = (
+        -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)
+    )  # so that the wrist is over axis 1
     targets = chain.forward(posture)
     found = AnalyticSolver(chain).solve(targets, posture + np.array([0.2, 0, 0, 0, 0, 0]))
     assert found.reached.all()
@@ -188,7 +206,9 @@ def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
 
 @pytest.mark.parametrize("name", ["irb120", "ur5"])
 def test_rounded_figures_are_polished_away(name, dh_chain, random_postures, tables):
-    rough = [tuple(round(value, 4) for value in row) for row in tables[name]]  # alpha = 1.5708, as URDFs have it
+    rough = [
+        tuple(round(value, 4) for value in row) for row in tables[name]
+    ]  # alpha = 1.5708, as URDFs have it
     chain = dh_chain(rough)
     postures = 0.5 * random_postures(chain, 200)
     targets = chain.forward(postures)
@@ -201,7 +221,9 @@ def test_other_tools_and_oblique_feet(irb120_chain, random_postures):
     chain = irb120_chain.with_tool([0.02, -0.03, 0.148, 0.5, 0.3, -0.2])
     postures = random_postures(chain, 200)
     targets = chain.forward(postures)
-    assert _error(chain, require(AnalyticSolver(chain).solve(targets, postures)), targets) < PROMISED
+    assert (
+        _error(chain, require(AnalyticSolver(chain).solve(targets, postures)), targets) < PROMISED
+    )
 
 
 def test_out_of_reach_says_how_far(irb120_chain, home):
@@ -212,7 +234,9 @@ def test_out_of_reach_says_how_far(irb120_chain, home):
     centre = targets[1, :3, 3] - 0.072 * targets[1, :3, 2]
     short = np.linalg.norm(centre - [0, 0, 0.29]) - (0.27 + np.hypot(0.07, 0.302))
     assert solutions.position_error[1] == pytest.approx(short, abs=1e-9)  # stretched towards it
-    with pytest.raises(Unreachable, match=rf"points\[1\] .* out of reach: .* {short:.3g} m") as caught:
+    with pytest.raises(
+        Unreachable, match=rf"points\[1\] .* out of reach: .* {short:.3g} m"
+    ) as caught:
         require(solutions, "points")
     assert caught.value.index == 1
     assert caught.value.position_error == solutions.position_error[1]
@@ -221,7 +245,9 @@ def test_out_of_reach_says_how_far(irb120_chain, home):
 def test_beyond_limits_names_the_joint(irb120_chain, home):
     turned = home + np.array([3.0, 0, 0, 0, 0, 0])  # 172°, where joint 1 ends at 165°
     solver = AnalyticSolver(irb120_chain, shoulder="right", elbow="up", wrist="no_flip")
-    with pytest.raises(Unreachable, match=r"joint limit: all postures with these flags need joint_1 0\.12 rad"):
+    with pytest.raises(
+        Unreachable, match=r"joint limit: all postures with these flags need joint_1 0\.12 rad"
+    ):
         require(solver.solve(irb120_chain.forward(turned), home))
 
 
@@ -229,7 +255,10 @@ def test_no_closed_form(dh_chain, tables, belt, irb120_chain):
     for name, row, a, count in (("irb120", 4, 0.01, "three"), ("ur5", 4, 0.01, "two")):
         offset = list(tables[name])
         offset[row] = (*offset[row][:2], a, offset[row][3])
-        with pytest.raises(NoClosedForm, match=f"the last {count} axes do not meet in a point: they miss it by 0.00"):
+        with pytest.raises(
+            NoClosedForm,
+            match=f"the last {count} axes do not meet in a point: they miss it by 0.00",
+        ):
             AnalyticSolver(dh_chain(offset))
     with pytest.raises(NoClosedForm, match="7 moving axes"):
         AnalyticSolver(dh_chain(tables["irb120"], slide=belt))

@@ -40,7 +40,9 @@ def test_pose(chain, random_postures, home):
     solutions = ConstrainedSolver(chain).solve(targets, np.tile(home, (40, 1)))
     assert solutions.reached.mean() > 0.9
     reached = solutions.reached
-    np.testing.assert_allclose(chain.forward(solutions.positions)[reached], targets[reached], atol=1e-4)
+    np.testing.assert_allclose(
+        chain.forward(solutions.positions)[reached], targets[reached], atol=1e-4
+    )
     assert (solutions.positions >= chain.lower).all()
     assert (solutions.positions <= chain.upper).all()
 
@@ -53,7 +55,9 @@ def test_the_posture_near_the_start_is_found(chain, random_postures):
 
 def test_position_only(chain, target, home):
     solutions = ConstrainedSolver(chain, target="position").solve(target, home)
-    np.testing.assert_allclose(chain.forward(require(solutions))[0, :3, 3], target[0, :3, 3], atol=MET)
+    np.testing.assert_allclose(
+        chain.forward(require(solutions))[0, :3, 3], target[0, :3, 3], atol=MET
+    )
 
 
 def test_position_bounds_in_a_frame(chain, home):
@@ -67,7 +71,9 @@ def test_position_bounds_in_a_frame(chain, home):
 
 def test_orientation_cone(chain, target, home):
     cone = OrientationCone(direction=(0, 0, -1), angle=0.1)
-    found = chain.forward(require(ConstrainedSolver(chain, [cone], target="position").solve(target, home)))[0]
+    found = chain.forward(
+        require(ConstrainedSolver(chain, [cone], target="position").solve(target, home))
+    )[0]
     assert _angle(found[:3, 2], np.array([0, 0, -1])) <= 0.1 + 1e-6
     np.testing.assert_allclose(found[:3, 3], target[0, :3, 3], atol=MET)
 
@@ -75,7 +81,9 @@ def test_orientation_cone(chain, target, home):
 def test_aiming(chain, target, home):
     lamp = np.array([0.5, 0.5, 0.0])
     aim = Aiming(target=tuple(lamp), axis=(0.0, 0.0, 1.0))
-    found = chain.forward(require(ConstrainedSolver(chain, [aim], target="position").solve(target, home)))[0]
+    found = chain.forward(
+        require(ConstrainedSolver(chain, [aim], target="position").solve(target, home))
+    )[0]
     ray = lamp - found[:3, 3]
     assert _angle(found[:3, 2], ray / np.linalg.norm(ray)) < 1e-4  # the cone's figures are squares
 
@@ -90,10 +98,14 @@ def test_joint_bounds_and_fixed_joints(chain, target, home):
 def test_axes_with_signs(irb120_chain, home):
     place = irb120_chain.in_plant
     signs = np.array([1, -1, 1, 1, -1, 1])
-    turned = Chain.of_plant(place.plant, joints=place.joints, base=place.base, tool=place.tool, signs=signs)
+    turned = Chain.of_plant(
+        place.plant, joints=place.joints, base=place.base, tool=place.tool, signs=signs
+    )
     goal = JointBounds(axis="joint_2", lower=0.2, upper=0.4)
     target = turned.forward(signs * home)
-    found = require(ConstrainedSolver(turned, [goal], target="position").solve(target, signs * home))
+    found = require(
+        ConstrainedSolver(turned, [goal], target="position").solve(target, signs * home)
+    )
     assert 0.2 - 1e-8 <= found[0, 1] <= 0.4 + 1e-8
     np.testing.assert_allclose(turned.forward(found)[0, :3, 3], target[0, :3, 3], atol=MET)
 
@@ -117,14 +129,18 @@ def test_low_target_against_a_floor_is_weighed(chain, home):
     solutions = ConstrainedSolver(chain, [floor], target_weights=(1.0, 1.0)).solve(target, home)
     assert solutions.reached[0]  # a wish is met as well as can be
     height = chain.forward(solutions.positions)[0, 2, 3]
-    assert height == pytest.approx((1 * 0.05 + 10 * 0.1) / 11, abs=2e-5)  # minimum of (z-.05)² + 10 (z-.1)²
+    assert height == pytest.approx(
+        (1 * 0.05 + 10 * 0.1) / 11, abs=2e-5
+    )  # minimum of (z-.05)² + 10 (z-.1)²
     assert solutions.position_error[0] == pytest.approx(height - 0.05, abs=1e-4)
 
 
 def test_fixed_joint_against_the_pose_is_weighed(chain, target, home):
     """SimRob's other example: joint 2 wished at 0 with weight 10, which the pose cannot have."""
     loose, firm = (
-        ConstrainedSolver(chain, [JointBounds.fixed("joint_2", 0.0, weight=weight)], target_weights=(1.0, 1.0))
+        ConstrainedSolver(
+            chain, [JointBounds.fixed("joint_2", 0.0, weight=weight)], target_weights=(1.0, 1.0)
+        )
         .solve(target, home)
         .positions[0, 1]
         for weight in (1e-3, 10.0)

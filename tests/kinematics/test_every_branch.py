@@ -15,7 +15,9 @@ def _apart(postures, posture):
     return np.abs(np.exp(1j * postures) - np.exp(1j * posture)).max(axis=-1)
 
 
-def _check(chain, found, targets, postures, within=1e-5):  # near singular ones half of the digits go
+def _check(
+    chain, found, targets, postures, within=1e-5
+):  # near singular ones half of the digits go
     for rows, target, posture in zip(found, targets, postures, strict=True):
         assert np.abs(chain.forward(rows) - target).max() < REACHED
         assert _apart(rows, posture).min() < within
@@ -93,21 +95,29 @@ def test_search_and_closed_form_find_the_same(name, dh_chain, random_postures, t
     request.getfixturevalue("without_closed_forms")
     found = branches(chain, targets, start)
     assert [len(rows) for rows in found] == [len(rows) for rows in expected]
-    for rows, truth in zip(found[:-1], expected[:-1], strict=True):  # at zero a straight wrist has endless ones
+    for rows, truth in zip(
+        found[:-1], expected[:-1], strict=True
+    ):  # at zero a straight wrist has endless ones
         assert all(_apart(rows, row).min() < 1e-5 for row in truth)
 
 
-def test_a_straight_wrist_gives_the_posture_of_the_family_that_is_nearest(irb120_chain, home, without_closed_forms):
+def test_a_straight_wrist_gives_the_posture_of_the_family_that_is_nearest(
+    irb120_chain, home, without_closed_forms
+):
     posture = home + np.array([0.2, 0.1, -0.3, 0.5, -np.pi / 2, 0.4])
     start = posture + np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.1])
     found = branches(irb120_chain, irb120_chain.forward(posture), start)[0]
     same = found[_apart(found[:, :3], posture[:3]) < 1e-3]
     assert len(same) == 1  # not a hundred of the family
-    np.testing.assert_allclose(same[0, 3:], [0.6, 0.0, 0.3], atol=1e-3)  # the sum of axes 4 and 6 is given: 0.9
+    np.testing.assert_allclose(
+        same[0, 3:], [0.6, 0.0, 0.3], atol=1e-3
+    )  # the sum of axes 4 and 6 is given: 0.9
 
 
 def test_beyond_limits_too_and_whole_turns_near_the_start(irb120_chain, home):
-    found = branches(irb120_chain, irb120_chain.forward(home), home + np.array([0, 0, 0, 0, 0, 2 * np.pi]))[0]
+    found = branches(
+        irb120_chain, irb120_chain.forward(home), home + np.array([0, 0, 0, 0, 0, 2 * np.pi])
+    )[0]
     assert _apart(found, home).min() < 1e-9
     assert (found < irb120_chain.lower).any() or (found > irb120_chain.upper).any()
     assert np.abs(found[:, 5] - 2 * np.pi).max() <= np.pi + 1e-9

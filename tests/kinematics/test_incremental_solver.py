@@ -34,7 +34,9 @@ def test_whole_turns_without_jumps(irb120_chain, home):
     start = home + np.array([0.2, 0.1, -0.1, 0.3, -0.3, -3.0])
     turns = np.linspace(0, 2 * np.pi, 80)
     path = np.repeat(irb120_chain.forward(start), 80, axis=0)
-    path[:, :3, :3] = path[:, :3, :3] @ Rotation.from_rotvec(turns[:, np.newaxis] * [0, 0, 1]).as_matrix()
+    path[:, :3, :3] = (
+        path[:, :3, :3] @ Rotation.from_rotvec(turns[:, np.newaxis] * [0, 0, 1]).as_matrix()
+    )
     found = require(IncrementalSolver(irb120_chain).solve(path, start))
     np.testing.assert_allclose(found, start + turns[:, np.newaxis] * [0, 0, 0, 0, 0, 1], atol=1e-3)
 
@@ -61,24 +63,35 @@ def test_rotation_limit(irb120_chain, home, limit, angle, turns):
 
 
 def test_rotation_limit_is_the_reason(irb120_chain, home):
-    with pytest.raises(Unreachable, match=r"rotation limit: the tool would turn by 0\.5 rad \(28\.6 deg\) at once"):
+    with pytest.raises(
+        Unreachable, match=r"rotation limit: the tool would turn by 0\.5 rad \(28\.6 deg\) at once"
+    ):
         require(IncrementalSolver(irb120_chain).solve(_with_turn(irb120_chain, home, 0.5), home))
 
 
 def test_passes_a_singular_wrist(irb120_chain):
     """A straight path whose middle has axes 4 and 6 in one line, a hair aside of it: joint speeds stay bounded."""
-    before, after = np.array([0.3, 0.4, -0.2, 0.02, 0.35, 0.1]), np.array([0.3, 0.5, -0.35, 0.0, -0.35, 0.14])
+    before, after = (
+        np.array([0.3, 0.4, -0.2, 0.02, 0.35, 0.1]),
+        np.array([0.3, 0.5, -0.35, 0.0, -0.35, 0.14]),
+    )
     ends = irb120_chain.forward([before, after])
     parts = np.linspace(0, 1, 200)
     path = np.repeat(ends[:1], 200, axis=0)
     path[:, :3, 3] += parts[:, np.newaxis] * (ends[1] - ends[0])[:3, 3]
     path[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix(ends[:, :3, :3]))(parts).as_matrix()
     solutions = IncrementalSolver(irb120_chain).solve(path, before)
-    smallest = np.linalg.svd(irb120_chain.jacobian(solutions.positions), compute_uv=False)[:, -1].min()
+    smallest = np.linalg.svd(irb120_chain.jacobian(solutions.positions), compute_uv=False)[
+        :, -1
+    ].min()
     assert smallest < 0.005
     assert np.abs(np.diff(solutions.positions, axis=0)).max() < 0.5
-    away = np.linalg.norm(irb120_chain.forward(solutions.positions)[:, :3, 3] - path[:, :3, 3], axis=1)
-    assert away.max() < 5e-3  # the tool gives way by up to 7% of its 72 mm while damping holds axes 4 and 6 back
+    away = np.linalg.norm(
+        irb120_chain.forward(solutions.positions)[:, :3, 3] - path[:, :3, 3], axis=1
+    )
+    assert (
+        away.max() < 5e-3
+    )  # the tool gives way by up to 7% of its 72 mm while damping holds axes 4 and 6 back
     assert solutions.reached[-1]
 
 
@@ -109,7 +122,12 @@ def test_seven_axes(dh_chain, tables, belt):
 
 @pytest.mark.parametrize(
     "options",
-    [{"iterations": 0}, {"rotation_limit": np.nan}, {"position_tolerance": -1.0}, {"rotation_tolerance": 0.0}],
+    [
+        {"iterations": 0},
+        {"rotation_limit": np.nan},
+        {"position_tolerance": -1.0},
+        {"rotation_tolerance": 0.0},
+    ],
 )
 def test_bad_settings(irb120_chain, options):
     with pytest.raises(InvalidParameter, match=next(iter(options))):

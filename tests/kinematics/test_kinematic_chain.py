@@ -18,10 +18,14 @@ EXACT = 1e-12  # a dozen products of numbers near 1 lose no more than a few 1e-1
 
 def test_forward_is_drakes(irb120_chain, random_postures, drake_poses):
     postures = random_postures(irb120_chain, 500)
-    np.testing.assert_allclose(irb120_chain.forward(postures), drake_poses(irb120_chain, postures), atol=EXACT)
+    np.testing.assert_allclose(
+        irb120_chain.forward(postures), drake_poses(irb120_chain, postures), atol=EXACT
+    )
 
 
-def test_urdf_dh_table_and_analytic_model_agree(irb120_chain, random_postures, tables, textbook_poses):
+def test_urdf_dh_table_and_analytic_model_agree(
+    irb120_chain, random_postures, tables, textbook_poses
+):
     postures = random_postures(irb120_chain, 10_000)
     of_urdf = irb120_chain.forward(postures)
     np.testing.assert_allclose(of_urdf, textbook_poses(tables["irb120"], postures), atol=1e-9)
@@ -29,7 +33,9 @@ def test_urdf_dh_table_and_analytic_model_agree(irb120_chain, random_postures, t
 
 
 @pytest.mark.parametrize("name", ["puma560", "tx40", "ur5"])
-def test_analytic_model_of_offset_shoulders(name, dh_chain, random_postures, tables, textbook_poses):
+def test_analytic_model_of_offset_shoulders(
+    name, dh_chain, random_postures, tables, textbook_poses
+):
     chain = dh_chain(tables[name])
     postures = random_postures(chain, 1000)
     truth = textbook_poses(tables[name], postures)
@@ -54,17 +60,23 @@ def test_jacobian_is_drakes(irb120_chain, random_postures):
         drakes = place.plant.CalcJacobianSpatialVelocity(
             context, JacobianWrtVariable.kV, place.tool, np.zeros(3), place.base, place.base
         )
-        np.testing.assert_allclose(irb120_chain.jacobian(posture)[0], np.roll(drakes, 3, axis=0), atol=EXACT)
+        np.testing.assert_allclose(
+            irb120_chain.jacobian(posture)[0], np.roll(drakes, 3, axis=0), atol=EXACT
+        )
 
 
 def _assert_jacobian_is_derivative(chain, posture):
     step = 1e-6
     jacobian = chain.jacobian(posture)[0]
     for axis in range(chain.size):
-        ahead, behind = (chain.forward(posture + sign * step * np.eye(chain.size)[axis])[0] for sign in (1, -1))
+        ahead, behind = (
+            chain.forward(posture + sign * step * np.eye(chain.size)[axis])[0] for sign in (1, -1)
+        )
         turn = (ahead - behind)[:3, :3] @ chain.forward(posture)[0, :3, :3].T / (2 * step)
         slope = [*(ahead - behind)[:3, 3] / (2 * step), turn[2, 1], turn[0, 2], turn[1, 0]]
-        np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-8)  # central differences: step² and 1e-16/step
+        np.testing.assert_allclose(
+            jacobian[:, axis], slope, atol=1e-8
+        )  # central differences: step² and 1e-16/step
 
 
 def test_signs_and_order_of_axes(irb120_chain, random_postures):
@@ -80,7 +92,9 @@ def test_signs_and_order_of_axes(irb120_chain, random_postures):
         names=[f"a{axis}" for axis in mixed],
     )
     postures = random_postures(irb120_chain, 50)
-    np.testing.assert_allclose(chain.forward((signs * postures)[:, mixed]), irb120_chain.forward(postures), atol=EXACT)
+    np.testing.assert_allclose(
+        chain.forward((signs * postures)[:, mixed]), irb120_chain.forward(postures), atol=EXACT
+    )
     assert chain.upper[chain.axis_index("a2")] == irb120_chain.upper[2]
     assert chain.upper[chain.axis_index("a1")] == -irb120_chain.lower[1]
     _assert_jacobian_is_derivative(chain, postures[0][mixed])
@@ -89,7 +103,10 @@ def test_signs_and_order_of_axes(irb120_chain, random_postures):
 def test_way_from_one_arm_to_another(random_postures):
     model, plant = load_robot("irb120"), MultibodyPlant(0.0)
     urdf = with_absolute_meshes(model.element, model.folder)
-    arms = [add_urdf(plant, urdf, name=name, where="two arms", collision=False) for name in ("left", "right")]
+    arms = [
+        add_urdf(plant, urdf, name=name, where="two arms", collision=False)
+        for name in ("left", "right")
+    ]
     for arm in arms:
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link", arm))
     plant.Finalize()
@@ -101,7 +118,9 @@ def test_way_from_one_arm_to_another(random_postures):
     context = plant.CreateDefaultContext()
     for posture in random_postures(chain, 20):
         plant.SetPositions(context, posture)
-        np.testing.assert_allclose(chain.forward(posture)[0], right.CalcPose(context, left).GetAsMatrix4(), atol=EXACT)
+        np.testing.assert_allclose(
+            chain.forward(posture)[0], right.CalcPose(context, left).GetAsMatrix4(), atol=EXACT
+        )
     _assert_jacobian_is_derivative(chain, posture)
 
 
@@ -133,7 +152,17 @@ def test_unlisted_joint_between_the_frames(irb120_chain):
 
 
 @pytest.mark.parametrize(
-    "positions", [[0.0] * 5, [[0.0] * 7], [[[0.0] * 6]], [0, 0, np.nan, 0, 0, 0], "home", [], [[]], [[0.0] * 6, [0.0]]]
+    "positions",
+    [
+        [0.0] * 5,
+        [[0.0] * 7],
+        [[[0.0] * 6]],
+        [0, 0, np.nan, 0, 0, 0],
+        "home",
+        [],
+        [[]],
+        [[0.0] * 6, [0.0]],
+    ],
 )
 def test_bad_postures(irb120_chain, positions):
     with pytest.raises(InvalidParameter, match=r"positions.*6 finite numbers"):
@@ -151,12 +180,19 @@ def test_unknown_names(irb120_chain):
 def test_bad_signs(irb120_chain, signs):
     place = irb120_chain.in_plant
     with pytest.raises(InvalidParameter, match="signs"):
-        Chain.of_plant(place.plant, joints=place.joints, base=place.base, tool=place.tool, signs=signs)
+        Chain.of_plant(
+            place.plant, joints=place.joints, base=place.base, tool=place.tool, signs=signs
+        )
 
 
 def test_a_base_that_is_elsewhere_carries_poses_and_jacobians(irb120_chain, random_postures):
     postures = random_postures(irb120_chain, 20)
-    base = np.array([RigidTransform(RollPitchYaw(0.1 * k, 0.3, -0.2 * k), [k, 1, 2]).GetAsMatrix4() for k in range(20)])
+    base = np.array(
+        [
+            RigidTransform(RollPitchYaw(0.1 * k, 0.3, -0.2 * k), [k, 1, 2]).GetAsMatrix4()
+            for k in range(20)
+        ]
+    )
     frames = irb120_chain.frames(postures, base)
     poses = irb120_chain.tool_poses(frames)
     np.testing.assert_allclose(poses, base @ irb120_chain.forward(postures), atol=1e-12)

@@ -41,7 +41,9 @@ def test_starts_one_by_one_or_each_its_own(name, irb120_chain, home, near):
     solver = make_solver(name, irb120_chain)
     in_order = solver.solve(near, home)
     first, second = solver.solve(near[0], home), solver.solve(near[1], in_order.positions[0])
-    np.testing.assert_array_equal(in_order.positions[:2], np.concatenate([first.positions, second.positions]))
+    np.testing.assert_array_equal(
+        in_order.positions[:2], np.concatenate([first.positions, second.positions])
+    )
     each = solver.solve(near, np.tile(home, (3, 1)))
     alone = [solver.solve(target, home).positions[0] for target in near]
     np.testing.assert_allclose(each.positions, alone, atol=1e-12)  # batches add in another order
@@ -68,7 +70,8 @@ def test_unreachable_names_point_reason_and_nearness(name, irb120_chain, home, n
     solutions = make_solver(name, irb120_chain, **options).solve(near, home)
     assert solutions.reached.tolist() == [True, True, False]
     with pytest.raises(
-        Unreachable, match=r"^points\[2\] cannot be reached: .+; the best .* m and .* rad \(.* deg\)$"
+        Unreachable,
+        match=r"^points\[2\] cannot be reached: .+; the best .* m and .* rad \(.* deg\)$",
     ) as caught:
         require(solutions, "points")
     assert caught.value.index == 2
@@ -94,4 +97,6 @@ def test_unknown_solver_and_option(irb120_chain):
 
 
 def test_errors_are_simrobs():
-    assert all(issubclass(error, SimrobError) for error in (Unreachable, NoClosedForm, UnsupportedChain))
+    assert all(
+        issubclass(error, SimrobError) for error in (Unreachable, NoClosedForm, UnsupportedChain)
+    )

@@ -13,12 +13,17 @@ def test_random_poses_from_home(irb120_chain, random_postures, home):
     targets = irb120_chain.forward(random_postures(irb120_chain, 10_000))
     solutions = NumericSolver(irb120_chain).solve(targets, np.tile(home, (len(targets), 1)))
     errors = pose_errors(targets, irb120_chain.forward(solutions.positions))
-    within = (np.linalg.norm(errors[:, :3], axis=1) < 1e-5) & (np.linalg.norm(errors[:, 3:], axis=1) < 1e-4)
+    within = (np.linalg.norm(errors[:, :3], axis=1) < 1e-5) & (
+        np.linalg.norm(errors[:, 3:], axis=1) < 1e-4
+    )
     assert within.mean() >= 0.995
     assert within[solutions.reached].all()
     assert (solutions.positions >= irb120_chain.lower).all()
     assert (solutions.positions <= irb120_chain.upper).all()
-    assert all(reason or reached for reason, reached in zip(solutions.reasons, solutions.reached, strict=True))
+    assert all(
+        reason or reached
+        for reason, reached in zip(solutions.reasons, solutions.reached, strict=True)
+    )
 
 
 def test_path_in_order_does_not_jump(irb120_chain):
@@ -64,19 +69,32 @@ def test_compromise_is_the_weighted_minimum(irb120_chain, home):
     weights = np.array([1.0, 2.0, 3.0, 0.3, 0.2, 0.1])
 
     def cost(posture):
-        return pose_errors(target, irb120_chain.forward(posture))[0] ** 2 @ weights[[0, 1, 2, 5, 4, 3]]
+        return (
+            pose_errors(target, irb120_chain.forward(posture))[0] ** 2 @ weights[[0, 1, 2, 5, 4, 3]]
+        )
 
-    found = NumericSolver(irb120_chain, weights=weights, restarts=0, iterations=200).solve(target, home).positions[0]
+    found = (
+        NumericSolver(irb120_chain, weights=weights, restarts=0, iterations=200)
+        .solve(target, home)
+        .positions[0]
+    )
     limits = list(zip(irb120_chain.lower, irb120_chain.upper, strict=True))
-    best = minimize(cost, found + 0.01, bounds=limits, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-9})
+    best = minimize(
+        cost, found + 0.01, bounds=limits, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-9}
+    )
     assert cost(found) <= best.fun * (1 + 1e-9)
 
 
 def test_limits_hold_joints_back(irb120_chain, home):
     target = irb120_chain.forward(home + np.array([3.2, 0, 0, 0, 0, 0]))  # joint 1 ends at 2.88
-    solutions = NumericSolver(irb120_chain, restarts=0).solve(target, home + np.array([2.5, 0, 0, 0, 0, 0]))
+    solutions = NumericSolver(irb120_chain, restarts=0).solve(
+        target, home + np.array([2.5, 0, 0, 0, 0, 0])
+    )
     assert solutions.positions[0, 0] == irb120_chain.upper[0]
-    with pytest.raises(Unreachable, match=r"joint limit: joint_1 stands at its upper limit of 2\.88 rad \(165 deg\)"):
+    with pytest.raises(
+        Unreachable,
+        match=r"joint limit: joint_1 stands at its upper limit of 2\.88 rad \(165 deg\)",
+    ):
         require(solutions)
 
 
@@ -88,7 +106,9 @@ def test_out_of_reach(irb120_chain, home):
 def test_just_out_of_reach_is_a_singular_posture(irb120_chain, home):
     target = [0.7, 0, 0.29, 0, np.pi / 2, 0]
     solutions = NumericSolver(irb120_chain, weights=[1, 1, 1, 0, 0, 0]).solve(target, home)
-    assert solutions.position_error[0] == pytest.approx(0.7 - 0.652, abs=1e-3)  # 0.270 + 0.310 + 0.072 stretched
+    assert solutions.position_error[0] == pytest.approx(
+        0.7 - 0.652, abs=1e-3
+    )  # 0.270 + 0.310 + 0.072 stretched
     with pytest.raises(Unreachable, match="singular posture: the arm is stretched"):
         require(solutions)
 
@@ -119,14 +139,20 @@ def test_bad_settings(irb120_chain, options, said):
         NumericSolver(irb120_chain, **options)
 
 
-def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(dh_chain, random_postures, tables):
+def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(
+    dh_chain, random_postures, tables
+):
     chain = dh_chain(tables["iiwa"], limit=1.2)
     postures = random_postures(chain, 200) * 0.9
     targets = chain.forward(postures)
     solutions = NumericSolver(chain, restarts=0).solve(targets, np.zeros_like(postures))
-    room = np.minimum(chain.upper - solutions.positions, solutions.positions - chain.lower).min(axis=1)
+    room = np.minimum(chain.upper - solutions.positions, solutions.positions - chain.lower).min(
+        axis=1
+    )
     assert solutions.reached.mean() > 0.5
     assert (room[solutions.reached] > 0.05 - 1e-9).mean() > 0.95
     near = chain.upper - 0.01
     stays = NumericSolver(chain).solve(chain.forward(near), near[np.newaxis])
-    np.testing.assert_allclose(stays.positions[0], near, atol=1e-9)  # what begins without room does not jump
+    np.testing.assert_allclose(
+        stays.positions[0], near, atol=1e-9
+    )  # what begins without room does not jump

@@ -56,7 +56,9 @@ def test_a_tool_that_looks_straight_down_is_found_and_the_clamp_is_said() -> Non
     with pytest.warns(ClampedPosition, match=chain.names[5]):
         found = make_solver("analytic", chain).solve(pose, start[np.newaxis])
     assert found.reached[0]
-    np.testing.assert_allclose(found.positions[0], np.clip(posture, chain.lower, chain.upper), atol=1e-4)
+    np.testing.assert_allclose(
+        found.positions[0], np.clip(posture, chain.lower, chain.upper), atol=1e-4
+    )
 
 
 @pytest.mark.parametrize("solver", ["analytic", "numeric"])
@@ -64,7 +66,9 @@ def test_poses_further_beyond_are_refused(solver: str) -> None:
     chain = rounded_chain("irb120")
     cut = replace(chain, lower=np.full(6, -0.5), upper=np.full(6, 0.5))
     posture = np.array([0.3, 0.3, -0.3, 0.3, 0.4, 0.5 + 3 * ANGLE_TOLERANCE])
-    found = make_solver(solver, cut).solve(chain.forward(posture), np.clip(posture, cut.lower, cut.upper)[np.newaxis])
+    found = make_solver(solver, cut).solve(
+        chain.forward(posture), np.clip(posture, cut.lower, cut.upper)[np.newaxis]
+    )
     assert not found.reached[0]
     assert "joint limit" in found.reasons[0]
 

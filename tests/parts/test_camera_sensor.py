@@ -11,12 +11,21 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion
 
 ABOVE = {"kind": "camera", "pose": [0, 0, 2.0, 0, 0, np.pi]}
-ASIDE = {"kind": "camera", "pose": [-0.9, 0.1, 0.5, 0, 1.9, np.pi / 2 * 0], "width": 160, "height": 120, "rate": 4.0}
+ASIDE = {
+    "kind": "camera",
+    "pose": [-0.9, 0.1, 0.5, 0, 1.9, np.pi / 2 * 0],
+    "width": 160,
+    "height": 120,
+    "rate": 4.0,
+}
 SHORT = {"duration": 0.5, "pieces.box.pose": [0, 0, 0.112, 0.2, 0.4363, 0]}
 
 
 def seen(camera, **overrides):
-    return simulate(load_station("box_on_floor", {"sensors": {"eye": camera}, **SHORT, **overrides}), progress=False)
+    return simulate(
+        load_station("box_on_floor", {"sensors": {"eye": camera}, **SHORT, **overrides}),
+        progress=False,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +59,17 @@ def test_the_images_come_evenly_and_the_last_at_the_end(run):
 
 
 def test_one_on_a_link_moves_with_it():
-    camera = {"kind": "camera", "frame": "link_6", "pose": [0.2, 0, 0, 0, 0.9, 0], "rate": 1.0, "far": 3.0}
-    result = simulate(load_station("irb120_kinematic", {"sensors": {"eye": camera}, "duration": 1.0}), progress=False)
+    camera = {
+        "kind": "camera",
+        "frame": "link_6",
+        "pose": [0.2, 0, 0, 0, 0.9, 0],
+        "rate": 1.0,
+        "far": 3.0,
+    }
+    result = simulate(
+        load_station("irb120_kinematic", {"sensors": {"eye": camera}, "duration": 1.0}),
+        progress=False,
+    )
     plant, robot = result.plant.plant, next(iter(result.plant.robots.values()))
     for image in result.images["eye"]:
         context = plant.CreateDefaultContext()
@@ -79,7 +97,9 @@ class Finder(LeafSystem):
 def test_a_loop_looks_through_it_and_it_changes_nothing():
     upright = {"pieces.box.pose": [0.03, -0.05, 0.1, 0, 0, 0], "duration": 0.2}
     plain = seen(ABOVE, **upright)
-    config = load_station("box_on_floor", {"sensors": {"eye": {**ABOVE, "in_loop": True}}, **SHORT, **upright})
+    config = load_station(
+        "box_on_floor", {"sensors": {"eye": {**ABOVE, "in_loop": True}}, **SHORT, **upright}
+    )
     looked = simulate(config, blocks=[Finder()], progress=False)
     place = np.column_stack([looked[f"finder.place.{axis}"] for axis in range(3)])
     np.testing.assert_allclose(place[-1], [0.03, -0.05, 0.2], atol=2e-3)
@@ -90,7 +110,10 @@ def test_a_loop_looks_through_it_and_it_changes_nothing():
 
 
 def test_noise_of_depth_grows_with_the_square_of_the_distance_and_comes_again():
-    first, again = (seen({**ABOVE, "depth_noise": 0.002, "rate": 2.0}, duration=0.5).images["eye"] for _ in range(2))
+    first, again = (
+        seen({**ABOVE, "depth_noise": 0.002, "rate": 2.0}, duration=0.5).images["eye"]
+        for _ in range(2)
+    )
     np.testing.assert_array_equal(first[0].depth, again[0].depth)
     floor = first[0].depth[first[0].labels == 0]
     assert floor.std() == pytest.approx(0.002 * 2.0**2, rel=0.03)
@@ -116,7 +139,9 @@ def test_its_images_are_saved(tmp_path):
     ]  # fmt: skip
     depth = np.asarray(Picture.open(folder / "eye" / "depth_0001.png"))
     expected = result.images["eye"][1]
-    np.testing.assert_allclose(depth[expected.has_depth], 1e3 * expected.depth[expected.has_depth], atol=0.5)
+    np.testing.assert_allclose(
+        depth[expected.has_depth], 1e3 * expected.depth[expected.has_depth], atol=0.5
+    )
     assert (depth[~expected.has_depth] == 65535).all()
     assert Picture.open(folder / "eye.png").width > 2 * 320
 

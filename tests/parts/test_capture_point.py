@@ -28,7 +28,10 @@ def capture_point(plant, context, robot, state):
     mass = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
     points = np.vstack(
         [
-            (plant.GetFrameByName(foot).CalcPoseInWorld(context) @ robot.feet.support_points(foot).T).T
+            (
+                plant.GetFrameByName(foot).CalcPoseInWorld(context)
+                @ robot.feet.support_points(foot).T
+            ).T
             for foot in ("left_foot", "right_foot")
         ]
     )
@@ -40,7 +43,11 @@ def capture_point(plant, context, robot, state):
 def test_how_far_the_capture_point_is_outside_of_the_feet(standing, ahead):
     plant, context, robot = standing
     state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
-    state[plant.num_positions() + np.array([3, 4, 5])] = [0.7 * ahead, -ahead, -0.2]  # of the trunk [m/s]
+    state[plant.num_positions() + np.array([3, 4, 5])] = [
+        0.7 * ahead,
+        -ahead,
+        -0.2,
+    ]  # of the trunk [m/s]
     plant.SetPositionsAndVelocities(context, state)
     place, points = capture_point(plant, context, robot, state)
     hull = points[ConvexHull(points).vertices]
@@ -57,5 +64,7 @@ def test_how_far_the_capture_point_is_outside_of_the_feet(standing, ahead):
 
 def test_a_robot_without_feet_has_none():
     ports = Station("irb120_dynamic").ports
-    with pytest.raises(InvalidParameter, match=r"guard\.capture_point: irb120 has no feet; leave it out"):
+    with pytest.raises(
+        InvalidParameter, match=r"guard\.capture_point: irb120 has no feet; leave it out"
+    ):
         CapturePoint(ports.plant.plant, ports.plant.robots["robot"], "guard.capture_point")

@@ -16,7 +16,10 @@ STILL = {
     "servo.realization": "implicit",
     "reference": {"kind": "hold", "target_deg": 0},
 }
-CELLS = [{"targets_deg": {"joint_5": 30}, "duration": 0.3}, {"targets_deg": {"joint_1": -20, "joint_5": 0}}]
+CELLS = [
+    {"targets_deg": {"joint_5": 30}, "duration": 0.3},
+    {"targets_deg": {"joint_1": -20, "joint_5": 0}},
+]
 
 
 def arm(**controllers):
@@ -29,7 +32,14 @@ def sequence(**changed):
 
 
 def objective(**changed):
-    return {"kind": "objective", "measures": "tcp.z", "target": 0.6, "weights": {"joint_2": -1}, "kp": 50, **changed}
+    return {
+        "kind": "objective",
+        "measures": "tcp.z",
+        "target": 0.6,
+        "weights": {"joint_2": -1},
+        "kp": 50,
+        **changed,
+    }
 
 
 def balance(**changed):
@@ -43,7 +53,9 @@ def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
     ends = {}
     for part in (1.0, 0.25):
         gains = {"servo.kp": 1000 * part, "servo.kd": 20 / part}
-        config = load_station("irb120_dynamic", {**STILL, **gains, "controllers": {"sequence": sequence(speed_deg=1)}})
+        config = load_station(
+            "irb120_dynamic", {**STILL, **gains, "controllers": {"sequence": sequence(speed_deg=1)}}
+        )
         result = simulate(config, duration=4.5)
         cell, done = result["sequence.cell"], result["sequence.done"]
         assert sorted(set(cell)) == [0, 1]
@@ -59,7 +71,11 @@ def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
 def test_a_late_cell_ends_the_run_and_names_the_joint():
     slow = load_station(
         "irb120_dynamic",
-        {**STILL, "servo.torque_limit": {"joint_1": 0.001}, "controllers": {"sequence": sequence(timeout=1.5)}},
+        {
+            **STILL,
+            "servo.torque_limit": {"joint_1": 0.001},
+            "controllers": {"sequence": sequence(timeout=1.5)},
+        },
     )
     result = simulate(slow, duration=5)
     assert (result.ending, result.stopped_by) == ("monitor", "sequence")
@@ -67,23 +83,39 @@ def test_a_late_cell_ends_the_run_and_names_the_joint():
 
 
 def test_what_lies_above_drives_its_own_axes_and_a_weight_shows_what_is_below():
-    wave = {"kind": "fall_guard", "height": 2.0, "duration": 0, "posture_deg": {"joint_5": 50, "joint_6": 10}}
+    wave = {
+        "kind": "fall_guard",
+        "height": 2.0,
+        "duration": 0,
+        "posture_deg": {"joint_5": 50, "joint_6": 10},
+    }
     both = simulate(arm(sequence=sequence(), above={**wave, "priority": 1}), duration=1.0)
     assert np.rad2deg(both["q_ref.joint_5"][-1]) == pytest.approx(50)
     assert np.rad2deg(both["q_ref.joint_6"][-1]) == pytest.approx(10)
     assert both["q_ref.joint_1"][-1] == both["sequence.target.joint_1"][-1]
-    mixed = simulate(arm(sequence=sequence(weight=1), above={**wave, "weight": 0.25, "priority": 1}), duration=1.0)
+    mixed = simulate(
+        arm(sequence=sequence(weight=1), above={**wave, "weight": 0.25, "priority": 1}),
+        duration=1.0,
+    )
     below, above = mixed["sequence.target.joint_5"][-1], np.deg2rad(50)
     assert mixed["q_ref.joint_5"][-1] == pytest.approx(0.75 * below + 0.25 * above)
 
 
 def test_motor_protection_lies_above_all_other_loops_whatever_their_priorities():
-    wave = {"kind": "fall_guard", "height": 2.0, "duration": 0, "posture_deg": {"joint_2": 40}, "priority": 7}
+    wave = {
+        "kind": "fall_guard",
+        "height": 2.0,
+        "duration": 0,
+        "posture_deg": {"joint_2": 40},
+        "priority": 7,
+    }
     protection = {"kind": "motor_protection", "limit": {"joint_2": 5}, "hold": 0, "patience": 0.05}
     result = simulate(arm(protection=protection, wave=wave), duration=0.5)
     assert result["protection.stage"][-1] == 3
     assert result["wave.target.joint_2"][-1] == pytest.approx(np.deg2rad(40))
-    assert result["q_ref.joint_2"][-1] == pytest.approx(result["protection.target.joint_2"][-1], abs=1e-12)
+    assert result["q_ref.joint_2"][-1] == pytest.approx(
+        result["protection.target.joint_2"][-1], abs=1e-12
+    )
     assert abs(result["q_ref.joint_2"][-1] - np.deg2rad(40)) > 0.1
     with pytest.raises(SimrobError, match=r"controllers\.other is driving joint_1"):
         simulate(arm(protection=protection, other=protection), duration=0.1)
@@ -112,11 +144,17 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
     [
         ({"s": sequence(cells=[])}, "controllers.s.cells"),
         ({"s": sequence(cells=[{"targets_deg": {}}])}, "targets_deg"),
-        ({"s": sequence(cells=[{"targets_deg": {"joint_5": 500}}])}, "cells[0].targets_deg.joint_5 is 500"),
+        (
+            {"s": sequence(cells=[{"targets_deg": {"joint_5": 500}}])},
+            "cells[0].targets_deg.joint_5 is 500",
+        ),
         ({"s": sequence(cells=[{"targets_deg": {"joint_7": 5}}])}, "joint_7"),
         ({"s": sequence(timeout=None, on_timeout="wait")}, "on_timeout"),
         ({"s": sequence(on_timeout="go_on")}, "needs a timeout"),
-        ({"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}}, "height, tilt_deg or capture_point"),
+        (
+            {"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}},
+            "height, tilt_deg or capture_point",
+        ),
         ({"s": sequence(), "t": sequence()}, "a priority (or both with a weight)"),
         ({"s": sequence(reads={"position": "encoders"})}, "controllers.s.reads.position"),
         ({"s": sequence(reads={"angle": "encoders"})}, "controllers.s.reads"),
@@ -129,7 +167,10 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
         ({"o": objective(measures="base.height")}, "controllers.o.measures"),
         ({"o": objective(then_deg={"joint_5": 10})}, "needs a tolerance"),
         ({"o": objective(target=[])}, "empty"),
-        ({"b": balance()}, "controllers.b is balance of robot; it must be of a robot that stands on feet"),
+        (
+            {"b": balance()},
+            "controllers.b is balance of robot; it must be of a robot that stands on feet",
+        ),
         ({"b": balance(moves_deg={"hip": 20})}, "hip"),
         ({"b": balance(moves_deg={"joint_5": 0})}, "all zero"),
         ({"b": balance(beyond=0.1)}, "full, 0.1 m, must be beyond the 0.1 m"),
@@ -160,14 +201,22 @@ GUARD = {"kind": "fall_guard", "height": 0.2}
         ({"controllers.touchdown.force": 0}, "force"),
         ({"controllers.touchdown.holds": "heights"}, "torques"),
         (
-            {"controllers.other": {"kind": "fall_guard", "height": 0.2, "posture_deg": {"rear_left_knee": 0}}},
+            {
+                "controllers.other": {
+                    "kind": "fall_guard",
+                    "height": 0.2,
+                    "posture_deg": {"rear_left_knee": 0},
+                }
+            },
             "priority",
         ),
     ],
 )
 def test_a_touchdown_that_cannot_be_is_refused(overrides, message):
     with pytest.raises(SimrobError, match=message):
-        simulate(load_station("yobotics_terrain", {"floor.terrain": None, **overrides}), duration=0.1)
+        simulate(
+            load_station("yobotics_terrain", {"floor.terrain": None, **overrides}), duration=0.1
+        )
 
 
 @pytest.mark.parametrize(
@@ -196,7 +245,10 @@ def test_touchdown_drives_the_legs_of_its_feet_alone():
 def test_an_objective_does_under_drakes_integrators_what_it_does_with_steps_of_the_plant():
     """Sampled expressions refuse to be asked for derivatives, as these integrators do with every system."""
     ends = []
-    for solver in ({"kind": "continuous", "scheme": "radau3"}, {"kind": "discrete", "time_step": 0.001}):
+    for solver in (
+        {"kind": "continuous", "scheme": "radau3"},
+        {"kind": "discrete", "time_step": 0.001},
+    ):
         changes = {"controllers": {"lift": objective()}, "solver": solver, "duration": 0.5}
         result = simulate(load_station("irb120_dynamic", changes), progress=False)
         assert result.ending == "completed", result.message

@@ -19,7 +19,11 @@ FREE = {"pieces.ball.pose": [0, 0, 1, 0, 0, 0], "floor": None, "contact": None, 
 
 def ball(drag: dict[str, Any], *, until: float, **more: Any) -> Any:
     forces = {"pull": {"kind": "drag", "at": "ball", **drag}}
-    return simulate(load_station("bouncing_ball", {**FREE, **more, "forces": forces}), duration=until, progress=False)
+    return simulate(
+        load_station("bouncing_ball", {**FREE, **more, "forces": forces}),
+        duration=until,
+        progress=False,
+    )
 
 
 @pytest.mark.long
@@ -68,12 +72,16 @@ def test_the_equation_at_a_point_of_a_turned_moving_frame() -> None:
     damping = 3.0  # N·s/m
     target = np.array([1.0, 2.0, 3.0])
     plant = MultibodyPlant(0.0)
-    body = plant.AddRigidBody("body", SpatialInertia(2.0, np.zeros(3), UnitInertia.SolidSphere(0.1)))
+    body = plant.AddRigidBody(
+        "body", SpatialInertia(2.0, np.zeros(3), UnitInertia.SolidSphere(0.1))
+    )
     body_from_frame = RigidTransform(RollPitchYaw(0.3, -0.2, 0.9), [0.1, 0.2, 0.3])
     frame = plant.AddFrame(FixedOffsetFrame("handle", body.body_frame(), body_from_frame))
     plant.Finalize()
     point = np.array([0.05, -0.02, 0.4])
-    spring = DragSpring(period=0.01, plant=plant, frame=frame, point=point, stiffness=stiffness, damping=damping)
+    spring = DragSpring(
+        period=0.01, plant=plant, frame=frame, point=point, stiffness=stiffness, damping=damping
+    )
 
     context = plant.CreateDefaultContext()
     pose = RigidTransform(RollPitchYaw(1.0, 0.5, -0.3), [0.4, 0.1, -0.2])
@@ -86,7 +94,9 @@ def test_the_equation_at_a_point_of_a_turned_moving_frame() -> None:
     force = spring.sample({}, {"target": np.array([1.0, *target]), "state": state})["force"]
     force_without_target = spring.sample({}, {"target": np.zeros(4), "state": state})["force"]
 
-    arm = pose.rotation() @ (body_from_frame @ point)  # from the body's origin to the point, in the world
+    arm = pose.rotation() @ (
+        body_from_frame @ point
+    )  # from the body's origin to the point, in the world
     point_velocity = velocity + np.cross(omega, arm)
     force_in_world = stiffness * (target - pose.translation() - arm) - damping * point_velocity
     world_from_frame = pose.rotation() @ body_from_frame.rotation()

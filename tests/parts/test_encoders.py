@@ -38,7 +38,9 @@ def test_they_round_to_their_resolution():
 
 def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
     one, other = moved(noise_deg=0.1, seed=1), moved(noise_deg=0.1, seed=2)
-    errors = np.rad2deg([one[f"position.encoders.joint_{k}"] - one[f"q.joint_{k}"] for k in range(1, 7)])
+    errors = np.rad2deg(
+        [one[f"position.encoders.joint_{k}"] - one[f"q.joint_{k}"] for k in range(1, 7)]
+    )
     assert errors.std() == pytest.approx(0.1, rel=0.1)  # 606 figures: 3 % of one sigma
     assert (moved(noise_deg=0.1, seed=1).values == one.values).all()
     assert (other["position.encoders.joint_1"] != one["position.encoders.joint_1"]).all()
@@ -48,7 +50,9 @@ def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
 def test_a_delay_tells_what_was(in_loop):
     result = moved(delay=0.03, in_loop=in_loop)
     true, told = result["q.joint_1"], result["position.encoders.joint_1"]
-    lag = 3 + in_loop  # in a run's sample at the time of an encoder's, the encoder's last one stands
+    lag = (
+        3 + in_loop
+    )  # in a run's sample at the time of an encoder's, the encoder's last one stands
     assert told[10:] == pytest.approx(true[10 - lag : len(true) - lag], abs=1e-12)
     assert told[:3] == pytest.approx(np.zeros(3), abs=1e-12)
 
@@ -64,9 +68,18 @@ def test_smoothing_is_a_low_pass_of_its_time_constant():
 
 @pytest.mark.long
 def test_a_loop_makes_its_sensor_sample_while_stepping():
-    cells = [{"targets_deg": {"joint_5": 20}, "duration": 0.2}, {"targets_deg": {"joint_5": 0}, "duration": 0.2}]
-    loop = {"kind": "sequencer", "cells": cells, "reads": {"position": "encoders", "velocity": "encoders"}}
-    config = load_station("irb120_dynamic", {"sensors": {"encoders": {"delay": 0.05}}, "controllers": {"s": loop}})
+    cells = [
+        {"targets_deg": {"joint_5": 20}, "duration": 0.2},
+        {"targets_deg": {"joint_5": 0}, "duration": 0.2},
+    ]
+    loop = {
+        "kind": "sequencer",
+        "cells": cells,
+        "reads": {"position": "encoders", "velocity": "encoders"},
+    }
+    config = load_station(
+        "irb120_dynamic", {"sensors": {"encoders": {"delay": 0.05}}, "controllers": {"s": loop}}
+    )
     late = simulate(config, duration=1.5, progress=False)
     true = load_station("irb120_dynamic", {"controllers": {"s": {**loop, "reads": {}}}})
     at_once = simulate(true, duration=1.5, progress=False)
@@ -74,7 +87,9 @@ def test_a_loop_makes_its_sensor_sample_while_stepping():
     assert 0.05 < ends[0] - ends[1] < 0.2
 
 
-@pytest.mark.parametrize("wrong", [{"resolution_deg": -1}, {"delay": -0.1}, {"robot": "left"}, {"noise": 1}])
+@pytest.mark.parametrize(
+    "wrong", [{"resolution_deg": -1}, {"delay": -0.1}, {"robot": "left"}, {"noise": 1}]
+)
 def test_what_cannot_be_is_refused(wrong):
     with pytest.raises(SimrobError, match=next(iter(wrong)) if "robot" not in wrong else "left"):
         moved(**wrong)

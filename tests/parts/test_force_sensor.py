@@ -7,7 +7,10 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 
 RATE = 100
-TIPPING = {"pieces.box.pose": [0, 0, 0.112, 0, 0.3, 0], "sensors.true": {"kind": "force", "body": "box"}}
+TIPPING = {
+    "pieces.box.pose": [0, 0, 0.112, 0, 0.3, 0],
+    "sensors.true": {"kind": "force", "body": "box"},
+}
 
 
 def felt(duration=1.0, **sensor):
@@ -17,7 +20,8 @@ def felt(duration=1.0, **sensor):
     overrides["sensors.true"] = {**TIPPING["sensors.true"], "rate": RATE}
     result = simulate(load_station("box_on_floor", overrides), progress=False)
     return result, *(
-        np.hstack([result.vector(f"{part}.{name}") for part in ("force", "moment")]) for name in ("floor", "true")
+        np.hstack([result.vector(f"{part}.{name}") for part in ("force", "moment")])
+        for name in ("floor", "true")
     )
 
 
@@ -33,7 +37,9 @@ def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
     errors = told - true
     assert errors[:, :3].std() == pytest.approx(0.5, rel=0.15)  # 303 figures: 4 % of one sigma
     assert errors[:, 3:].std() == pytest.approx(0.01, rel=0.15)
-    assert abs(errors.mean(axis=0) / np.repeat([0.5, 0.01], 3)).max() < 0.35  # 101 figures: 0.1 of one sigma
+    assert (
+        abs(errors.mean(axis=0) / np.repeat([0.5, 0.01], 3)).max() < 0.35
+    )  # 101 figures: 0.1 of one sigma
     assert (felt(noise=0.5, moment_noise=0.01, seed=1)[0].values == one.values).all()
     assert (felt(noise=0.5, moment_noise=0.01, seed=2)[1] != told).all()
 

@@ -10,10 +10,18 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.result import SimulationResult
 
 MASS = 0.9048  # kg, of the ball
-FREE = {"gravity": 0, "pieces.ball.pose": [0, 0, 1, 0, 0, 0], "floor": None, "contact": None, "sensors": {}}
+FREE = {
+    "gravity": 0,
+    "pieces.ball.pose": [0, 0, 1, 0, 0, 0],
+    "floor": None,
+    "contact": None,
+    "sensors": {},
+}
 
 
-def ball(forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, step: float = 0.1) -> SimulationResult:
+def ball(
+    forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, step: float = 0.1
+) -> SimulationResult:
     """Simulate a free ball without weight, with forces by name.
 
     Args:
@@ -36,13 +44,17 @@ def velocity(result: SimulationResult) -> np.ndarray:
     return np.array([result[f"piece.ball.v{axis}"][-1] for axis in "xyz"])
 
 
-@pytest.mark.parametrize("scheme", ["cenic", "radau3", "runge_kutta3", "runge_kutta2", "radau1", "implicit_euler"])
+@pytest.mark.parametrize(
+    "scheme", ["cenic", "radau3", "runge_kutta3", "runge_kutta2", "radau1", "implicit_euler"]
+)
 def test_the_impulse_of_a_push_arrives(scheme: str) -> None:
     """Schemes that evaluate the force at a step's end, where it is gone, would lose 5 % with steps of a tenth of it."""
     force = np.array([3.0, -10.0, 1.0])  # N
     duration = 0.1  # s
 
-    result = ball({"push": {"start": 0.213, "duration": duration, "force": force.tolist()}}, scheme, step=0.01)
+    result = ball(
+        {"push": {"start": 0.213, "duration": duration, "force": force.tolist()}}, scheme, step=0.01
+    )
 
     np.testing.assert_allclose(velocity(result), force * duration / MASS, rtol=1e-6)
 
@@ -69,7 +81,9 @@ def test_a_sine_swings_as_its_integral_says() -> None:
     amplitude = 2.0  # N
     frequency = 1.5  # Hz
 
-    result = ball({"sine": {"amplitude": [0, amplitude, 0], "frequency": frequency}}, "radau3", step=0.01)
+    result = ball(
+        {"sine": {"amplitude": [0, amplitude, 0], "frequency": frequency}}, "radau3", step=0.01
+    )
 
     omega = 2 * np.pi * frequency
     expected_velocity = amplitude * (1 - np.cos(omega * result.times)) / omega / MASS
@@ -84,7 +98,9 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default
     push = {"start": 0, "duration": 0.05, "force": [0, -30, 0]}
 
     def pushed(forces: dict[str, Any]) -> SimulationResult:
-        return simulate(load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False)
+        return simulate(
+            load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False
+        )
 
     at_rest = pushed({})
     by_default = pushed({"push": push})
@@ -100,12 +116,24 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default
     ("figures", "message"),
     [
         ({"kind": "push", "start": -0.1, "force": [1, 1, 1]}, r"forces\.f\.start: .*at least 0"),
-        ({"kind": "push", "duration": 0, "force": [1, 1, 1]}, r"forces\.f\.duration: .*greater than 0"),
+        (
+            {"kind": "push", "duration": 0, "force": [1, 1, 1]},
+            r"forces\.f\.duration: .*greater than 0",
+        ),
         ({"kind": "push", "force": [1, 1]}, r"forces\.f\.force: "),
         ({"kind": "push", "force": [1, 2, float("nan")]}, r"forces\.f\.force: .*finite"),
-        ({"kind": "sine", "amplitude": [1, 2, 3], "frequency": 0}, r"forces\.f\.frequency: .*greater than 0"),
-        ({"kind": "shove", "force": [1, 1, 1]}, r"forces\.f\.kind: there is no 'shove'.*push, sine"),
-        ({"kind": "push", "at": "tool1", "force": [1, 1, 1]}, r"for forces\.f\.at 'tool1'; did you mean 'tool0'"),
+        (
+            {"kind": "sine", "amplitude": [1, 2, 3], "frequency": 0},
+            r"forces\.f\.frequency: .*greater than 0",
+        ),
+        (
+            {"kind": "shove", "force": [1, 1, 1]},
+            r"forces\.f\.kind: there is no 'shove'.*push, sine",
+        ),
+        (
+            {"kind": "push", "at": "tool1", "force": [1, 1, 1]},
+            r"for forces\.f\.at 'tool1'; did you mean 'tool0'",
+        ),
     ],
 )
 def test_figures_that_make_no_force_are_refused(figures: dict[str, Any], message: str) -> None:
@@ -114,11 +142,15 @@ def test_figures_that_make_no_force_are_refused(figures: dict[str, Any], message
 
 
 def test_of_several_robots_one_is_named() -> None:
-    with pytest.raises(SimrobError, match=r"forces\.push\.at is None; it must be one of left, right"):
+    with pytest.raises(
+        SimrobError, match=r"forces\.push\.at is None; it must be one of left, right"
+    ):
         load_station("two_irb120", {"forces.push": {"force": [1, 0, 0]}})
 
 
-@pytest.mark.parametrize(("key", "value"), [("external_force", {"kind": "sine"}), ("robot.pushes", [{"start": 1}])])
+@pytest.mark.parametrize(
+    ("key", "value"), [("external_force", {"kind": "sine"}), ("robot.pushes", [{"start": 1}])]
+)
 def test_keys_that_moved_say_where(key: str, value: Any) -> None:
     with pytest.raises(SimrobError, match=f"{key}.*is now .*forces: "):
         load_station("irb120_dynamic", {key: value})

@@ -36,15 +36,23 @@ def test_pose_and_velocity_are_those_of_the_kinematics(arm, axes):
     context = arm.CreateDefaultContext()
     base, hand = (arm.GetFrameByName(name) for name in ("link_2", "link_6"))
     ends = {"base": AttachedFrame(base, ELBOW), "frame": AttachedFrame(hand, HAND)}
-    turning, still = (RelativeMotion(plant=arm, **ends, axes=axes, turning=turns) for turns in (True, False))
+    turning, still = (
+        RelativeMotion(plant=arm, **ends, axes=axes, turning=turns) for turns in (True, False)
+    )
     for _ in range(3):
         q, v = random.uniform(-1, 1, 6), random.uniform(-2, 2, 6)
         seen = []
         for side in (-1, 0, 1):
             arm.SetPositions(context, q + side * STEP * v)
             b, f = base.CalcPoseInWorld(context) @ ELBOW, hand.CalcPoseInWorld(context) @ HAND
-            turn = {"world": np.eye(3), "base": b.rotation().matrix(), "frame": f.rotation().matrix()}[axes]
-            seen.append((turn, f.translation() - b.translation(), (b.inverse() @ f).rotation().matrix(), b))
+            turn = {
+                "world": np.eye(3),
+                "base": b.rotation().matrix(),
+                "frame": f.rotation().matrix(),
+            }[axes]
+            seen.append(
+                (turn, f.translation() - b.translation(), (b.inverse() @ f).rotation().matrix(), b)
+            )
         turns, between, relative = ([entry[part] for entry in seen] for part in range(3))
         told = [entry[0].T @ entry[1] for entry in seen]
         pose, velocity = read(turning, np.concatenate([q, v]))
@@ -52,7 +60,9 @@ def test_pose_and_velocity_are_those_of_the_kinematics(arm, axes):
         orientation = transform_from_xyz_quaternion(pose).rotation().matrix()
         np.testing.assert_allclose(orientation, relative[1], atol=1e-12)
         np.testing.assert_allclose(velocity[:3], (told[2] - told[0]) / (2 * STEP), atol=1e-7)
-        spin = (relative[2] - relative[0]) / (2 * STEP) @ relative[1].T  # of the frame in the base, in its axes
+        spin = (
+            (relative[2] - relative[0]) / (2 * STEP) @ relative[1].T
+        )  # of the frame in the base, in its axes
         in_axes = turns[1].T @ seen[1][3].rotation().matrix() @ [spin[2, 1], spin[0, 2], spin[1, 0]]
         np.testing.assert_allclose(velocity[3:], in_axes, atol=1e-7)
         of_world = turns[1].T @ (between[2] - between[0]) / (2 * STEP)
@@ -61,11 +71,26 @@ def test_pose_and_velocity_are_those_of_the_kinematics(arm, axes):
 
 def test_a_station_tells_it_and_a_flow_can_read_it():
     tip = {"kind": "frame", "frame": "lower_link", "offset": [0.3, 0, 0, 0, 0, 0]}
-    drive = {"kind": "signal_flow", "blocks": {}, "torque": {"joint_1": {"frame.tip.z": -0.2, "frame.tip.vz": 0.01}}}
-    changes = {"servo.kp": 0, "servo.kd": 0, "robot.initial_deg": [80, 0], "sensors": {"tip": tip}, "duration": 0.5}
-    result = simulate(load_station("double_pendulum", {**changes, "controllers": {"drive": drive}}), progress=False)
+    drive = {
+        "kind": "signal_flow",
+        "blocks": {},
+        "torque": {"joint_1": {"frame.tip.z": -0.2, "frame.tip.vz": 0.01}},
+    }
+    changes = {
+        "servo.kp": 0,
+        "servo.kd": 0,
+        "robot.initial_deg": [80, 0],
+        "sensors": {"tip": tip},
+        "duration": 0.5,
+    }
+    result = simulate(
+        load_station("double_pendulum", {**changes, "controllers": {"drive": drive}}),
+        progress=False,
+    )
     z, vz = result["frame.tip.z"], result["frame.tip.vz"]
-    np.testing.assert_allclose(np.gradient(z, result.times)[2:-2], vz[2:-2], atol=0.02 * np.abs(vz).max())
+    np.testing.assert_allclose(
+        np.gradient(z, result.times)[2:-2], vz[2:-2], atol=0.02 * np.abs(vz).max()
+    )
     np.testing.assert_allclose(result["tau.joint_1"], -0.2 * z + 0.01 * vz, atol=1e-9)
 
 
@@ -78,7 +103,9 @@ def test_a_slip_of_the_program_within_a_block_is_no_divergence(monkeypatch):
     monkeypatch.setattr(RelativeMotion, "_motion_in_world", slip)
     tip = {"kind": "frame", "frame": "lower_link"}
     drive = {"kind": "signal_flow", "blocks": {}, "torque": {"joint_1": {"frame.tip.z": 1.0}}}
-    station = load_station("double_pendulum", {"sensors": {"tip": tip}, "controllers": {"drive": drive}})
+    station = load_station(
+        "double_pendulum", {"sensors": {"tip": tip}, "controllers": {"drive": drive}}
+    )
     result = simulate(station, duration=0.1, progress=False)
     assert result.ending == "failed"
     assert "a fault of the program, at 0 s: KeyError: 'absent'" in result.message

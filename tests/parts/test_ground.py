@@ -20,9 +20,13 @@ SLOPE = {"floor.incline_deg": 5.0, "floor.heading_deg": 30.0}
 def test_the_floor_rises_where_it_is_headed():
     ground = Ground(np.deg2rad(10), np.deg2rad(90))
     points = np.array([[0.0, 2.0, 0.0], [3.0, 0.0, 5.0], [0.0, -1.0, 0.0]])
-    np.testing.assert_allclose(ground.beneath(points), np.tan(np.deg2rad(10)) * np.array([2.0, 0.0, -1.0]), atol=1e-15)
     np.testing.assert_allclose(
-        ground.floor_pose.rotation().matrix() @ [0, 1, 0], [0, np.cos(np.pi / 18), np.sin(np.pi / 18)], atol=1e-15
+        ground.beneath(points), np.tan(np.deg2rad(10)) * np.array([2.0, 0.0, -1.0]), atol=1e-15
+    )
+    np.testing.assert_allclose(
+        ground.floor_pose.rotation().matrix() @ [0, 1, 0],
+        [0, np.cos(np.pi / 18), np.sin(np.pi / 18)],
+        atol=1e-15,
     )
     assert not ground.is_level_plane
 
@@ -40,22 +44,30 @@ def test_tops_of_boxes_are_where_drake_has_their_surfaces():
     rng = np.random.default_rng(3)
     points = np.column_stack([rng.uniform(-0.3, 0.7, (300, 2)), np.full(300, 2.0)])
     heights, floor = ground.beneath(points), ground.floor_heights(points)
-    on = points[heights > floor + 1e-6] * [1, 1, 0] + np.outer(heights[heights > floor + 1e-6], [0, 0, 1])
+    on = points[heights > floor + 1e-6] * [1, 1, 0] + np.outer(
+        heights[heights > floor + 1e-6], [0, 0, 1]
+    )
     assert 20 < len(on) < 280
     inspector = posed.station.scene_graph.model_inspector()
     for point in on:
         near = posed.query().ComputeSignedDistanceToPoint(point, threshold=1e-9)
         assert any("plate" in inspector.GetName(found.id_G) for found in near)
-        above = posed.query().ComputeSignedDistanceToPoint(point + np.array([0, 0, 1e-4]), threshold=0.0)
+        above = posed.query().ComputeSignedDistanceToPoint(
+            point + np.array([0, 0, 1e-4]), threshold=0.0
+        )
         assert above == []
 
 
 def test_boxes_above_a_point_are_not_beneath_it():
     beam = (RigidTransform([0, 0, 1.0]), np.array([0.5, 0.5, 0.1]))
     ground = Ground(boxes=(beam,))
-    np.testing.assert_allclose(ground.beneath(np.array([[0, 0, 0.5], [0, 0, 1.4], [0.6, 0, 1.4]])), [0, 1.1, 0])
+    np.testing.assert_allclose(
+        ground.beneath(np.array([[0, 0, 0.5], [0, 0, 1.4], [0.6, 0, 1.4]])), [0, 1.1, 0]
+    )
     assert Ground(has_floor=False, boxes=(beam,)).carries(np.array([[0.4, 0, 1.1]]), 0.05)
-    assert not Ground(has_floor=False, boxes=(beam,)).carries(np.array([[0.4, 0, 1.1], [0.6, 0, 1.1]]), 0.05)
+    assert not Ground(has_floor=False, boxes=(beam,)).carries(
+        np.array([[0.4, 0, 1.1], [0.6, 0, 1.1]]), 0.05
+    )
     assert not Ground(has_floor=False, boxes=(beam,)).carries(np.array([[0.4, 0, 0.8]]), 0.05)
 
 
@@ -63,16 +75,24 @@ def test_a_piece_that_hangs_on_a_fixed_one_is_ground_and_a_free_or_carried_one_i
     pieces = {
         "pieces.plate": PLATE,
         "pieces.on_it": {"model": "box", "parent": "plate", "frame": "tcp"},
-        "pieces.loose": {"model": "box", "parent": "world", "free": True, "pose": [2, 0, 1, 0, 0, 0]},
+        "pieces.loose": {
+            "model": "box",
+            "parent": "world",
+            "free": True,
+            "pose": [2, 0, 1, 0, 0, 0],
+        },
         "pieces.held": {"model": "box", "parent": "robot"},
     }
     station = resolve(load_station("humanoid_dynamic", pieces))
     shapes = {
-        name: sum(shape.box is not None for shape in piece.model.shapes) for name, piece in station.pieces.items()
+        name: sum(shape.box is not None for shape in piece.model.shapes)
+        for name, piece in station.pieces.items()
     }
     assert len(station.ground.boxes) == shapes["plate"] + shapes["on_it"]
     place, _ = station.ground.boxes[-1]
-    tcp = transform_from_pose(PLATE["pose"]) @ transform_from_pose(station.pieces["plate"].model.tcp)
+    tcp = transform_from_pose(PLATE["pose"]) @ transform_from_pose(
+        station.pieces["plate"].model.tcp
+    )
     own = transform_from_pose(station.pieces["on_it"].model.shapes[-1].pose)
     assert place.IsNearlyEqualTo(tcp @ own, 1e-12)
 
@@ -86,8 +106,12 @@ def test_robots_stand_on_a_slope_as_they_begin(name):
     start, end = result.pose("base")[[0, -1], :3]
     assert np.linalg.norm(end - start) < 0.01
     ground = result.plant.ground
-    flat = locomotion(simulate(load_station(f"{name}_dynamic"), duration=0.1, progress=False)).smallest_height
-    assert locomotion(result).smallest_height == pytest.approx(flat / np.cos(ground.incline), abs=3e-3)
+    flat = locomotion(
+        simulate(load_station(f"{name}_dynamic"), duration=0.1, progress=False)
+    ).smallest_height
+    assert locomotion(result).smallest_height == pytest.approx(
+        flat / np.cos(ground.incline), abs=3e-3
+    )
 
 
 def test_a_fall_is_told_by_the_height_over_the_slope():
@@ -114,7 +138,10 @@ def test_the_camera_climbs_with_the_robot():
 
 
 def test_a_point_is_on_a_box_if_it_is_pressed_in_by_less_than_contacts_give_way():
-    box = (RigidTransform(np.array([0.0, 0.0, 0.05])), np.array([0.5, 0.5, 0.05]))  # its top is at 0.1 m
+    box = (
+        RigidTransform(np.array([0.0, 0.0, 0.05])),
+        np.array([0.5, 0.5, 0.05]),
+    )  # its top is at 0.1 m
     pressed_in = np.array([0.0, 0.0, 0.096])
     inside = np.array([0.0, 0.0, 0.08])
 

@@ -27,15 +27,22 @@ def measured(station, duration, imu=None, *, reference=None, **overrides):
 def turns(result):
     """Return the orientations that the IMU tells, as matrices (m, 3, 3)."""
     quaternions = np.column_stack([result[name] for name in QUATERNION])
-    return np.array([transform_from_xyz_quaternion([0, 0, 0, *q]).rotation().matrix() for q in quaternions])
+    return np.array(
+        [transform_from_xyz_quaternion([0, 0, 0, *q]).rotation().matrix() for q in quaternions]
+    )
 
 
 def test_at_rest_it_feels_the_floor_s_push_upward():
     result = measured("irb120_dynamic", 0.1)
-    np.testing.assert_allclose(result.vector("specific_force.imu"), np.tile([0, 0, G], (21, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        result.vector("specific_force.imu"), np.tile([0, 0, G], (21, 1)), atol=1e-12
+    )
     np.testing.assert_allclose(result.vector("angular_velocity.imu"), 0, atol=1e-12)
     np.testing.assert_allclose(turns(result), np.tile(np.eye(3), (21, 1, 1)), atol=1e-12)
-    assert [result.units[name] for name in ("specific_force.imu.x", "angular_velocity.imu.x", QUATERNION[0])] == [
+    assert [
+        result.units[name]
+        for name in ("specific_force.imu.x", "angular_velocity.imu.x", QUATERNION[0])
+    ] == [
         "m/s²",
         "rad/s",
         "1",
@@ -74,7 +81,9 @@ class TestOnATurntable:
         result = self.run(speed * PERIOD * np.arange(201))
         start = self.at_start(result)
         arm = start.translation() * [1, 1, 0]
-        chord = np.sinc(speed * PERIOD / 2 / np.pi)  # the mean of a centripetal acceleration that turns
+        chord = np.sinc(
+            speed * PERIOD / 2 / np.pi
+        )  # the mean of a centripetal acceleration that turns
         expected = start.rotation().inverse() @ (-(speed**2) * chord * arm + [0, 0, G])
         felt = result.vector("specific_force.imu")[2:-1]
         assert np.linalg.norm(arm) > 0.3
@@ -83,7 +92,9 @@ class TestOnATurntable:
         expected = start.rotation().inverse() @ [0, 0, speed]
         np.testing.assert_allclose(rates, np.tile(expected, (len(rates), 1)), atol=1e-8)
         angles = speed * result.times
-        np.testing.assert_allclose(turns(result) @ start.rotation().inverse().matrix(), about_z(angles), atol=1e-9)
+        np.testing.assert_allclose(
+            turns(result) @ start.rotation().inverse().matrix(), about_z(angles), atol=1e-9
+        )
 
     def test_speeding_up_it_is_held_back_along_its_way(self):
         faster = 2.0
@@ -91,10 +102,14 @@ class TestOnATurntable:
         start = self.at_start(result)
         arm = start.translation() * [1, 1, 0]
         along = np.cross([0, 0, 1], arm)
-        felt = result.vector("specific_force.imu")[1:] @ start.rotation().matrix().T  # in axes that turn with joint 1
+        felt = (
+            result.vector("specific_force.imu")[1:] @ start.rotation().matrix().T
+        )  # in axes that turn with joint 1
         speed = faster * (result.times[1:] - PERIOD / 2)
         expected = faster * along - speed[:, np.newaxis] ** 2 * arm + [0, 0, G]
-        np.testing.assert_allclose(felt, expected, atol=(speed[-1] * PERIOD) ** 2)  # of the order of T²
+        np.testing.assert_allclose(
+            felt, expected, atol=(speed[-1] * PERIOD) ** 2
+        )  # of the order of T²
 
 
 def about_z(angles):
@@ -102,25 +117,42 @@ def about_z(angles):
     return np.moveaxis(np.array([[c, -s, o], [s, c, o], [o, o, o + 1]]), -1, 0)
 
 
-FIGURES = {"accelerometer_noise": 0.2, "gyroscope_noise": 0.03, "accelerometer_bias": 0.1, "gyroscope_bias": 0.02}
-NOISY = {"seed": 5, "accelerometer_noise": 0.1, "gyroscope_noise": 0.01, "accelerometer_bias": 0.3, "rate": 130}
+FIGURES = {
+    "accelerometer_noise": 0.2,
+    "gyroscope_noise": 0.03,
+    "accelerometer_bias": 0.1,
+    "gyroscope_bias": 0.02,
+}
+NOISY = {
+    "seed": 5,
+    "accelerometer_noise": 0.1,
+    "gyroscope_noise": 0.01,
+    "accelerometer_bias": 0.3,
+    "rate": 130,
+}
 
 
 class TestNoise:
     def error(self, result):
         """Return what an arm's base at rest feels too much: specific force and rates, each (m, 3)."""
-        return result.vector("specific_force.imu") - [0, 0, G], result.vector("angular_velocity.imu")
+        return result.vector("specific_force.imu") - [0, 0, G], result.vector(
+            "angular_velocity.imu"
+        )
 
     @pytest.mark.long
     def test_its_samples_scatter_as_asked_about_the_bias(self):
         result = measured("irb120_kinematic", 15.0, {"seed": 7, **FIGURES})
         for error, noise, bias in zip(self.error(result), (0.2, 0.03), (0.1, 0.02), strict=True):
             assert len(np.unique(error)) == error.size == 3 * 3001
-            np.testing.assert_allclose(error.std(axis=0), noise, rtol=0.06)  # 4.6 times 1/sqrt(2 · 3001)
+            np.testing.assert_allclose(
+                error.std(axis=0), noise, rtol=0.06
+            )  # 4.6 times 1/sqrt(2 · 3001)
             offset = error.mean(axis=0)
             assert np.all(np.abs(offset) < 4 * bias)
             white = (error - offset) / noise
-            assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 5 / np.sqrt(3000)  # no memory
+            assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 5 / np.sqrt(
+                3000
+            )  # no memory
             np.testing.assert_allclose(np.corrcoef(white.T), np.eye(3), atol=5 / np.sqrt(3000))
 
     @pytest.mark.long
@@ -142,8 +174,12 @@ class TestNoise:
 
 class TestInTheLoop:
     def test_it_tells_what_a_replay_tells(self):
-        told = [measured("irb120_kinematic", 0.7, {**NOISY, "in_loop": loop}) for loop in (True, False)]
-        rows = np.abs(130 * told[0].times - np.round(130 * told[0].times)) > 1e-6  # at a sample either may be told
+        told = [
+            measured("irb120_kinematic", 0.7, {**NOISY, "in_loop": loop}) for loop in (True, False)
+        ]
+        rows = (
+            np.abs(130 * told[0].times - np.round(130 * told[0].times)) > 1e-6
+        )  # at a sample either may be told
         names = [name for name in told[0].names if ".imu." in name]
         for name in names:
             np.testing.assert_allclose(told[0][name][rows], told[1][name][rows], atol=1e-9)
@@ -152,7 +188,9 @@ class TestInTheLoop:
     def test_it_tells_what_a_replay_tells_of_an_arm_that_is_stepped(self):
         figures = {**NOISY, "frame": "load"}
         told = [
-            measured("irb120_dynamic", 0.7, {**figures, "in_loop": loop}, **{"solver.accuracy": 1e-5})
+            measured(
+                "irb120_dynamic", 0.7, {**figures, "in_loop": loop}, **{"solver.accuracy": 1e-5}
+            )
             for loop in (True, False)
         ]
         rows = np.abs(130 * told[0].times - np.round(130 * told[0].times)) > 1e-6
@@ -161,7 +199,10 @@ class TestInTheLoop:
         np.testing.assert_allclose(felt[0], felt[1], atol=0.05)  # the steps end elsewhere
 
     def test_a_run_goes_on_with_its_samples(self):
-        discrete = {"solver": {"kind": "discrete", "time_step": 1e-3}, "reference": {"kind": "hold"}}
+        discrete = {
+            "solver": {"kind": "discrete", "time_step": 1e-3},
+            "reference": {"kind": "hold"},
+        }
         figures = {**NOISY, "rate": 100, "in_loop": True}
         config = load_station("irb120_dynamic", {"sensors": {"imu": figures}, **discrete})
         whole = simulate(config, duration=0.2, progress=False)

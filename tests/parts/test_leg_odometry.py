@@ -41,7 +41,11 @@ def estimator(station, **changes):
     soles, start = Soles(robot), np.array([0.0, 0, 0, 1, 0, 0, 0])
     section = LegOdometry.model_validate({"kind": "leg_odometry", "rate": 1 / PERIOD})
     block = BaseEstimator(section, soles, start=start, **changes)
-    sizes = dict(zip(NAMES, (7, 6, 3, 4 * len(soles.arms), 3 * len(soles.arms), len(soles.arms)), strict=True))
+    sizes = dict(
+        zip(
+            NAMES, (7, 6, 3, 4 * len(soles.arms), 3 * len(soles.arms), len(soles.arms)), strict=True
+        )
+    )
     return block, {name: np.zeros(size) for name, size in sizes.items()} | {"base_pose": start}
 
 
@@ -79,16 +83,24 @@ def bottoms(robot, position, turn):
     found, turns = [], []
     for link, points in robot.feet.points.items():
         frame = plant.GetFrameByName(link, robot.instance)
-        found += plant.CalcPointsPositions(context, frame, np.array(points).T, plant.world_frame()).T.tolist()
+        found += plant.CalcPointsPositions(
+            context, frame, np.array(points).T, plant.world_frame()
+        ).T.tolist()
         turns += [frame.CalcPoseInWorld(context).rotation().matrix()] * len(points)
     return np.array(found), np.array(turns)
 
 
-@pytest.mark.parametrize(("station", "forces"), [("zjudancer_dynamic", None), ("yobotics_dynamic", [10.0, 30, 40, 5])])
+@pytest.mark.parametrize(
+    ("station", "forces"), [("zjudancer_dynamic", None), ("yobotics_dynamic", [10.0, 30, 40, 5])]
+)
 def test_a_step_is_that_of_its_equations(station, forces):
     robot, rng, slip, follows = robot_of(station), np.random.default_rng(1), 0.07, 0.1
     links, radius = robot.feet.links, robot.feet.radius
-    told = [{}, {}] if forces is None else [dict(zip(links, np.array(forces) * part, strict=True)) for part in (1, 0.8)]
+    told = (
+        [{}, {}]
+        if forces is None
+        else [dict(zip(links, np.array(forces) * part, strict=True)) for part in (1, 0.8)]
+    )
     block, memory = estimator(station, level=True, force=None if forces is None else 20.0)
     turns = [RotationMatrix(AngleAxis(angle, np.array([0.6, 0.0, 0.8]))) for angle in (0.1, 0.11)]
     positions = [robot.initial, robot.initial + 0.01 * rng.standard_normal(len(robot.axes))]
@@ -98,9 +110,14 @@ def test_a_step_is_that_of_its_equations(station, forces):
     first["base_pose"] = np.concatenate([[1.0, 2.0, 0.3], turns[0].ToQuaternion().wxyz()])
     second = looked(block, first, seen(positions[1], turns[1], force=[1.0, 2.0, 3.0], **told[1]))
 
-    middles, feet = zip(*(bottoms(robot, *each) for each in zip(positions, turns, strict=True)), strict=True)
+    middles, feet = zip(
+        *(bottoms(robot, *each) for each in zip(positions, turns, strict=True)), strict=True
+    )
     halfway = RotationMatrix(AngleAxis(0.105, np.array([0.6, 0.0, 0.8]))).matrix()
-    acceleration = halfway @ (turns[1].matrix().T @ ([1.0, 2.0, 3.0] - GRAVITY) - [0.03, 0.02, -0.01]) + GRAVITY
+    acceleration = (
+        halfway @ (turns[1].matrix().T @ ([1.0, 2.0, 3.0] - GRAVITY) - [0.03, 0.02, -0.01])
+        + GRAVITY
+    )
     speed = np.array([0.1, -0.05, 0.02]) + PERIOD * acceleration
     step = PERIOD * np.array([0.1, -0.05, 0.02]) + PERIOD**2 / 2 * acceleration
     owners = np.repeat(range(len(links)), [len(robot.feet.points[link]) for link in links])
@@ -111,7 +128,9 @@ def test_a_step_is_that_of_its_equations(station, forces):
             rivals = middles[when][:, 2] if forces is None else middles[when][owners == owner, 2]
             weight *= np.exp((rivals.min() - middles[when][number, 2]) / 0.003)
             weight *= 1.0 if forces is None else min(told[when][links[owner]] / 20.0, 1.0)
-        rolled = feet[1][number] @ feet[0][number].T @ down  # what was the ball's lowest is there now
+        rolled = (
+            feet[1][number] @ feet[0][number].T @ down
+        )  # what was the ball's lowest is there now
         error = (middles[0][number] - down) - (middles[1][number] - rolled) - step
         errors.append(error)
         weights.append(weight / (1 + error @ error / (slip * PERIOD) ** 2))
@@ -123,14 +142,20 @@ def test_a_step_is_that_of_its_equations(station, forces):
     gain = trust * (1 - np.exp(-PERIOD / follows)) / PERIOD
     speed, bias = speed + gain * error, [0.03, 0.02, -0.01] - gain / 1.0 * halfway.T @ error
     assert second["bias"] == pytest.approx(bias, abs=1e-12)
-    assert second["base_pose"] == pytest.approx([*place, *turns[1].ToQuaternion().wxyz()], abs=1e-12)
-    assert second["base_velocity"] == pytest.approx([*speed, *(turns[1].matrix() @ [0.1, 0.2, 0.3])], abs=1e-10)
+    assert second["base_pose"] == pytest.approx(
+        [*place, *turns[1].ToQuaternion().wxyz()], abs=1e-12
+    )
+    assert second["base_velocity"] == pytest.approx(
+        [*speed, *(turns[1].matrix() @ [0.1, 0.2, 0.3])], abs=1e-10
+    )
     assert trust > 0.01  # the feet took part
 
 
 def test_in_the_air_it_sums_up_the_accelerometer():
     block, memory = estimator("zjudancer_dynamic", force=10.0)
-    read = seen(robot_of("zjudancer_dynamic").initial, force=[1.0, 0.0, -2.0], right_foot=0.0, left_foot=0.0)
+    read = seen(
+        robot_of("zjudancer_dynamic").initial, force=[1.0, 0.0, -2.0], right_foot=0.0, left_foot=0.0
+    )
     memory = looked(block, memory, *[read] * 100)
     assert memory["base_velocity"][:3] == pytest.approx([0.5, 0, -1], abs=1e-12)
     assert memory["base_pose"][:3] == pytest.approx([0.125, 0, -0.25], abs=1e-12)
@@ -156,9 +181,13 @@ def test_what_is_not_finite_is_skipped():
         bad = {**good, name: np.where(np.arange(len(good[name])) == 1, np.nan, good[name])}
         after = looked(block, before, bad)
         way = after["base_pose"] - before["base_pose"]
-        assert way == pytest.approx([*(PERIOD * before["base_velocity"][:3]), 0, 0, 0, 0], abs=1e-15)
+        assert way == pytest.approx(
+            [*(PERIOD * before["base_velocity"][:3]), 0, 0, 0, 0], abs=1e-15
+        )
         assert (after["base_velocity"] == before["base_velocity"]).all()
-        moved = looked(block, after, seen(robot_of("zjudancer_dynamic").initial + 0.05))  # and the feet meanwhile
+        moved = looked(
+            block, after, seen(robot_of("zjudancer_dynamic").initial + 0.05)
+        )  # and the feet meanwhile
         expected = before["base_velocity"][:3] - PERIOD * before["bias"]
         assert moved["base_velocity"][:3] == pytest.approx(expected, abs=1e-12)
         later = looked(block, after, *[good] * 200)
@@ -167,7 +196,12 @@ def test_what_is_not_finite_is_skipped():
 
 
 NOISY = {
-    "imu": {"gyroscope_noise": 0.02, "gyroscope_bias": 0.005, "accelerometer_noise": 0.1, "accelerometer_bias": 0.05},
+    "imu": {
+        "gyroscope_noise": 0.02,
+        "gyroscope_bias": 0.005,
+        "accelerometer_noise": 0.1,
+        "accelerometer_bias": 0.05,
+    },
     "encoders": {"resolution_deg": 0.088, "noise_deg": 0.02},
 }
 PLANS = {"zjudancer": (walk, 2.5, 0.1), "yobotics": (trot, 2.0, 0.4)}
@@ -207,7 +241,11 @@ def columns(result, start, ends):
 STANDING = {
     "solver": {"kind": "discrete", "time_step": 1e-3},
     "sensors": {
-        "odometry": {"kind": "leg_odometry", "reads": {"right_foot": "right", "left_foot": "left"}, "delay": 0.005},
+        "odometry": {
+            "kind": "leg_odometry",
+            "reads": {"right_foot": "right", "left_foot": "left"},
+            "delay": 0.005,
+        },
         "right": {"kind": "force", "body": "right_foot"},
         "left": {"kind": "force", "body": "left_foot"},
         **{name: {**errors, "delay": 0.01} for name, errors in NOISY.items()},
@@ -215,7 +253,12 @@ STANDING = {
     "forces": {"push": {"start": 0, "duration": 0.05, "force": [0, 20, 0]}},
     "sample_rate": 200,
 }
-GUARD = {"kind": "fall_guard", "height": 0.2, "posture_deg": {"left_elbow": 30}, "reads": {"base_pose": "odometry"}}
+GUARD = {
+    "kind": "fall_guard",
+    "height": 0.2,
+    "posture_deg": {"left_elbow": 30},
+    "reads": {"base_pose": "odometry"},
+}
 
 
 def alive():
@@ -230,7 +273,9 @@ def test_a_loop_reads_it_and_a_run_goes_on_with_it():
     config = load_station("zjudancer_dynamic", {**STANDING, "controllers": {"guard": GUARD}})
     whole = simulate(config, duration=0.2, progress=False)
     first = simulate(config, duration=0.1, progress=False)
-    rest = load_station("zjudancer_dynamic", {**STANDING, "controllers": {"guard": GUARD}, "forces": {}})
+    rest = load_station(
+        "zjudancer_dynamic", {**STANDING, "controllers": {"guard": GUARD}, "forces": {}}
+    )
     second = simulate(rest, duration=0.1, start=first.final_state, progress=False)
     for name in second.names:
         np.testing.assert_array_equal(second[name][1:], whole[name][21:])
@@ -255,7 +300,10 @@ def test_sensors_that_nothing_reads_go_through_a_run_once(monkeypatch):
 def test_a_walk_goes_on_the_sensors_of_the_example_alone(robot):
     """What it has the robot do comes of what they tell: not quite of the true state."""
     told = read_yaml(Path(__file__).parents[2] / "examples" / "loops" / "on_sensors.yaml")
-    ends = [simulate(load_station(f"{robot}_walking", changes), duration=0.1, progress=False) for changes in ({}, told)]
+    ends = [
+        simulate(load_station(f"{robot}_walking", changes), duration=0.1, progress=False)
+        for changes in ({}, told)
+    ]
     assert {name for name in ends[1].names if ".odometry." in name}
     assert not ends[1]["walk.blind"].any()
     asked = [name for name in ends[0].names if name.startswith(("walk.capture", "walk.target"))]
@@ -264,7 +312,10 @@ def test_a_walk_goes_on_the_sensors_of_the_example_alone(robot):
 
 def test_it_stands_in_the_picture_of_a_station_on_a_slope():
     """On a slope the height is not held: only level ground lies at z = 0."""
-    slope = {"sensors": {"imu": {}, "encoders": {}, "leg_odometry": {"in_loop": True}}, "floor.incline_deg": 3}
+    slope = {
+        "sensors": {"imu": {}, "encoders": {}, "leg_odometry": {"in_loop": True}},
+        "floor.incline_deg": 3,
+    }
     station = closed_station(resolve(load_station("zjudancer_dynamic", slope)))
     assert not station.diagram.GetSubsystemByName("sensor.leg_odometry").level
     assert "Leg odometry" in station_dot(load_station("zjudancer_dynamic", slope))
@@ -278,13 +329,34 @@ LEFT = {"left": {"kind": "force", "body": "left_foot"}}
     ("sensors", "told"),
     [
         ({"encoders": {}, "leg_odometry": {}}, "leg_odometry.reads.imu is None.*there is none"),
-        ({**OWN, "leg_odometry": {"reads": {"imu": "imuu"}}}, "reads.imu 'imuu'; did you mean 'imu'"),
-        ({**OWN, "leg_odometry": {"reads": {"imuu": "imu"}}}, "input for .*'imuu'; did you mean 'imu'"),
-        ({**OWN, "leg_odometry": {"reads": {"imu": "leg_odometry"}}}, "sensor of kind imu .*known: imu"),
-        ({**OWN, "second": {"kind": "imu"}, "leg_odometry": {}}, "reads.imu is None.*one of imu, second"),
-        ({**OWN, **LEFT, "leg_odometry": {"reads": {"left_foot": "left"}}}, "with all feet, or none"),
-        ({**OWN, "leg_odometry": {"rate": 100}}, "rate is 100 Hz; it must be 200 Hz, that of sensors.imu"),
-        ({**OWN, "imu": {"frame": "head"}, "leg_odometry": {}}, "sensors.imu.frame is head; it must be chest"),
+        (
+            {**OWN, "leg_odometry": {"reads": {"imu": "imuu"}}},
+            "reads.imu 'imuu'; did you mean 'imu'",
+        ),
+        (
+            {**OWN, "leg_odometry": {"reads": {"imuu": "imu"}}},
+            "input for .*'imuu'; did you mean 'imu'",
+        ),
+        (
+            {**OWN, "leg_odometry": {"reads": {"imu": "leg_odometry"}}},
+            "sensor of kind imu .*known: imu",
+        ),
+        (
+            {**OWN, "second": {"kind": "imu"}, "leg_odometry": {}},
+            "reads.imu is None.*one of imu, second",
+        ),
+        (
+            {**OWN, **LEFT, "leg_odometry": {"reads": {"left_foot": "left"}}},
+            "with all feet, or none",
+        ),
+        (
+            {**OWN, "leg_odometry": {"rate": 100}},
+            "rate is 100 Hz; it must be 200 Hz, that of sensors.imu",
+        ),
+        (
+            {**OWN, "imu": {"frame": "head"}, "leg_odometry": {}},
+            "sensors.imu.frame is head; it must be chest",
+        ),
         ({**OWN, "leg_odometry": {"slip": 0}}, "slip.*greater than 0"),
     ],
 )
@@ -314,4 +386,9 @@ def test_a_loop_that_is_lent_brings_the_sensors_of_its_sensors(tmp_path, monkeyp
     station = load_station("zjudancer_dynamic")
     monkeypatch.setattr(feedback_loops, "diagrams_root", lambda: tmp_path)
     known = feedback_loops.loops_known(station)
-    assert set(known["guard"]) == {"controllers.guard", "sensors.odometry", "sensors.imu", "sensors.encoders"}
+    assert set(known["guard"]) == {
+        "controllers.guard",
+        "sensors.odometry",
+        "sensors.imu",
+        "sensors.encoders",
+    }

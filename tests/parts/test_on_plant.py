@@ -10,7 +10,13 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake import add_contact_sensor, add_imu, add_joint_limit_monitor, add_joint_servos, add_monitor
+from simrob_drake import (
+    add_contact_sensor,
+    add_imu,
+    add_joint_limit_monitor,
+    add_joint_servos,
+    add_monitor,
+)
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.on_plant import _effort_limits
 from simrob_drake.robots.motors import Motor
@@ -86,13 +92,27 @@ def test_the_law_of_the_servos(order):
     )
     desired, speed, extra = np.array([1.0, 0.5]), np.array([0.2, -0.1]), np.array([0.4, -0.6])
     torque, _ = torques_at(
-        builder, plant, servos, STATE, reference=desired, reference_velocity=speed, feedforward=extra
+        builder,
+        plant,
+        servos,
+        STATE,
+        reference=desired,
+        reference_velocity=speed,
+        feedforward=extra,
     )
     for index, joint in enumerate(order):
         position, velocity = STATE[places[joint]], STATE[2 + places[joint]]
-        command = kp[joint] * (desired[index] - position) - kd[joint] * (velocity - speed[index]) + extra[index]
-        assert torque[index] == pytest.approx(np.clip(command, -most[joint], most[joint]), abs=1e-12)
-    assert torque[order.index("elbow")] == pytest.approx(8.0)  # the effort limit of the file saturates it
+        command = (
+            kp[joint] * (desired[index] - position)
+            - kd[joint] * (velocity - speed[index])
+            + extra[index]
+        )
+        assert torque[index] == pytest.approx(
+            np.clip(command, -most[joint], most[joint]), abs=1e-12
+        )
+    assert torque[order.index("elbow")] == pytest.approx(
+        8.0
+    )  # the effort limit of the file saturates it
     assert servos.passive == []
 
 
@@ -119,7 +139,9 @@ def test_a_motor_has_less_torque_the_faster_it_turns(speed):
     """With its whole voltage it gives stall (1 - v / v_0) in the direction of the command."""
     builder, plant = links("shoulder", "elbow")
     motor = Motor(stall_torque=6.0, no_load_speed=8.0)
-    servos = add_joint_servos(builder, plant, kp=1000.0, kd=0.0, torque_limit=100.0, motor={"elbow": motor})
+    servos = add_joint_servos(
+        builder, plant, kp=1000.0, kd=0.0, torque_limit=100.0, motor={"elbow": motor}
+    )
     state = np.array([0.0, 0.0, 0.0, speed])
     torque, _ = torques_at(builder, plant, servos, state, reference=np.array([0.0, 1.0]))
     assert torque[1] == pytest.approx(6.0 * (1 - speed / 8.0), abs=1e-12)
@@ -153,10 +175,19 @@ def test_a_monitor_of_joint_limits_ends_the_run():
 def test_a_monitor_of_ones_own_waits():
     builder, plant = links()
     ports = {"state": plant.get_state_output_port()}
-    add_monitor(builder, ports, excess=lambda state: state[0], why=lambda state: "positive", hold=0.2, after=0.1)
+    add_monitor(
+        builder,
+        ports,
+        excess=lambda state: state[0],
+        why=lambda state: "positive",
+        hold=0.2,
+        after=0.1,
+    )
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_maximum_step_size(0.01)
-    plant.SetPositions(plant.GetMyMutableContextFromRoot(simulator.get_mutable_context()), [0.5, 0.0])
+    plant.SetPositions(
+        plant.GetMyMutableContextFromRoot(simulator.get_mutable_context()), [0.5, 0.0]
+    )
     status = simulator.AdvanceTo(2.0)
     assert status.message().endswith("positive")
     assert simulator.get_context().get_time() == pytest.approx(0.3, abs=0.02)
@@ -200,7 +231,9 @@ def test_an_imu_feels_its_weight_but_not_in_free_fall(falls, expected):
     context = simulator.get_mutable_context()
     if falls:
         body = plant.GetBodyByName("ball")
-        plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, RigidTransform([0, 0, 50]))
+        plant.SetFreeBodyPose(
+            plant.GetMyMutableContextFromRoot(context), body, RigidTransform([0, 0, 50])
+        )
     simulator.AdvanceTo(1.0)
     force = imu.GetOutputPort("specific_force").Eval(imu.GetMyContextFromRoot(context))
     np.testing.assert_allclose(force, [0, 0, expected], atol=0.02)
@@ -234,9 +267,14 @@ class TestErrors:
         builder, plant = links("elbow", time_step=0.01)
         mass = plant.CalcMassMatrix(plant.CreateDefaultContext())
         largest = 2 / np.linalg.inv(mass)[1, 1] / 0.01
-        with pytest.raises(SimrobError, match=rf"kd\['elbow'\].*at most {largest:.3g} at steps of 0.01 s"):
+        with pytest.raises(
+            SimrobError, match=rf"kd\['elbow'\].*at most {largest:.3g} at steps of 0.01 s"
+        ):
             add_joint_servos(builder, plant, kp=1.0, kd=1.01 * largest)
-        assert add_joint_servos(builder, plant, kp=1.0, kd=0.99 * largest).joints == ["shoulder", "elbow"]
+        assert add_joint_servos(builder, plant, kp=1.0, kd=0.99 * largest).joints == [
+            "shoulder",
+            "elbow",
+        ]
 
     def test_actuators_are_connected_once(self):
         builder, plant = links("elbow")
@@ -271,7 +309,9 @@ def test_the_first_actuator_of_a_joint_is_its_motor() -> None:
     """Further actuators, which may model friction, do not change the limit of the servo."""
     plant = MultibodyPlant(0.0)
     link = plant.AddRigidBody("link", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    joint = plant.AddJoint(RevoluteJoint("joint", plant.world_frame(), link.body_frame(), [0, 1, 0]))
+    joint = plant.AddJoint(
+        RevoluteJoint("joint", plant.world_frame(), link.body_frame(), [0, 1, 0])
+    )
     plant.AddJointActuator("motor", joint, 30.0)
     plant.AddJointActuator("friction", joint, 999.0)
     plant.Finalize()

@@ -51,8 +51,14 @@ print(before, [name for name in held if f"simrob_drake.parts.{name}" in sys.modu
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"sensors": {"a": {"kind": "imuu"}}}, "sensors.a.kind: there is no 'imuu'; did you mean 'imu'"),
-        ({"sensors": {"a": {"rate": 3}}}, "sensors.a.kind: this key is needed; known: force, distance"),
+        (
+            {"sensors": {"a": {"kind": "imuu"}}},
+            "sensors.a.kind: there is no 'imuu'; did you mean 'imu'",
+        ),
+        (
+            {"sensors": {"a": {"rate": 3}}},
+            "sensors.a.kind: this key is needed; known: force, distance",
+        ),
         ({"sensors": {"imu": {"ratte": 3}}}, "sensors.imu.ratte: unknown key; did you mean 'rate'"),
         ({"monitors": {"fall": {"height": -1}}}, "monitors.fall.height: "),
         ({"reference": {"kind": ["ramp"]}}, "reference.kind: "),

@@ -28,7 +28,10 @@ LAW = {
 OFF = {"servo.kp": {"joint_1": 0}, "servo.kd": {"joint_1": 0}}
 """No servo for the first joint."""
 MOVE = {"reference": {"kind": "hold", "target_deg": {"joint_1": 30}}, "pieces": {}, "floor": None}
-SERVO = {"servo.torque_limit": {"joint_1": TORQUE_LIMIT}, **{f"servo.{key}": gain for key, gain in AXIS_GAINS.items()}}
+SERVO = {
+    "servo.torque_limit": {"joint_1": TORQUE_LIMIT},
+    **{f"servo.{key}": gain for key, gain in AXIS_GAINS.items()},
+}
 """The same PD servo for all joints."""
 
 
@@ -36,7 +39,9 @@ def servo_of_others():
     """Servos as `SERVO` for all joints but the first one."""
     changes = dict(SERVO)
     for key, gain in AXIS_GAINS.items():
-        changes[f"servo.{key}"] = {f"joint_{number}": gain if number > 1 else 0.0 for number in range(1, 7)}
+        changes[f"servo.{key}"] = {
+            f"joint_{number}": gain if number > 1 else 0.0 for number in range(1, 7)
+        }
     return changes
 
 
@@ -59,7 +64,9 @@ def test_a_law_that_is_a_servo_moves_as_one():
     flow = simulate(arm(LAW, **servo_of_others(), **accuracy), duration=0.6, progress=False)
 
     times = np.linspace(0, 0.6, 61)
-    of_servo, of_flow = (np.interp(times, result.times, result["q.joint_1"]) for result in (servo, flow))
+    of_servo, of_flow = (
+        np.interp(times, result.times, result["q.joint_1"]) for result in (servo, flow)
+    )
     assert np.ptp(servo["q.joint_1"]) > 0.4
     np.testing.assert_allclose(of_flow, of_servo, atol=1e-6)
     assert abs(flow["law.Limit"]).max() == TORQUE_LIMIT
@@ -68,7 +75,12 @@ def test_a_law_that_is_a_servo_moves_as_one():
 def test_a_run_goes_on_where_it_ended():
     """Two runs, the second from the end of the first, end as one of the same duration: states of blocks are kept."""
     blocks = {
-        "Filter": {"kind": "transfer_function", "numerator": [1], "denominator": [0.05, 1], "of": "Error"},
+        "Filter": {
+            "kind": "transfer_function",
+            "numerator": [1],
+            "denominator": [0.05, 1],
+            "of": "Error",
+        },
         "Held": {"kind": "delay", "period": 0.01, "of": "v.joint_1"},
         "Slow": {"kind": "integrator", "period": 0.03, "of": "Error"},
     }
@@ -186,18 +198,28 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
     direct = simulate(arm(LAW, **servos), duration=0.6, progress=False)
 
     assert abs(at_rest["q.joint_1"]).max() < 1e-3  # nothing drives it, and nothing pulls at it
-    np.testing.assert_allclose(driven["q.joint_1"], direct["q.joint_1"], atol=0.02)  # late by a millisecond
+    np.testing.assert_allclose(
+        driven["q.joint_1"], direct["q.joint_1"], atol=0.02
+    )  # late by a millisecond
     assert np.ptp(direct["q.joint_1"]) > 0.4
 
 
 @pytest.mark.parametrize(
     ("blocks", "message"),
     [
-        ({"S": {"kind": "function", "function": "sqrt", "of": {"time": 1, "one": -1}}}, "diverged at 0 s: sqrt(-1)"),
+        (
+            {"S": {"kind": "function", "function": "sqrt", "of": {"time": 1, "one": -1}}},
+            "diverged at 0 s: sqrt(-1)",
+        ),
         (
             {
                 "I": {"kind": "delay", "of": "one", "period": 0.01},
-                "S": {"kind": "function", "function": "sqrt", "of": {"I": 1, "one": -1}, "period": 0.01},
+                "S": {
+                    "kind": "function",
+                    "function": "sqrt",
+                    "of": {"I": 1, "one": -1},
+                    "period": 0.01,
+                },
             },
             "the block S cannot be computed of [-1.0]",
         ),
@@ -220,7 +242,11 @@ def test_a_force_of_no_signals_is_none():
     """A force without signals acts on nothing, and its flow adds no system."""
     law = {"kind": "signal_flow", "forces": {"nothing": {"at": "lower_link"}}}
 
-    result = simulate(load_station("double_pendulum", {"controllers": {"law": law}}), duration=0.05, progress=False)
+    result = simulate(
+        load_station("double_pendulum", {"controllers": {"law": law}}),
+        duration=0.05,
+        progress=False,
+    )
 
     assert result.ending == "completed"
 
@@ -237,7 +263,10 @@ def test_a_block_may_have_the_name_of_an_output_of_the_station():
 
 def test_terms_that_name_the_same_number_add_up():
     """``Half`` and ``Half.0`` are two names of one number."""
-    blocks = {"Half": {"kind": "sum", "of": {"one": 0.5}}, "Total": {"kind": "sum", "of": {"Half": 1, "Half.0": 1}}}
+    blocks = {
+        "Half": {"kind": "sum", "of": {"one": 0.5}},
+        "Total": {"kind": "sum", "of": {"Half": 1, "Half.0": 1}},
+    }
 
     result = simulate(arm({"kind": "signal_flow", "blocks": blocks}), duration=0.01, progress=False)
 
@@ -247,8 +276,15 @@ def test_terms_that_name_the_same_number_add_up():
 @pytest.mark.parametrize("denominator", [[2.0], [1.0, 1.0], [1.0, 3.0, 2.0]])
 def test_a_transfer_function_of_zero_gives_zero(denominator):
     """A numerator of zeros alone has no highest power, and is allowed."""
-    zero = {"kind": "transfer_function", "numerator": [0.0], "denominator": denominator, "of": "one"}
+    zero = {
+        "kind": "transfer_function",
+        "numerator": [0.0],
+        "denominator": denominator,
+        "of": "one",
+    }
 
-    result = simulate(arm({"kind": "signal_flow", "blocks": {"Zero": zero}}), duration=0.01, progress=False)
+    result = simulate(
+        arm({"kind": "signal_flow", "blocks": {"Zero": zero}}), duration=0.01, progress=False
+    )
 
     np.testing.assert_array_equal(result["law.Zero"], 0.0)

@@ -73,7 +73,8 @@ def test_an_unknown_attribute_is_an_error(site):
 
 
 @pytest.mark.parametrize(
-    ("name", "module"), [("WORLD", "resolved"), ("ResolvedRobot", "resolved"), ("FromState", "outputs")]
+    ("name", "module"),
+    [("WORLD", "resolved"), ("ResolvedRobot", "resolved"), ("FromState", "outputs")],
 )
 def test_a_former_name_of_the_module_works_with_a_warning(name, module):
     former = importlib.import_module("simrob_drake.parts.site")

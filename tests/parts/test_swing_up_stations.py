@@ -32,8 +32,17 @@ class Case(NamedTuple):
     link: str
 
 
-ACROBOT = Case(name="acrobot", passive="shoulder", driven="elbow", limit=40.0, height=3.5 + 3.0, link="lower_link")
-CART_POLE = Case(name="cart_pole", passive="pivot", driven="slide", limit=100.0, height=1.0 + 0.5, link="pole")
+ACROBOT = Case(
+    name="acrobot",
+    passive="shoulder",
+    driven="elbow",
+    limit=40.0,
+    height=3.5 + 3.0,
+    link="lower_link",
+)
+CART_POLE = Case(
+    name="cart_pole", passive="pivot", driven="slide", limit=100.0, height=1.0 + 0.5, link="pole"
+)
 CASES = pytest.mark.parametrize("case", [ACROBOT, CART_POLE], ids=lambda case: case.name)
 
 
@@ -116,10 +125,14 @@ def test_its_gain_is_that_of_the_linearised_station(case: Case) -> None:
     dynamics = model.A[np.ix_(order, order)]
     inputs = model.B[order]
     weights = np.diag([section.position_weight] * 2 + [section.velocity_weight] * 2)
-    gain, cost = LinearQuadraticRegulator(dynamics, inputs, weights, np.array([[section.torque_weight]]))
+    gain, cost = LinearQuadraticRegulator(
+        dynamics, inputs, weights, np.array([[section.torque_weight]])
+    )
     block = build_station(config).GetSubsystemByName("controller.swing_up")
     np.testing.assert_allclose(block.regulator.gain, gain, rtol=1e-5)
-    np.testing.assert_allclose(block.regulator.cost, cost, rtol=1e-5, atol=1e-5 * np.abs(cost).max())
+    np.testing.assert_allclose(
+        block.regulator.cost, cost, rtol=1e-5, atol=1e-5 * np.abs(cost).max()
+    )
 
 
 def test_a_run_that_ends_too_early_is_not_called_balanced() -> None:
@@ -132,19 +145,29 @@ def test_a_run_that_ends_too_early_is_not_called_balanced() -> None:
 
 
 REFUSED = [
-    pytest.param({"servo.kp": {"elbow": 3.0}}, r"servo\.kp is 3; it must be 0, since controllers\.swing_up", id="kp"),
+    pytest.param(
+        {"servo.kp": {"elbow": 3.0}},
+        r"servo\.kp is 3; it must be 0, since controllers\.swing_up",
+        id="kp",
+    ),
     pytest.param(
         {"servo": {"passive": [], "torque_limit": {"shoulder": 9.0}, "kp": 0, "kd": 0}},
         r"controllers\.swing_up is swing_up of robot; it must be of a robot .* one passive axis",
         id="no passive axis",
     ),
-    pytest.param({"controllers.swing_up.posture_deg": {"sholder": 180}}, r"did you mean 'shoulder'", id="unknown axis"),
+    pytest.param(
+        {"controllers.swing_up.posture_deg": {"sholder": 180}},
+        r"did you mean 'shoulder'",
+        id="unknown axis",
+    ),
     pytest.param(
         {"controllers.swing_up.posture_deg": {"shoulder": 90}},
         r"controllers\.swing_up\.posture_deg is .*an equilibrium of the axes without a motor",
         id="no equilibrium",
     ),
-    pytest.param({"controllers.swing_up.torque_weight": 0}, r"torque_weight.*positive", id="free torque"),
+    pytest.param(
+        {"controllers.swing_up.torque_weight": 0}, r"torque_weight.*positive", id="free torque"
+    ),
     pytest.param({"mode": "kinematic"}, r"controllers\.swing_up", id="kinematic"),
 ]
 
@@ -167,7 +190,11 @@ def test_a_pendubot_is_balanced_too() -> None:
     """The same robot with the motor at the shoulder: its elbow hangs free, and is balanced above a still upper link."""
     changes = {
         "servo": {"passive": ["elbow"], "torque_limit": {"shoulder": 80.0}, "kp": 0, "kd": 0},
-        "controllers.swing_up": {"kind": "swing_up", "posture_deg": {"shoulder": 180}, "energy_gain": 0.5},
+        "controllers.swing_up": {
+            "kind": "swing_up",
+            "posture_deg": {"shoulder": 180},
+            "energy_gain": 0.5,
+        },
         "robot.initial_deg": {"shoulder": 170, "elbow": 20},
     }
     result = simulate(load_station("acrobot", changes), progress=False)

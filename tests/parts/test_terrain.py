@@ -24,7 +24,11 @@ def station(**terrain):
 def test_heights_are_where_drake_has_the_surfaces(kind, incline):
     config = load_station(
         "yobotics_terrain",
-        {**PLAIN, "floor.incline_deg": incline, "floor.terrain": {"kind": kind, "heading_deg": 20, **SMALL}},
+        {
+            **PLAIN,
+            "floor.incline_deg": incline,
+            "floor.terrain": {"kind": kind, "heading_deg": 20, **SMALL},
+        },
     )
     ground, posed = resolve(config).ground, PosedStation(config)
     rng = np.random.default_rng(5)
@@ -38,7 +42,10 @@ def test_heights_are_where_drake_has_the_surfaces(kind, incline):
         on = np.array([*point[:2], height])
         near = posed.query().ComputeSignedDistanceToPoint(on, threshold=1e-9)
         assert min(abs(found.distance) for found in near) < 1e-9
-        assert posed.query().ComputeSignedDistanceToPoint(on + np.array([0, 0, 1e-4]), threshold=0.0) == []
+        assert (
+            posed.query().ComputeSignedDistanceToPoint(on + np.array([0, 0, 1e-4]), threshold=0.0)
+            == []
+        )
 
 
 @pytest.fixture
@@ -53,10 +60,29 @@ def known(grids):
     """Fields whose heights are told, with points [m] and their heights."""
     stairs = {"kind": "stairs", "height": 0.03, "size": 0.2, "length": 1.0}
     gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "length": 1.0, "gap": 0.06}
-    tiles = {(0.5, -0.1): 0.0, (0.5, 0.1): 0.02, (0.7, -0.1): 0.02, (0.7, 0.1): 0.04, (0.9, 0.1): 0.0, (0.5, 0.3): 0.0}
+    tiles = {
+        (0.5, -0.1): 0.0,
+        (0.5, 0.1): 0.02,
+        (0.7, -0.1): 0.02,
+        (0.7, 0.1): 0.04,
+        (0.9, 0.1): 0.0,
+        (0.5, 0.3): 0.0,
+    }
     return [
-        (stairs, {(0.3, 0.0): 0.0, **{(0.5 + 0.2 * n, 0.3): 0.03 * min(n + 1, 5 - n) for n in range(5)}}),
-        (gaps, {(0.49, 0.0): 0.0, (0.5, 0.0): -0.1, (0.55, 0.0): -0.1, (0.56, 0.0): 0.0, (1.275, 0.0): -0.1}),
+        (
+            stairs,
+            {(0.3, 0.0): 0.0, **{(0.5 + 0.2 * n, 0.3): 0.03 * min(n + 1, 5 - n) for n in range(5)}},
+        ),
+        (
+            gaps,
+            {
+                (0.49, 0.0): 0.0,
+                (0.5, 0.0): -0.1,
+                (0.55, 0.0): -0.1,
+                (0.56, 0.0): 0.0,
+                (1.275, 0.0): -0.1,
+            },
+        ),
         ({"kind": "grid", "size": 0.2, "file": str(grids["csv"])}, tiles),
         ({"kind": "grid", "size": 0.2, "height": 0.04, "file": str(grids["png"])}, tiles),
     ]
@@ -64,13 +90,17 @@ def known(grids):
 
 def test_stairs_gaps_and_grids_are_where_they_are_told(grids):
     for field, heights in known(grids):
-        config = load_station("yobotics_terrain", {**PLAIN, "floor.terrain": {"width": 0.8, **field}})
+        config = load_station(
+            "yobotics_terrain", {**PLAIN, "floor.terrain": {"width": 0.8, **field}}
+        )
         ground, posed = resolve(config).ground, PosedStation(config)
         points = np.array([(*place, 2.0) for place in heights])
         tops = ground.beneath(points)
         np.testing.assert_allclose(tops, [*heights.values()], atol=2e-4)  # 128 of 255 is no half
         for point, top in zip(points, tops, strict=True):
-            near = posed.query().ComputeSignedDistanceToPoint(np.array([*point[:2], top]), threshold=1e-9)
+            near = posed.query().ComputeSignedDistanceToPoint(
+                np.array([*point[:2], top]), threshold=1e-9
+            )
             assert min(abs(found.distance) for found in near) < 1e-9
 
 
@@ -80,7 +110,9 @@ def test_what_is_no_grid_is_refused(tmp_path, grids):
     (tmp_path / "empty.png").write_text("")
     (tmp_path / "ragged.csv").write_text("0.1,0.2\n0.1\n")
     Image.new("L", (1000, 1000)).save(tmp_path / "large.png")
-    Image.fromarray((np.arange(2000) % 251).astype(np.uint8).reshape(40, 50)).save(tmp_path / "rough.png")
+    Image.fromarray((np.arange(2000) % 251).astype(np.uint8).reshape(40, 50)).save(
+        tmp_path / "rough.png"
+    )
     messages = {
         "words.csv": "line 1: holds something that is no number",
         "ragged.csv": "line 2: has 1 cells, and the first line 2",
@@ -119,7 +151,13 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
     soft = {"length": 1.0, "hydroelastic_modulus": 1e6}
     config = {
         **PLAIN,
-        "floor.terrain": {"kind": "steps", "height": 0.02, "length": 0.2, "start": 0.0, "soft": soft},
+        "floor.terrain": {
+            "kind": "steps",
+            "height": 0.02,
+            "length": 0.2,
+            "start": 0.0,
+            "soft": soft,
+        },
         "contact.hydroelastic_modulus": 1e8,  # of all else
     }
     depths = []
@@ -130,10 +168,19 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, result.positions_at(np.array([1.0]))[0])
         links = {foot: plant.GetFrameByName(foot, robot.instance) for foot in robot.feet.links}
-        poses = {foot: link.CalcPoseInWorld(context).GetAsMatrix4()[np.newaxis] for foot, link in links.items()}
-        depths.append(-np.mean([robot.feet.lowest_points(foot, pose)[0, 0, 2] for foot, pose in poses.items()]))
+        poses = {
+            foot: link.CalcPoseInWorld(context).GetAsMatrix4()[np.newaxis]
+            for foot, link in links.items()
+        }
+        depths.append(
+            -np.mean(
+                [robot.feet.lowest_points(foot, pose)[0, 0, 2] for foot, pose in poses.items()]
+            )
+        )
     weight = plant.CalcTotalMass(context, [robot.instance]) * made.gravity / 4
-    assert depths[0] < 1e-3  # the ball is a mesh of edges of 12.5 mm, which lie up to 0.8 mm inside of it
+    assert (
+        depths[0] < 1e-3
+    )  # the ball is a mesh of edges of 12.5 mm, which lie up to 0.8 mm inside of it
     assert depths[1] == pytest.approx(np.sqrt(weight * 0.07 / (np.pi * 1e6 * 0.025)), rel=0.15)
 
 
@@ -146,7 +193,10 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
         ({"floor.terrain.seed": -1}, "seed"),
         ({"floor.terrain.kind": "grid"}, "file is missing"),
         ({"floor.terrain.file": "heights.csv"}, "file goes with kind grid alone"),
-        ({"floor.terrain": {"kind": "gaps", "gap": 0.2, "size": 0.2}}, "leaves nothing to stand on"),
+        (
+            {"floor.terrain": {"kind": "gaps", "gap": 0.2, "size": 0.2}},
+            "leaves nothing to stand on",
+        ),
         ({"contact.model": "point"}, "floor.terrain.soft"),
     ],
 )

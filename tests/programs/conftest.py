@@ -10,7 +10,12 @@ HOME = (0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0)
 BARE = {
     "robot.initial_deg": {"joint_5": 90},
     "pieces.table": {"model": "inclined_table", "parent": "world"},
-    "pieces.weight": {"model": "half_die", "parent": "world", "pose": [0.3, 0.1, 0.2, 0.3, 0.4, 0.5], "mass": 1.0},
+    "pieces.weight": {
+        "model": "half_die",
+        "parent": "world",
+        "pose": [0.3, 0.1, 0.2, 0.3, 0.4, 0.5],
+        "mass": 1.0,
+    },
 }
 
 

@@ -31,15 +31,31 @@ def gripper_urdf(*, friction: float = 0.0, right_has_inertia: bool = True) -> st
         right = right[:begin] + right[end:]
     lift_friction = f'<dynamics friction="{friction}"/>' if friction else ""
     parts = [
-        _LINK.format(name="column", com="0 0 0.3", mass=8, inertia=0.25, at="-0.12 0 0.3", size="0.08 0.08 0.6"),
-        _LINK.format(name="carriage", com="0 0 0", mass=1.2, inertia=0.003, at="-0.02 0 0", size="0.12 0.16 0.04"),
+        _LINK.format(
+            name="column",
+            com="0 0 0.3",
+            mass=8,
+            inertia=0.25,
+            at="-0.12 0 0.3",
+            size="0.08 0.08 0.6",
+        ),
+        _LINK.format(
+            name="carriage",
+            com="0 0 0",
+            mass=1.2,
+            inertia=0.003,
+            at="-0.02 0 0",
+            size="0.12 0.16 0.04",
+        ),
         '<joint name="lift" type="prismatic"><parent link="column"/><child link="carriage"/>'
         '<origin xyz="0 0 0.12"/><axis xyz="0 0 1"/>'
         f'<limit lower="0" upper="0.35" effort="120" velocity="0.5"/>{lift_friction}</joint>',
         _LINK.format(name="finger_left", at="0 0.005 -0.05", **finger),
         _FINGER_JOINT.format(side="left", sign="", dynamics="", mimic=""),
         right,
-        _FINGER_JOINT.format(side="right", sign="-", dynamics="", mimic='<mimic joint="finger_left_joint"/>'),
+        _FINGER_JOINT.format(
+            side="right", sign="-", dynamics="", mimic='<mimic joint="finger_left_joint"/>'
+        ),
     ]
     return f'<robot name="lift_gripper">{"".join(parts)}</robot>'
 
@@ -67,10 +83,24 @@ def lifting_file(folder: Path, moves: list[dict[str, Any]], **urdf: Any) -> Path
     }
     content = {
         "mode": "dynamic",
-        "robot": {"urdf": "lift_gripper.urdf", "initial_deg": {"lift": 0.1, "finger_left_joint": 0.045}},
-        "pieces": {"box": {"box": [0.05, 0.04, 0.04], "mass": 0.2, "free": True, "pose": [0, 0, 0.02, 0, 0, 0]}},
+        "robot": {
+            "urdf": "lift_gripper.urdf",
+            "initial_deg": {"lift": 0.1, "finger_left_joint": 0.045},
+        },
+        "pieces": {
+            "box": {
+                "box": [0.05, 0.04, 0.04],
+                "mass": 0.2,
+                "free": True,
+                "pose": [0, 0, 0.02, 0, 0, 0],
+            }
+        },
         "couplings": {
-            "gear": {"kind": "gear", "ratios": {"finger_right_joint": 1, "finger_left_joint": -1}, "total": 0}
+            "gear": {
+                "kind": "gear",
+                "ratios": {"finger_right_joint": 1, "finger_left_joint": -1},
+                "total": 0,
+            }
         },
         "servo": servo,
         "floor": {"size": 3},

@@ -20,9 +20,17 @@ def test_a_planned_move_takes_the_torques_that_a_run_tells() -> None:
 
 def test_what_is_in_the_hand_is_no_longer_to_spare() -> None:
     """A point mass at the tool centre point takes as much off the payload as it weighs."""
-    tcp = list(load_station("irb120_kinematic", {"pieces.load.tcp": [0.05, 0, 0.1, 0, 0, 0]}).pieces["load"].tcp or [])
+    tcp = list(
+        load_station("irb120_kinematic", {"pieces.load.tcp": [0.05, 0, 0.1, 0, 0, 0]})
+        .pieces["load"]
+        .tcp
+        or []
+    )
     held = {"pieces.load.tcp": tcp, "pieces.load.com": tcp[:3], "pieces.load.inertia": [0, 0, 0]}
-    arms = [Arm(load_station("irb120_kinematic", {**held, "pieces.load.mass": mass})) for mass in (1.0, 4.0)]
+    arms = [
+        Arm(load_station("irb120_kinematic", {**held, "pieces.load.mass": mass}))
+        for mass in (1.0, 4.0)
+    ]
     posture = [0.1, 0.6, 0.3, 0.4, 0.7, 0.2]
     light, heavy = (arm.dynamics.payload(posture) for arm in arms)
     loaded = np.isfinite(light) & (light < 1e6)

@@ -41,7 +41,10 @@ def picked():
         seen.append(cell.frame("rook"))
         return run
 
-    runs = [moved(belt.move_abs_j([0.5], duration=0.9)), moved(arm.move_j([0, 0, 0.035, *DOWN], wobj="rook"))]
+    runs = [
+        moved(belt.move_abs_j([0.5], duration=0.9)),
+        moved(arm.move_j([0, 0, 0.035, *DOWN], wobj="rook")),
+    ]
     arm.attach("rook")
     over = arm.plan.move_j([0.1, 0.4, 0.0626, 0, 0, 0], duration=1.1, check=None)
     runs += [moved(cell.run(over, belt.plan.move_abs_j([0.0], check=None))), moved(cell.wait(0.1))]
@@ -81,7 +84,10 @@ class TestWhatHappened:
         assert {"piece.rook.x", "piece.rook.qz"} <= set(whole.units)
         assert whole.plant.robots["arm"].tcp == "gripper, rook"
         at = whole.positions_at(np.array([0.3, 1.0]))
-        own = [run.plant.robots["belt"].axis_map.positions(run.positions_at(np.array([0.3])))[0, 0] for run in runs[:1]]
+        own = [
+            run.plant.robots["belt"].axis_map.positions(run.positions_at(np.array([0.3])))[0, 0]
+            for run in runs[:1]
+        ]
         assert whole.plant.robots["belt"].axis_map.positions(at)[0, 0] == own[0]
 
     def test_events_say_what_happened_when(self, picked, tmp_path):
@@ -113,7 +119,9 @@ class TestWhatHappened:
         arm.wait(0.05)
         whole = arm.result()
         falls = (whole.times >= 0.05) & (whole.times < 0.55)
-        np.testing.assert_allclose(whole["piece.box.z"][falls], fall["piece.box.z"][:-1], atol=1e-12)
+        np.testing.assert_allclose(
+            whole["piece.box.z"][falls], fall["piece.box.z"][:-1], atol=1e-12
+        )
         before = whole.positions_at(np.array([0.55 - 1e-9]))[0]
         place = whole.plant.plant.get_body(whole.plant.free_pieces["box"].index())
         context = whole.plant.plant.CreateDefaultContext()
@@ -137,12 +145,18 @@ class TestWhatHappened:
         np.testing.assert_allclose(here.axes("q")[-1], kinematic.position, atol=1e-12)
         assert len(here.runs) == 3
         real = kinematic.simulate(load_station("irb120_dynamic", BARE))
-        assert [run.config.pieces["weight"].parent for run in real.runs] == ["world", "load", "load"]
+        assert [run.config.pieces["weight"].parent for run in real.runs] == [
+            "world",
+            "load",
+            "load",
+        ]
         assert real.stop_time == pytest.approx(here.stop_time, abs=1e-12)
         off = np.linalg.norm(real.piece_pose("weight")[-1, :3] - here.piece_pose("weight")[-1, :3])
         assert 1e-4 < off < 0.03  # m: it sags
         slow = kinematic.simulate(duration=2 * here.stop_time)
-        np.testing.assert_allclose(slow.piece_pose("weight")[-1], here.piece_pose("weight")[-1], atol=1e-12)
+        np.testing.assert_allclose(
+            slow.piece_pose("weight")[-1], here.piece_pose("weight")[-1], atol=1e-12
+        )
 
 
 def _program(text):
@@ -186,12 +200,18 @@ class TestFiles:
             assert (other / name).read_bytes() == (folder / name).read_bytes(), name
 
     @pytest.mark.parametrize(
-        "form", [pytest.param(as_transform, marks=pytest.mark.long), lambda pose: as_transform(pose).GetAsMatrix4()]
+        "form",
+        [
+            pytest.param(as_transform, marks=pytest.mark.long),
+            lambda pose: as_transform(pose).GetAsMatrix4(),
+        ],
     )
     def test_transforms_are_told_as_pose_vectors(self, kinematic, form):
         whole = everything(kinematic, form)
         again = Workcell(load_station("irb120_kinematic", BARE)).perform(_program(whole.program))
-        np.testing.assert_allclose(again.values, whole.values, rtol=0, atol=1e-9)  # torques, by rounding of the poses
+        np.testing.assert_allclose(
+            again.values, whole.values, rtol=0, atol=1e-9
+        )  # torques, by rounding of the poses
 
     @pytest.mark.long
     def test_degrees_and_short_forms_are_the_same_moves(self):
@@ -210,11 +230,16 @@ class TestFiles:
             {"tool": "tool0"},
         ]
         one, other = (
-            Workcell("irb120_kinematic").perform(Program.model_validate({"moves": moves})) for moves in (long, short)
+            Workcell("irb120_kinematic").perform(Program.model_validate({"moves": moves}))
+            for moves in (long, short)
         )
         np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-12)
         assert one.axes("q")[29, 4] != 0
-        assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].targets == (0, 0, 1)
+        assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].targets == (
+            0,
+            0,
+            1,
+        )
 
     @pytest.mark.long
     def test_two_arms_and_a_moved_piece(self, tmp_path):
@@ -223,19 +248,29 @@ class TestFiles:
         cell.record()
         early = left.plan.move_j([0, 0, 0.1, *DOWN], wobj="bar")
         cell.wait(0.1)
-        cell.attach("bar", "world", pose=[-0.4, 0.3, 0, 0, 0, 0])  # the bar goes, and the plan not with it
+        cell.attach(
+            "bar", "world", pose=[-0.4, 0.3, 0, 0, 0, 0]
+        )  # the bar goes, and the plan not with it
         cell.run(early, right.plan.move_abs_j([0.2, 0, 0, 0, 1.5, 0]))
         right.move_l([0, 0, 0.0], wobj=right)
-        left.move_l(cell.frame("right").inverse() @ (left.pose()[:3] + np.array([0, 0, 0.03])), wobj=right)
+        left.move_l(
+            cell.frame("right").inverse() @ (left.pose()[:3] + np.array([0, 0, 0.03])), wobj=right
+        )
         folder = cell.save(tmp_path / "two", recording=False)
         again = Workcell(folder / "station.yaml").perform(folder / "program.yaml")
         whole = cell.result()
         for robot, signal in (("left", "q"), ("left", "tau"), ("right", "q"), ("right", "tau")):
-            np.testing.assert_allclose(again.axes(signal, robot), whole.axes(signal, robot), rtol=0, atol=1e-9)
-        np.testing.assert_allclose(again.piece_pose("bar"), whole.piece_pose("bar"), rtol=0, atol=1e-12)
+            np.testing.assert_allclose(
+                again.axes(signal, robot), whole.axes(signal, robot), rtol=0, atol=1e-9
+            )
+        np.testing.assert_allclose(
+            again.piece_pose("bar"), whole.piece_pose("bar"), rtol=0, atol=1e-12
+        )
         moves = yaml.safe_load((folder / "program.yaml").read_text())["moves"]
         first = moves[2]["together"][0]["move_j"]
-        np.testing.assert_allclose(first["wobj"][:3], [-0.5, 0.35, 0.148], atol=1e-12)  # its upper end, where it was
+        np.testing.assert_allclose(
+            first["wobj"][:3], [-0.5, 0.35, 0.148], atol=1e-12
+        )  # its upper end, where it was
         assert [moves[k]["move_l"]["wobj"] for k in (3, 4)] == ["right", "right"]
 
     def test_what_no_file_can_say_has_none(self, kinematic, tmp_path):
@@ -246,12 +281,19 @@ class TestFiles:
         assert not (kinematic.save(tmp_path / "no", recording=False) / "program.yaml").exists()
         for change in (
             lambda: kinematic.move_abs_j(HOME) and kinematic.cell.change(kinematic.cell.config),
-            lambda: (kinematic.wait(0.1), kinematic.pause(), kinematic.wait(0.1), kinematic.resume()),
+            lambda: (
+                kinematic.wait(0.1),
+                kinematic.pause(),
+                kinematic.wait(0.1),
+                kinematic.resume(),
+            ),
         ):
             kinematic.record()
             change()
             assert kinematic.result().program == ""
-        with pytest.raises(InvalidParameter, match="recording is empty; it must be begun with record"):
+        with pytest.raises(
+            InvalidParameter, match="recording is empty; it must be begun with record"
+        ):
             Arm("irb120_kinematic").save()
 
     @pytest.mark.parametrize("kind", MOTIONS)
@@ -260,21 +302,39 @@ class TestFiles:
 
 
 MISTAKES = {
-    "an unknown key": ({"move_l": {"target": [0, 0, 1]}}, r"move 2: move_l\.target: unknown key.*'targets'"),
+    "an unknown key": (
+        {"move_l": {"target": [0, 0, 1]}},
+        r"move 2: move_l\.target: unknown key.*'targets'",
+    ),
     "an unknown move": ({"move_x": [0, 0, 1]}, r"move 2: move_x: unknown key"),
-    "two units": ({"move_l": {"targets": [0, 0, 1], "targets_deg": [0, 0, 1]}}, "one of targets and targets_deg"),
+    "two units": (
+        {"move_l": {"targets": [0, 0, 1], "targets_deg": [0, 0, 1]}},
+        "one of targets and targets_deg",
+    ),
     "a text": ({"move_l": "up"}, r"move 2: move_l"),
-    "an unknown robot": ({"move_l": {"targets": [0, 0, 1], "robot": "b"}}, r"move 2: there is no robot 'b'"),
-    "an unknown work object": ({"move_l": {"targets": [0, 0, 1], "wobj": "tabel"}}, r"move 2.*'tabel'.*'table'"),
+    "an unknown robot": (
+        {"move_l": {"targets": [0, 0, 1], "robot": "b"}},
+        r"move 2: there is no robot 'b'",
+    ),
+    "an unknown work object": (
+        {"move_l": {"targets": [0, 0, 1], "wobj": "tabel"}},
+        r"move 2.*'tabel'.*'table'",
+    ),
     "an unknown tool": ({"tool": "grippr"}, r"move 2: there is no tool .*'gripper'"),
     "out of reach": ({"move_j": [2.0, 0, 1, 0, 0, 0]}, r"move 2: the target"),
-    "two durations": ({"move_abs_j": {"targets": [0] * 6, "duration": 1, "speed": 1}}, "given by duration and speed"),
+    "two durations": (
+        {"move_abs_j": {"targets": [0] * 6, "duration": 1, "speed": 1}},
+        "given by duration and speed",
+    ),
     "too few axes": ({"move_abs_j": [0, 0]}, r"move 2: targets"),
     "far away": ({"attach": "weight"}, r"move 2: weight.* mm away from"),
     "a walk": ({"walk": {"steps": 2}}, r"move 2: the move is walk; it must be one of arms"),
     "an unknown piece": ({"release": "dice"}, r"move 2: there is no piece 'dice'"),
     "nothing together": ({"together": []}, r"move 2: together"),
-    "one robot twice": ({"together": [{"move_abs_j": [0] * 6}] * 2}, r"move 2: plans .*of different robots"),
+    "one robot twice": (
+        {"together": [{"move_abs_j": [0] * 6}] * 2},
+        r"move 2: plans .*of different robots",
+    ),
 }
 
 
@@ -290,9 +350,17 @@ def test_what_cannot_be_done_is_named_before_anything_moves(kinematic, tmp_path,
 
 def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
-    moves = [{"wait": 0.1}, {"release": "box"}, {"move_abs_j": list(HOME)}, {"attach": "box"}, {"move_abs_j": [9] * 6}]
+    moves = [
+        {"wait": 0.1},
+        {"release": "box"},
+        {"move_abs_j": list(HOME)},
+        {"attach": "box"},
+        {"move_abs_j": [9] * 6},
+    ]
     found = check_program(Program.model_validate({"moves": moves}), cell.config, "p.yaml")
-    assert "3 of 5 entries can be done, in 1.1 s; move 4 depends on where a piece falls" in found.text
+    assert (
+        "3 of 5 entries can be done, in 1.1 s; move 4 depends on where a piece falls" in found.text
+    )
     assert cell.state is None
     with pytest.raises(InvalidParameter, match="without a move that takes time"):
         cell.perform(Program.model_validate({"moves": [{"release": "box"}]}))
@@ -303,17 +371,27 @@ def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.05}, {"release": "box"}, {"wait": 0.3}, {"attach": "box"}, {"wait": 0.1}]
     before = cell.config
-    with pytest.raises(InvalidParameter, match=r"move 4: box, to be taken, is \d+ mm away from load"):
+    with pytest.raises(
+        InvalidParameter, match=r"move 4: box, to be taken, is \d+ mm away from load"
+    ):
         cell.perform(Program.model_validate({"moves": moves}))
     assert (cell.state, cell.config, cell.tape.entries) == (None, before, [])
 
 
 def test_a_monitor_ends_the_program():
-    cell = Workcell(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))
-    moves = [{"wait": 0.1}, {"move_abs_j": {"targets": [0, 1.2, 0, 0, 0, 0], "check": None}}, {"wait": 1.0}]
+    cell = Workcell(
+        load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}})
+    )
+    moves = [
+        {"wait": 0.1},
+        {"move_abs_j": {"targets": [0, 1.2, 0, 0, 0, 0], "check": None}},
+        {"wait": 1.0},
+    ]
     whole = cell.perform(Program.model_validate({"moves": moves}))
     assert (whole.ending, len(whole.runs)) == ("monitor", 2)
-    assert whole.message.endswith(f", at {whole.stop_time:.4g} s")  # of the whole program, not of its last run
+    assert whole.message.endswith(
+        f", at {whole.stop_time:.4g} s"
+    )  # of the whole program, not of its last run
     assert whole.stop_time > 0.1
     assert all_events(whole)[-1] == (whole.stop_time, "stopped: joint_limit")
 
@@ -322,5 +400,7 @@ def test_legs_refuse_what_is_for_arms():
     from simrob_drake import LeggedRobot
 
     robot = LeggedRobot("humanoid_fixed")
-    with pytest.raises(InvalidParameter, match=r"move 2 is move_l; it must be one of target_deg, walk, go, act"):
+    with pytest.raises(
+        InvalidParameter, match=r"move 2 is move_l; it must be one of target_deg, walk, go, act"
+    ):
         robot.run(Program.model_validate({"moves": [{"act": "bow"}, {"move_l": [0, 0, 1]}]}))

@@ -18,7 +18,12 @@ WAVE = [
     {"left_shoulder_pitch": 0, "left_elbow": 0},
     {"right_shoulder_roll": 0, "neck_yaw": 0},
 ]
-ARM = {"pieces": {}, "floor": None, "solver": {"kind": "discrete", "time_step": 1e-3}, "servo.realization": "implicit"}
+ARM = {
+    "pieces": {},
+    "floor": None,
+    "solver": {"kind": "discrete", "time_step": 1e-3},
+    "servo.realization": "implicit",
+}
 POSTURES = np.deg2rad([[20, 0, 0, 0, 30, 0], [0, 10, 0, 0, 0, 40], [0, 0, 0, 0, 0, 0]])
 
 
@@ -44,7 +49,9 @@ def check_visited(result, targets, tolerance):
     for time, target in zip(times, targets, strict=True):
         seen = np.searchsorted(result.times, time - 1e-9)
         for axis, value in target.items():
-            assert np.rad2deg(result[f"q.{axis}"][seen]) == pytest.approx(value, abs=tolerance + 0.05)
+            assert np.rad2deg(result[f"q.{axis}"][seen]) == pytest.approx(
+                value, abs=tolerance + 0.05
+            )
     assert times[-1] < result.stop_time < times[-1] + 0.03  # not the whole horizon
     assert result.stopped_by == "automatic"
     assert "the last of" in result.message
@@ -63,7 +70,14 @@ def test_a_legged_robot_goes_through_its_references_slow_or_not(part):
 def test_no_cell_is_skipped_while_one_joint_is_late():
     """An elbow that is five times as slow as the others sets the time of its own cells alone."""
     quick = standing().simulate(automatic=True).cells["automatic"]
-    slow = standing(**{"servo.kd": {**dict.fromkeys(LeggedRobot("humanoid_dynamic").axes, 20), "left_elbow": 100}})
+    slow = standing(
+        **{
+            "servo.kd": {
+                **dict.fromkeys(LeggedRobot("humanoid_dynamic").axes, 20),
+                "left_elbow": 100,
+            }
+        }
+    )
     times = check_visited(slow.simulate(automatic=True), WAVE, 2.0)
     extra = np.diff(times, prepend=0.0) - np.diff(quick, prepend=0.0)
     assert (extra[[0, 2]] > 1.0).all()
@@ -78,7 +92,9 @@ def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
     assert robot.cell.config.controllers == {}
     again = robot.simulate(automatic=True)  # from the start
     np.testing.assert_array_equal(again.values, result.values)
-    onward = robot.run(robot.program.with_automatic(True))  # from the last state, and from the first cell
+    onward = robot.run(
+        robot.program.with_automatic(True)
+    )  # from the last state, and from the first cell
     assert None not in onward.cells["automatic"]
     assert onward.axes("q")[0] == pytest.approx(result.axes("q")[-1], abs=1e-12)
     robot.undo()
@@ -99,21 +115,36 @@ def test_a_cell_that_cannot_be_reached_ends_the_run_and_names_the_joint():
 @pytest.mark.long
 def test_a_program_says_that_it_is_automatic(tmp_path):
     file = tmp_path / "step.yaml"
-    text = {"automatic": {"tolerance_deg": 3.0}, "references": [{"target_deg": target} for target in WAVE]}
+    text = {
+        "automatic": {"tolerance_deg": 3.0},
+        "references": [{"target_deg": target} for target in WAVE],
+    }
     file.write_text(json.dumps(text))
     robot = LeggedRobot(load_station("humanoid_dynamic", {"servo.kd": 20}))
     robot.load(file)
     assert Program.load(robot.save(tmp_path / "again.yaml")) == robot.program
     loaded = robot.simulate()
     check_visited(loaded, WAVE, 3.0)
-    np.testing.assert_array_equal(robot.simulate(automatic={"tolerance_deg": 3.0}).values, loaded.values)
+    np.testing.assert_array_equal(
+        robot.simulate(automatic={"tolerance_deg": 3.0}).values, loaded.values
+    )
     assert not robot.program.with_automatic(False).automatic
 
 
 def test_a_station_s_own_sequencer_waits_and_its_other_loops_lie_above():
-    guard = {"kind": "fall_guard", "height": 9, "duration": 0, "posture_deg": {"neck_yaw": 10}, "priority": 3}
+    guard = {
+        "kind": "fall_guard",
+        "height": 9,
+        "duration": 0,
+        "posture_deg": {"neck_yaw": 10},
+        "priority": 3,
+    }
     own = {"kind": "sequencer", "cells": [{"targets_deg": {"neck_yaw": 50}}]}
-    robot = LeggedRobot(load_station("humanoid_dynamic", {"controllers": {"own": own, "guard": guard}, "servo.kd": 20}))
+    robot = LeggedRobot(
+        load_station(
+            "humanoid_dynamic", {"controllers": {"own": own, "guard": guard}, "servo.kd": 20}
+        )
+    )
     robot.add_reference({"left_elbow": 20, "neck_yaw": 9})
     result = robot.simulate(automatic=True)
     assert set(result.config.controllers) == {"guard", "automatic"}
@@ -143,10 +174,19 @@ def test_an_arm_is_programmed_here_and_run_there():
 @pytest.mark.long
 def test_a_program_runs_from_the_shell(tmp_path, capsys):
     file = tmp_path / "wave.yaml"
-    content = {"station": "humanoid_dynamic", "automatic": True, "references": [{"target_deg": {"left_elbow": 20}}]}
+    content = {
+        "station": "humanoid_dynamic",
+        "automatic": True,
+        "references": [{"target_deg": {"left_elbow": 20}}],
+    }
     file.write_text(json.dumps(content))
     folder = tmp_path / "out"
-    assert run_command(["run", str(file), "--set", "servo.kd=20", "--out", str(folder), "--no-recording"]) == 0
+    assert (
+        run_command(
+            ["run", str(file), "--set", "servo.kd=20", "--out", str(folder), "--no-recording"]
+        )
+        == 0
+    )
     (reached,) = json.loads((folder / "summary.json").read_text())["cells"]["automatic"]
     assert f"{reached:.2f}" in capsys.readouterr().out
     assert run_command(["run", str(file), "--duration", "3"]) == 2
@@ -158,14 +198,30 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("ask", "error", "message"),
     [
-        (lambda: LeggedRobot("humanoid_dynamic").simulate(automatic=True), InvalidParameter, "without references"),
+        (
+            lambda: LeggedRobot("humanoid_dynamic").simulate(automatic=True),
+            InvalidParameter,
+            "without references",
+        ),
         (lambda: standing().simulate(automatic=3), InvalidParameter, "automatic is 3"),
         (lambda: standing().simulate(automatic={"timeout": -1}), InvalidConfig, "timeout"),
-        (lambda: standing().simulate(automatic={"timeout": 0.4}), InvalidConfig, r"cells\[0\] has a duration of 0.5 s"),
-        (lambda: standing().add_reference({"left_knee": 500}), JointLimitExceeded, "beyond its limit"),
+        (
+            lambda: standing().simulate(automatic={"timeout": 0.4}),
+            InvalidConfig,
+            r"cells\[0\] has a duration of 0.5 s",
+        ),
+        (
+            lambda: standing().add_reference({"left_knee": 500}),
+            JointLimitExceeded,
+            "beyond its limit",
+        ),
         (lambda: arm().add_reference(np.full(6, 9.0)), JointLimitExceeded, "beyond its limits"),
         (lambda: arm().add_reference([0.1, 0.2]), InvalidParameter, "6 finite numbers"),
-        (lambda: arm().simulate(automatic=True, duration=3), InvalidParameter, "takes the time of its own references"),
+        (
+            lambda: arm().simulate(automatic=True, duration=3),
+            InvalidParameter,
+            "takes the time of its own references",
+        ),
     ],
 )
 def test_what_cannot_be_is_told(ask, error, message):

@@ -17,7 +17,9 @@ def test_each_branch_says_what_a_move_there_would(kinematic):
         np.testing.assert_allclose(kinematic.pose(branch.posture)[:3], [0.3, 0.1, 0.35], atol=1e-8)
         np.testing.assert_array_equal(branch.torque, kinematic.inverse_dynamics(branch.posture))
         room, axis = branch.room
-        rooms = np.minimum(branch.posture - kinematic.chain.lower, kinematic.chain.upper - branch.posture)
+        rooms = np.minimum(
+            branch.posture - kinematic.chain.lower, kinematic.chain.upper - branch.posture
+        )
         assert room == rooms.min() == rooms[kinematic.axes.index(axis)]
         if room < 0:
             with pytest.raises(JointLimitExceeded):
@@ -31,7 +33,9 @@ def test_what_is_carried_counts(kinematic):
     before = kinematic.branches(pose)[0]
     kinematic.attach("weight", pose=[0, 0, 0.05, 0, 0, 0])
     kinematic.tool("load")
-    after = next(branch for branch in kinematic.branches(pose) if np.allclose(branch.posture, before.posture))
+    after = next(
+        branch for branch in kinematic.branches(pose) if np.allclose(branch.posture, before.posture)
+    )
     assert after.load[0] > before.load[0]
     axis = kinematic.axes.index(after.load[1])
     limit = kinematic.cell.robot(kinematic.name).gains.torque_limit[axis]

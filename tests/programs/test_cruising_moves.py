@@ -11,8 +11,14 @@ from simrob_drake.programs.segments import zone_size
 from simrob_drake.programs.smooth_path import RateLimits
 from tests.programs.conftest import DOWN, HOME
 
-CORNERS = np.array([[0.05, 0.1, 0.05], [0.15, 0.1, 0.05], [0.15, 0.2, 0.05], [0.05, 0.2, 0.05]])  # m, on the table
-ROWS = [[0.3, 0.2, -0.1, 0.2, 1.2, 0.5], [0.6, 0.1, 0.1, 0.4, 1.0, 0.0], [0.2, 0.0, 0.0, 0.0, 1.5, -0.4]]
+CORNERS = np.array(
+    [[0.05, 0.1, 0.05], [0.15, 0.1, 0.05], [0.15, 0.2, 0.05], [0.05, 0.2, 0.05]]
+)  # m, on the table
+ROWS = [
+    [0.3, 0.2, -0.1, 0.2, 1.2, 0.5],
+    [0.6, 0.1, 0.1, 0.4, 1.0, 0.0],
+    [0.2, 0.0, 0.0, 0.0, 1.5, -0.4],
+]
 
 
 @pytest.fixture
@@ -52,7 +58,9 @@ def test_a_line_cruises_at_its_speed(arm, profile, ramps):
 
 def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
     quick = arm.plan.move_l(CORNERS[1], wobj="table", speed=0.3)
-    assert np.linalg.norm(tool_way(arm, quick)[3][3:-3], axis=1).max() == pytest.approx(2.0, rel=5e-3)  # the usual
+    assert np.linalg.norm(tool_way(arm, quick)[3][3:-3], axis=1).max() == pytest.approx(
+        2.0, rel=5e-3
+    )  # the usual
     limits = np.array(arm.plan.rate_limits)
     weak = np.full(6, 3.0)  # rad/s²
     object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], weak))
@@ -65,7 +73,9 @@ def test_free_moves_take_as_long_as_accelerations_need(arm):
     limits = arm.plan.rate_limits
     object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], np.full(6, 1.0)))
     for how in ({}, {"profile": "trapezoid"}, {"zone": "z20"}):
-        assert joint_pushes(planner.move_l(CORNERS[1:], wobj="table", **how)).max() == pytest.approx(0.98, rel=0.02)
+        assert joint_pushes(
+            planner.move_l(CORNERS[1:], wobj="table", **how)
+        ).max() == pytest.approx(0.98, rel=0.02)
     with pytest.raises(
         AccelerationLimitExceeded, match=r"joint_\d would be sped up by .* deg/s²;.*duration of"
     ) as caught:
@@ -83,11 +93,19 @@ def test_zones_round_the_corners_and_leave_the_lines_alone(arm):
     lines = [(places[:, 1] - 0.1, 0), (places[:, 0] - 0.15, 1), (places[:, 1] - 0.2, 2)]
     off = np.min([np.abs(offset) for offset, _ in lines], axis=0)
     assert off[on_lines].max() < 3e-5  # m
-    assert apart.min() == pytest.approx(np.sqrt(2) * zone * 3 / 16, rel=1e-3)  # g(0) = 3/16 along both ways
-    assert np.linalg.norm(speeds, axis=1)[500:-500].min() == pytest.approx(0.2 / np.sqrt(2), rel=1e-2)
-    assert np.linalg.norm(np.diff(pushes[3:-3], axis=0), axis=1).max() < 0.1  # no jump of 2 m/s² and more
+    assert apart.min() == pytest.approx(
+        np.sqrt(2) * zone * 3 / 16, rel=1e-3
+    )  # g(0) = 3/16 along both ways
+    assert np.linalg.norm(speeds, axis=1)[500:-500].min() == pytest.approx(
+        0.2 / np.sqrt(2), rel=1e-2
+    )
+    assert (
+        np.linalg.norm(np.diff(pushes[3:-3], axis=0), axis=1).max() < 0.1
+    )  # no jump of 2 m/s² and more
     at = np.searchsorted(times, plan.arrivals[:2])
-    np.testing.assert_allclose(np.linalg.norm(places[at] - CORNERS[1:3], axis=1), apart.min(), rtol=1e-2)
+    np.testing.assert_allclose(
+        np.linalg.norm(places[at] - CORNERS[1:3], axis=1), apart.min(), rtol=1e-2
+    )
     np.testing.assert_allclose(places[-1], CORNERS[3], atol=1e-6)
 
 
@@ -136,7 +154,9 @@ def test_a_saved_move_keeps_its_corners_of_speed(arm):
     times, *values = hermite_samples(plan.trajectory, 0.0, plan.duration, 200.0)
     again = hermite(times, *values)
     looks = np.linspace(0, plan.duration, 777)
-    pushes = [reference.MakeDerivative(2).vector_values(looks) for reference in (plan.trajectory, again)]
+    pushes = [
+        reference.MakeDerivative(2).vector_values(looks) for reference in (plan.trajectory, again)
+    ]
     np.testing.assert_allclose(pushes[1], pushes[0], atol=1e-2 * np.abs(pushes[0]).max())
 
 
@@ -148,12 +168,21 @@ def test_zones_are_rapid_s():
 @pytest.mark.parametrize(
     ("how", "message"),
     [
-        ({"zone": "z60"}, r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter way"),
+        (
+            {"zone": "z60"},
+            r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter way",
+        ),
         ({"zone": "z201"}, "zone is 'z201'; it must be 'fine', 'z0' to 'z200'"),
         ({"zone": "ten"}, "zone is 'ten'"),
         ({"zone": -0.1}, "zone is -0.1; it must be a positive number"),
-        ({"zone": "z10", "times": [1, 2, 3]}, "times: targets with a zone are passed, .*; leave it out"),
-        ({"profile": "sine"}, "no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid"),
+        (
+            {"zone": "z10", "times": [1, 2, 3]},
+            "times: targets with a zone are passed, .*; leave it out",
+        ),
+        (
+            {"profile": "sine"},
+            "no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid",
+        ),
         ({"acceleration": 1.0}, "acceleration is 1.0; it must be given with a speed"),
         ({"speed": 0.1, "acceleration": 0.0}, "acceleration is 0.0; it must be a positive number"),
         ({"speed": 0.1, "profile": "smooth", "acceleration": 1.0}, "of a move that cruises"),
@@ -165,20 +194,36 @@ def test_wrong_ways_of_doing_it(arm, how, message):
 
 
 def test_what_one_call_cannot_do(arm):
-    with pytest.raises(SimrobError, match="zone is z10; it must be with several targets in one call"):
+    with pytest.raises(
+        SimrobError, match="zone is z10; it must be with several targets in one call"
+    ):
         arm.plan.move_l(CORNERS[1], wobj="table", zone="z10")
     with pytest.raises(SimrobError, match=r"stop: .* zone.*; give one of the two"):
         arm.plan.move_abs_j(ROWS, zone="z10", stop=True)
-    with pytest.raises(SimrobError, match="profile is given; it must be given with stop=True or a zone"):
+    with pytest.raises(
+        SimrobError, match="profile is given; it must be given with stop=True or a zone"
+    ):
         arm.plan.move_abs_j(ROWS, profile="s_curve")
 
 
 def test_speeds_beyond_the_joints_are_refused_with_one_that_would_do(arm):
     for how, error, told in (
-        ({"speed": 0.5, "acceleration": 100.0}, AccelerationLimitExceeded, r"give it an acceleration of [\d.]+ m/s²"),
-        ({"speed": 1.9, "profile": "smooth"}, SpeedLimitExceeded, r"a speed of [\d.]+ m/s or less$"),
+        (
+            {"speed": 0.5, "acceleration": 100.0},
+            AccelerationLimitExceeded,
+            r"give it an acceleration of [\d.]+ m/s²",
+        ),
+        (
+            {"speed": 1.9, "profile": "smooth"},
+            SpeedLimitExceeded,
+            r"a speed of [\d.]+ m/s or less$",
+        ),
     ):
-        with pytest.raises(error, match=rf"point \d+ of 10 on the way to the target: joint_\d would .*{told}"):
+        with pytest.raises(
+            error, match=rf"point \d+ of 10 on the way to the target: joint_\d would .*{told}"
+        ):
             arm.plan.move_l(CORNERS[2], wobj="table", **how)
-    with pytest.raises(AccelerationLimitExceeded, match=r"speed of .* m/s or less, or a larger zone"):
+    with pytest.raises(
+        AccelerationLimitExceeded, match=r"speed of .* m/s or less, or a larger zone"
+    ):
         arm.plan.move_l(CORNERS[1:], wobj="table", speed=0.5, zone="z1")

@@ -15,13 +15,19 @@ WEIGHT = {"model": "box_on_corners", "parent": "robot", "pose": [0, 0, 0.15, 0, 
 
 def held(**changes):
     """An arm with a bare flange that holds a box."""
-    station = {"robot.model": "irb120", "robot.initial_deg": {"joint_5": 90}, "pieces": {"weight": WEIGHT}}
+    station = {
+        "robot.model": "irb120",
+        "robot.initial_deg": {"joint_5": 90},
+        "pieces": {"weight": WEIGHT},
+    }
     return Arm(load_station("irb120_dynamic", {**station, **CONTACT, **changes}))
 
 
 def cube_at(x, y=0.0, z=0.0, *, turn=0.0):
     """A cube with sides of 1 m around a point, turned about its vertical axis [rad]."""
-    return _Box(RigidTransform(RotationMatrix.MakeZRotation(turn), np.array([x, y, z])), np.full(3, 0.5))
+    return _Box(
+        RigidTransform(RotationMatrix.MakeZRotation(turn), np.array([x, y, z])), np.full(3, 0.5)
+    )
 
 
 def test_the_distance_of_boxes_is_that_of_their_nearest_points():
@@ -41,17 +47,24 @@ def test_the_distance_of_boxes_is_that_of_their_nearest_points():
 def test_a_piece_that_is_let_go_falls_and_lies_on_the_floor():
     arm = held()
     arm.wait(0.3)
-    before, speed = arm.cell.frame("weight").translation(), arm.cell.model.motion("weight", arm.cell.state).velocity
+    before, speed = (
+        arm.cell.frame("weight").translation(),
+        arm.cell.model.motion("weight", arm.cell.state).velocity,
+    )
     arm.release("weight")
     assert arm.cell.config.pieces["weight"].free
     fall = arm.wait(0.1)
-    assert fall["piece.weight.z"][-1] == pytest.approx(before[2] + 0.1 * speed[5] - 0.5 * 9.80665 * 0.1**2, abs=2e-4)
+    assert fall["piece.weight.z"][-1] == pytest.approx(
+        before[2] + 0.1 * speed[5] - 0.5 * 9.80665 * 0.1**2, abs=2e-4
+    )
     arm.wait(1.5)
     lies = arm.cell.frame("weight").translation()
     assert lies[2] < 0.1
     rest = arm.wait(0.2)
     assert np.abs([rest[f"piece.weight.v{axis}"][-1] for axis in "xyz"]).max() < 0.02
-    np.testing.assert_allclose(arm.cell.frame("weight").translation(), lies, atol=0.01)  # the cell knows where
+    np.testing.assert_allclose(
+        arm.cell.frame("weight").translation(), lies, atol=0.01
+    )  # the cell knows where
 
 
 def test_what_is_let_go_in_motion_flies_on():
@@ -63,9 +76,13 @@ def test_what_is_let_go_in_motion_flies_on():
     expected = arm.cell.model.motion("weight", arm.cell.state)
     arm.release("weight")
     flight = arm.wait(0.02)
-    start = np.array([flight[f"piece.weight.{column}"][0] for column in ("vx", "vy", "vz", "wx", "wy", "wz")])
+    start = np.array(
+        [flight[f"piece.weight.{column}"][0] for column in ("vx", "vy", "vz", "wx", "wy", "wz")]
+    )
     np.testing.assert_allclose(start, [*expected.velocity[3:], *expected.velocity[:3]], atol=1e-9)
-    about = np.cross([0, 0, turn], place)  # joint 1 turns about the world's z; the others hardly move
+    about = np.cross(
+        [0, 0, turn], place
+    )  # joint 1 turns about the world's z; the others hardly move
     np.testing.assert_allclose(start[:2], about[:2], atol=0.05 * np.linalg.norm(about))
 
 
@@ -82,7 +99,10 @@ def test_it_stays_where_it_is_if_the_user_says_so():
     [
         ({"contact": None}, "in a station without contact"),
         ({"floor": None}, "over nothing"),
-        ({"pieces": {"weight": {**WEIGHT, "mass": 0.5, "inertia": [0, 0, 0]}}}, "without mass and inertia"),
+        (
+            {"pieces": {"weight": {**WEIGHT, "mass": 0.5, "inertia": [0, 0, 0]}}},
+            "without mass and inertia",
+        ),
     ],
 )
 def test_what_would_fall_for_ever_is_not_let_go(changes, message):
@@ -93,7 +113,12 @@ def test_what_would_fall_for_ever_is_not_let_go(changes, message):
 
 
 def test_a_free_piece_is_taken_where_it_lies_now():
-    piece = {"model": "box_on_corners", "parent": "world", "free": True, "pose": [0.5, 0, 0.5, 0, 0, 0]}
+    piece = {
+        "model": "box_on_corners",
+        "parent": "world",
+        "free": True,
+        "pose": [0.5, 0, 0.5, 0, 0, 0],
+    }
     arm = Arm(load_station("irb120_dynamic", {**CONTACT, "pieces": {"weight": piece}}))
     arm.wait(0.2)
     fallen = arm.cell.frame("weight").translation()
@@ -116,17 +141,27 @@ class TestOnLinks:
         np.testing.assert_allclose(seen.GetAsMatrix4(), in_trunk.GetAsMatrix4(), atol=1e-9)
 
     def test_a_station_file_names_the_link(self):
-        pack = {"model": "parcel", "parent": "robot", "frame": "trunk", "pose": [0, 0.09, 0.0, 0, 0, 0]}
+        pack = {
+            "model": "parcel",
+            "parent": "robot",
+            "frame": "trunk",
+            "pose": [0, 0.09, 0.0, 0, 0, 0],
+        }
         station = load_station("humanoid_dynamic", {"pieces.pack": pack})
         robot = LeggedRobot(station)
         assert robot.cell.robot("robot").tcp == "right_hand"
-        np.testing.assert_allclose(robot.cell.frame("pack").translation(), [0, 0.09, 0.446], atol=1e-9)
+        np.testing.assert_allclose(
+            robot.cell.frame("pack").translation(), [0, 0.09, 0.446], atol=1e-9
+        )
         with pytest.raises(UnknownName, match="did you mean 'trunk'"):
             robot.attach("pack", "trnk")
 
     def test_a_quadruped_carries_on_its_trunk(self):
         robot = LeggedRobot(
-            load_station("yobotics_dynamic", {"pieces.parcel": {"parent": "robot", "pose": [0, 0, 0.1, 0, 0, 0]}})
+            load_station(
+                "yobotics_dynamic",
+                {"pieces.parcel": {"parent": "robot", "pose": [0, 0, 0.1, 0, 0, 0]}},
+            )
         )
         place = robot.base_pose.inverse() @ robot.cell.frame("parcel")
         np.testing.assert_allclose(place.translation(), [0, 0, 0.1], atol=1e-9)

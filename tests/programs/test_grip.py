@@ -24,8 +24,18 @@ HAND = """<robot name="hand"><link name="base"/><link name="hand"/>
 
 
 def hand(*fingers):
-    usual = {"parent": "hand", "y": 0, "at": 0, "low": 0, "high": 0.04, "kind": "prismatic", "more": ""}
-    return ET.fromstring(HAND.format(fingers="".join(FINGER.format(**{**usual, **finger}) for finger in fingers)))
+    usual = {
+        "parent": "hand",
+        "y": 0,
+        "at": 0,
+        "low": 0,
+        "high": 0.04,
+        "kind": "prismatic",
+        "more": "",
+    }
+    return ET.fromstring(
+        HAND.format(fingers="".join(FINGER.format(**{**usual, **finger}) for finger in fingers))
+    )
 
 
 LEFT, RIGHT = {"name": "left", "axis": "0 1 0"}, {"name": "right", "axis": "0 -1 0"}
@@ -35,14 +45,20 @@ def test_fingers_that_slide_side_by_side_are_found_with_their_closed_end():
     found, palm = fingers_of(hand(LEFT, RIGHT))
     assert palm == "hand"
     assert found == {"left": (0.0, 0.04), "right": (0.0, 0.04)}
-    inward, _ = fingers_of(hand({**LEFT, "axis": "0 -1 0", "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05}))
+    inward, _ = fingers_of(
+        hand({**LEFT, "axis": "0 -1 0", "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05})
+    )
     assert inward == {"left": (0.04, 0.0), "right": (0.04, 0.0)}
-    alike, _ = fingers_of(hand({**LEFT, "low": -0.04, "high": 0, "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05}))
+    alike, _ = fingers_of(
+        hand({**LEFT, "low": -0.04, "high": 0, "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05})
+    )
     assert alike == {"left": (-0.04, 0.0), "right": (0.04, 0.0)}  # both joints slide to the left
 
 
 def test_the_length_of_an_axis_vector_does_not_matter():
-    found, _ = fingers_of(hand({**LEFT, "axis": "0 -10 0", "at": 0.05}, {**RIGHT, "axis": "0 10 0", "at": -0.05}))
+    found, _ = fingers_of(
+        hand({**LEFT, "axis": "0 -10 0", "at": 0.05}, {**RIGHT, "axis": "0 10 0", "at": -0.05})
+    )
     assert found == {"left": (0.04, 0.0), "right": (0.04, 0.0)}
 
 
@@ -50,7 +66,15 @@ def test_fingers_that_turn_and_follow_each_other_are_found():
     turns = {"kind": "revolute", "high": 0.8}
     follows = '<follows joint="left" multiplier="-1"/>'
     left = {**LEFT, **turns, "axis": "1 0 0", "at": 0.05}
-    right = {**RIGHT, **turns, "axis": "1 0 0", "at": -0.05, "low": -0.8, "high": 0, "more": follows}
+    right = {
+        **RIGHT,
+        **turns,
+        "axis": "1 0 0",
+        "at": -0.05,
+        "low": -0.8,
+        "high": 0,
+        "more": follows,
+    }
     found, palm = fingers_of(hand(left, right))
     assert palm == "hand"
     assert found == {"left": (0.8, 0.0), "right": (-0.8, 0.0)}
@@ -61,8 +85,15 @@ def test_fingers_that_turn_and_follow_each_other_are_found():
     [
         (LEFT,),  # one alone
         (LEFT, {**RIGHT, "axis": "0 1 0"}),  # both go the same way
-        (LEFT, RIGHT, {**RIGHT, "name": "third", "kind": "revolute"}),  # and something else moves there
-        ({**LEFT, "kind": "revolute"}, {**RIGHT, "parent": "left", "more": '<follows joint="left"/>'}),  # a chain
+        (
+            LEFT,
+            RIGHT,
+            {**RIGHT, "name": "third", "kind": "revolute"},
+        ),  # and something else moves there
+        (
+            {**LEFT, "kind": "revolute"},
+            {**RIGHT, "parent": "left", "more": '<follows joint="left"/>'},
+        ),  # a chain
         (  # one that stands
             {**LEFT, "kind": "revolute"},
             {**RIGHT, "kind": "revolute", "more": '<follows joint="left" multiplier="0"/>'},
@@ -83,7 +114,9 @@ def test_an_arm_from_its_urdf_alone_has_its_hand_as_the_tool(tmp_path):
     text = source.read_text().replace("../irb120/", f"{models_root()}/irb120/")
     (tmp_path / "arm.urdf").write_text(text)
     station = tmp_path / "station.yaml"
-    station.write_text(yaml.safe_dump({"robot": {"urdf": "arm.urdf"}, "mode": "kinematic", "servo": {"kp": 1}}))
+    station.write_text(
+        yaml.safe_dump({"robot": {"urdf": "arm.urdf"}, "mode": "kinematic", "servo": {"kp": 1}})
+    )
     arm = Arm(load_station(station, mesh_path=[models_root()]))
     assert arm.tools[0] == "grasp"
     assert list(arm.cell.robot("robot").model.gripper.axes) == ["left_finger", "right_finger"]
@@ -91,7 +124,11 @@ def test_an_arm_from_its_urdf_alone_has_its_hand_as_the_tool(tmp_path):
 
 
 def test_a_kinematic_gripper_opens_and_closes():
-    arm = Arm(load_station("irb120_gripper", {"mode": "kinematic", "monitors": {}, "couplings": {}, "pieces": {}}))
+    arm = Arm(
+        load_station(
+            "irb120_gripper", {"mode": "kinematic", "monitors": {}, "couplings": {}, "pieces": {}}
+        )
+    )
     arm.grip()
     np.testing.assert_allclose(arm.position[6:], 0.0, atol=1e-9)
     run = arm.open(width=0.03)
@@ -99,9 +136,13 @@ def test_a_kinematic_gripper_opens_and_closes():
     assert run.stop_time == pytest.approx(0.5)
     arm.move_abs_j([0, 0.1, 0, 0, 1.5, 0])  # without the fingers, which stay
     np.testing.assert_allclose(arm.position, [0, 0.1, 0, 0, 1.5, 0, 0.015, 0.015], atol=1e-9)
-    with pytest.raises(SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as irb120_gripper"):
+    with pytest.raises(
+        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as irb120_gripper"
+    ):
         arm.open(width=0.06)
-    with pytest.raises(SimrobError, match=r"force: a kinematic station has no forces; leave it out"):
+    with pytest.raises(
+        SimrobError, match=r"force: a kinematic station has no forces; leave it out"
+    ):
         arm.grip(force=5)
     np.testing.assert_allclose(arm.position[6:], 0.015, atol=1e-9)
 
@@ -119,14 +160,20 @@ def test_what_fingers_cannot_do_is_said():
 def test_a_force_that_soft_servos_cannot_press_with_is_refused():
     soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
     arm = Workcell(load_station("irb120_gripper", soft)).arm()
-    with pytest.raises(SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger"):
+    with pytest.raises(
+        SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger"
+    ):
         arm.grip(force=60)
     arm.grip(force=20)
 
 
 def lifted(force, **overrides):
     """Return how far a block of 1 kg goes up when the fingers that hold it go up by 30 mm, and the runs."""
-    cell = Workcell(load_station("irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}, **overrides}))
+    cell = Workcell(
+        load_station(
+            "irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}, **overrides}
+        )
+    )
     arm = cell.arm()
     arm.move_j([0.35, 0, 0.02, *DOWN], duration=1.0)
     gripped = arm.grip(force=force)
@@ -150,7 +197,9 @@ def test_friction_holds_what_coulomb_says():
 @pytest.mark.long
 def test_what_is_held_creeps_as_the_smoothed_friction_says():
     """F_t = mu N v / sqrt(v² + s²), with s the stiction_speed: v = s r / sqrt(1 - r²) where r = F_t / (mu N)."""
-    cell = Workcell(load_station("irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}}))
+    cell = Workcell(
+        load_station("irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}})
+    )
     arm = cell.arm()
     arm.move_j([0.35, 0, 0.02, *DOWN], duration=1.0)
     arm.grip(force=1.2 * 9.80665)

@@ -53,11 +53,19 @@ class TestOnThePhysics:
         before, left = snapshot(carrier), carrier.cell.frame("parcel").translation()
         result = carrier.simulate()
         assert result is carrier.runs[-1]
-        assert [run.stop_time for run in carrier.runs] == pytest.approx([0.4, 6.95, 0.4, 7.5, 0.4], abs=0.2)
+        assert [run.stop_time for run in carrier.runs] == pytest.approx(
+            [0.4, 6.95, 0.4, 7.5, 0.4], abs=0.2
+        )
         assert {run.ending for run in carrier.runs} == {"completed"}
-        assert [run.config.pieces["parcel"].parent for run in carrier.runs] == [*["world"] * 2, *["robot"] * 2, "world"]
+        assert [run.config.pieces["parcel"].parent for run in carrier.runs] == [
+            *["world"] * 2,
+            *["robot"] * 2,
+            "world",
+        ]
         for run, later in zip(carrier.runs, carrier.runs[1:], strict=False):
-            np.testing.assert_array_equal(later.axes("q")[0], run.axes("q")[-1])  # each begins where one ended
+            np.testing.assert_array_equal(
+                later.axes("q")[0], run.axes("q")[-1]
+            )  # each begins where one ended
         assert snapshot(carrier) == before
         np.testing.assert_array_equal(carrier.cell.frame("parcel").translation(), left)
         other = LeggedRobot(carrier._start)
@@ -72,17 +80,23 @@ class TestOnThePhysics:
         went = carrier.base_pose.translation()[1]
         assert went < -0.1
         hand = carrier.pose("right_hand")[:3]
-        with pytest.raises(InvalidParameter, match=r"parcel, .* mm away from robot; it must be within 30 mm"):
+        with pytest.raises(
+            InvalidParameter, match=r"parcel, .* mm away from robot; it must be within 30 mm"
+        ):
             carrier.attach("parcel")
         before_it = [hand[0], hand[1] - 0.05, hand[2], 0.3, 0.0, 0.0]  # by 20 mm
         carrier.cell.attach("parcel", "world", pose=before_it)
         place = carrier.cell.frame("parcel").GetAsMatrix4()
         carrier.attach("parcel")
         np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
-        in_hand = transform_from_pose(carrier.pose("right_hand")).inverse() @ carrier.cell.frame("parcel")
+        in_hand = transform_from_pose(carrier.pose("right_hand")).inverse() @ carrier.cell.frame(
+            "parcel"
+        )
         carrier.test_move(ARM, 0.3)
         seen = transform_from_pose(carrier.pose("right_hand")) @ in_hand
-        np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9)
+        np.testing.assert_allclose(
+            carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9
+        )
 
     def test_a_fall_ends_the_program(self, carrier):
         falls = Program.model_validate({"moves": [TIP, {"act": "bow"}, {"attach": "parcel"}]})
@@ -140,14 +154,18 @@ class TestEditing:
 
     def test_a_program_of_before_is_as_valid(self, held, tmp_path):
         file = tmp_path / "old.yaml"
-        file.write_text("moves:\n- target_deg: {HomDF: 40.0}\n  duration: 0.2\n- target_deg: {RodD: 10}\n")
+        file.write_text(
+            "moves:\n- target_deg: {HomDF: 40.0}\n  duration: 0.2\n- target_deg: {RodD: 10}\n"
+        )
         held.load(file)
         assert held.program.duration == 1.2
         assert held.simulate().stop_time == pytest.approx(1.2)  # one run
         assert Program.load(held.save(file)) == held.program
 
     def test_short_forms_come_back_as_they_went(self, tmp_path):
-        text = "moves:\n- walk: {steps: 3}\n- {act: wave}\n- {attach: parcel}\n- {release: parcel}\n"
+        text = (
+            "moves:\n- walk: {steps: 3}\n- {act: wave}\n- {attach: parcel}\n- {release: parcel}\n"
+        )
         (tmp_path / "short.yaml").write_text(text)
         program = Program.load(tmp_path / "short.yaml")
         assert program.save(tmp_path / "again.yaml").read_text() == text
@@ -159,14 +177,19 @@ class TestTools:
         held.test_move({"HomIF": 60, "HomDF": 60}, 0.2)
         mount = transform_from_pose(held.pose("left_hand"))
         before = {
-            side: held.test_move({"RodD": 0}, 0.1)[f"tau.{side}_shoulder_pitch"][-1] for side in ("left", "right")
+            side: held.test_move({"RodD": 0}, 0.1)[f"tau.{side}_shoulder_pitch"][-1]
+            for side in ("left", "right")
         }
         held.attach("parcel", "left_hand", pose=IN_HAND)
         place = mount @ transform_from_pose(IN_HAND)
-        np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place.GetAsMatrix4(), atol=1e-9)
+        np.testing.assert_allclose(
+            held.cell.frame("parcel").GetAsMatrix4(), place.GetAsMatrix4(), atol=1e-9
+        )
         result = held.test_move({"RodD": 0}, 0.1)
         plant = held.cell.model.plant
-        shoulder = held.cell.model.pose(plant.GetJointByName("left_shoulder_frontal").frame_on_child()).translation()
+        shoulder = held.cell.model.pose(
+            plant.GetJointByName("left_shoulder_frontal").frame_on_child()
+        ).translation()
         lever = shoulder[1] - place.translation()[1]  # it looks to -y
         assert lever > 0.03
         more = result["tau.left_shoulder_pitch"][-1] - before["left"]
@@ -180,7 +203,9 @@ class TestTools:
         for tool in ("left_hand", "right_hand", "left_foot"):
             held.attach("parcel", tool, pose=IN_HAND, store=True)
             assert held.cell.config.pieces["parcel"].frame == tool
-            place = (transform_from_pose(held.pose(tool)) @ transform_from_pose(IN_HAND)).GetAsMatrix4()
+            place = (
+                transform_from_pose(held.pose(tool)) @ transform_from_pose(IN_HAND)
+            ).GetAsMatrix4()
             np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
         held.add_move({"CadIF": 30}, 0.2)
         moved = held.cell.frame("parcel").GetAsMatrix4()
@@ -199,42 +224,82 @@ class TestTools:
         carrier.attach("parcel", "left_hand", pose=IN_HAND)
         assert carrier.test_move({"HomIF": 40}, 0.5).ending == "completed"
         seen = transform_from_pose(carrier.pose("left_hand")) @ transform_from_pose(IN_HAND)
-        np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9)
+        np.testing.assert_allclose(
+            carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9
+        )
 
     def test_a_station_file_names_the_hand(self):
         station = load_station(
-            "humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hand", "pose": [0.0] * 6}}
+            "humanoid_box",
+            {"pieces.parcel": {"parent": "robot", "frame": "left_hand", "pose": [0.0] * 6}},
         )
         robot = LeggedRobot(station)
-        np.testing.assert_allclose(robot.cell.frame("parcel").translation(), robot.pose("left_hand")[:3], atol=1e-9)
+        np.testing.assert_allclose(
+            robot.cell.frame("parcel").translation(), robot.pose("left_hand")[:3], atol=1e-9
+        )
         with pytest.raises(
-            InvalidConfig, match=r"tool or link of robot for pieces\.parcel\.frame 'left_hnd'; did you mean 'left_"
+            InvalidConfig,
+            match=r"tool or link of robot for pieces\.parcel\.frame 'left_hnd'; did you mean 'left_",
         ):
-            load_station("humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hnd"}})
+            load_station(
+                "humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hnd"}}
+            )
 
 
 class TestErrors:
     @pytest.mark.parametrize(
         ("move", "error", "message"),
         [
-            ({"walk": {"steps": 4, "gait": "trot"}}, UnknownName, "^move 2: there is no gait of humanoid 'trot'"),
-            ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 2: the leg of right_foot is out of reach"),
-            ({"walk": {"steps": -1}}, InvalidParameter, "^move 2: steps is -1; it must be a whole number, 1 to"),
-            ({"walk": {"steps": 0}}, InvalidParameter, "^move 2: steps is 0; it must be a whole number, 1 to"),
+            (
+                {"walk": {"steps": 4, "gait": "trot"}},
+                UnknownName,
+                "^move 2: there is no gait of humanoid 'trot'",
+            ),
+            (
+                {"walk": {"steps": 4, "amplitude": 30}},
+                OutOfReach,
+                "^move 2: the leg of right_foot is out of reach",
+            ),
+            (
+                {"walk": {"steps": -1}},
+                InvalidParameter,
+                "^move 2: steps is -1; it must be a whole number, 1 to",
+            ),
+            (
+                {"walk": {"steps": 0}},
+                InvalidParameter,
+                "^move 2: steps is 0; it must be a whole number, 1 to",
+            ),
             (
                 {"walk": {"steps": 4, "amplitud": 2}},
                 UnknownName,
                 "^move 2: there is no parameter of the gait walk 'amp",
             ),
-            ({"act": "swim"}, InvalidParameter, "^move 2: station is humanoid_dynamic; .* for swim"),
-            ({"attach": "parcle"}, UnknownName, "^move 2: there is no piece 'parcle'; did you mean 'parcel'"),
-            ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 2: .* did you mean 'left_hand'"),
+            (
+                {"act": "swim"},
+                InvalidParameter,
+                "^move 2: station is humanoid_dynamic; .* for swim",
+            ),
+            (
+                {"attach": "parcle"},
+                UnknownName,
+                "^move 2: there is no piece 'parcle'; did you mean 'parcel'",
+            ),
+            (
+                {"attach": {"piece": "parcel", "tool": "left_hnd"}},
+                UnknownName,
+                "^move 2: .* did you mean 'left_hand'",
+            ),
             (
                 {"release": {"piece": "parcel", "parent": "parcel"}},
                 InvalidParameter,
                 "^move 2: parcel, to be let go, is held by nothing",
             ),
-            ({"HomDF": 200}, JointLimitExceeded, "^move 2: right_shoulder_pitch would be at 200 deg"),
+            (
+                {"HomDF": 200},
+                JointLimitExceeded,
+                "^move 2: right_shoulder_pitch would be at 200 deg",
+            ),
         ],
     )
     def test_the_move_is_named_and_nothing_happens(self, carrier, move, error, message):
@@ -242,7 +307,10 @@ class TestErrors:
         before = snapshot(carrier)
         with pytest.raises(error, match=message):
             carrier.insert(1, move)
-        moves = [{"target_deg": ARM}, move if error is not JointLimitExceeded else {"target_deg": move}]
+        moves = [
+            {"target_deg": ARM},
+            move if error is not JointLimitExceeded else {"target_deg": move},
+        ]
         if error is not InvalidConfig:
             with pytest.raises(error, match=message):
                 carrier.run(Program.model_validate({"moves": moves}))
@@ -250,7 +318,10 @@ class TestErrors:
 
     def test_a_duration_goes_with_targets(self, held):
         held.insert(0, {"act": "wave"})
-        for do in (lambda: held.edit(0, duration=2.0), lambda: held.insert(0, {"act": "wave"}, 2.0)):
+        for do in (
+            lambda: held.edit(0, duration=2.0),
+            lambda: held.insert(0, {"act": "wave"}, 2.0),
+        ):
             with pytest.raises(InvalidParameter, match=r"duration: .*; leave it out"):
                 do()
 
@@ -279,7 +350,10 @@ class TestErrors:
             ("{walk: {steps: 2.5}}", "move 2: walk.steps: "),
             ("{act: wave, duration: 3}", "move 2: duration: unknown key"),
             ("{attach: {piece: parcel, pose: [0, 0]}}", "move 2: attach.pose: "),
-            ("{release: {piece: parcel, parnt: world}}", "move 2: release.parnt: unknown key; did you mean 'parent'"),
+            (
+                "{release: {piece: parcel, parnt: world}}",
+                "move 2: release.parnt: unknown key; did you mean 'parent'",
+            ),
             ("{duration: 3}", "move 2: target_deg: this key is needed"),
         ],
     )

@@ -19,7 +19,10 @@ from simrob_drake.robots.catalog import load_robot
 pytestmark = pytest.mark.usefixtures("no_plots")
 
 HUMANOIDS = ("humanoid", "roid1", "zjudancer")
-ARM, KNEES = {"HomDF": 40}, {"CadDF": 15, "RodD": 45, "TobD": -30, "CadIF": 15, "RodI": 45, "TobI": -30}
+ARM, KNEES = (
+    {"HomDF": 40},
+    {"CadDF": 15, "RodD": 45, "TobD": -30, "CadIF": 15, "RodI": 45, "TobI": -30},
+)
 
 
 @pytest.fixture
@@ -78,7 +81,9 @@ class TestMoves:
         )
         result = whole.run(program)
         assert result.stop_time == pytest.approx(1.6)
-        np.testing.assert_allclose(standing.position, whole.position, atol=2e-3)  # accuracy 1e-3, steps of 20 ms
+        np.testing.assert_allclose(
+            standing.position, whole.position, atol=2e-3
+        )  # accuracy 1e-3, steps of 20 ms
         apart = standing.base_pose.translation() - whole.base_pose.translation()
         assert np.linalg.norm(apart) < 1e-3
         sunk = standing.base_pose.translation()[2]
@@ -99,7 +104,9 @@ class TestMoves:
         np.testing.assert_allclose(standing.position, q, atol=2e-3)
         np.testing.assert_allclose(standing.base_pose.translation(), base, atol=1e-3)
         again = standing.simulate()
-        np.testing.assert_array_equal(again.values, result.values)  # from the start, to the last bit
+        np.testing.assert_array_equal(
+            again.values, result.values
+        )  # from the start, to the last bit
 
     def test_the_step_of_the_thesis(self, standing):
         result = standing.step()
@@ -115,7 +122,10 @@ class TestMoves:
         held.add_reference({"HomIF": 30, "CadDF": 30})
         held.add_reference({"HomIF": 0})
         assert held.cell.state is None
-        assert [cell.target_deg for cell in held.program.references] == [{"HomIF": 30, "CadDF": 30}, {"HomIF": 0}]
+        assert [cell.target_deg for cell in held.program.references] == [
+            {"HomIF": 30, "CadDF": 30},
+            {"HomIF": 0},
+        ]
         assert held.program.moves == ()
 
     def test_robots_of_a_station_move_one_at_a_time(self):
@@ -132,7 +142,9 @@ class TestMoves:
         right.test_move({"HomIF": 10}, 0.2)
         assert turned(left, "right_shoulder_pitch") == pytest.approx(40)
         assert turned(right, "right_shoulder_pitch") == 0
-        np.testing.assert_allclose(left.pose("head")[:2] - right.pose("head")[:2], [0.6, 0], atol=1e-12)
+        np.testing.assert_allclose(
+            left.pose("head")[:2] - right.pose("head")[:2], [0.6, 0], atol=1e-12
+        )
         with pytest.raises(InvalidParameter, match="one of left, right"):
             LeggedRobot(cell)
 
@@ -152,9 +164,9 @@ class TestEditing:
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)  # it stays where it is
         result = held.simulate()
         assert result.stop_time == pytest.approx(0.9)
-        assert [turned(held, axis) for axis in ("right_shoulder_pitch", "left_knee", "right_knee")] == pytest.approx(
-            [60, 20, 10]
-        )
+        assert [
+            turned(held, axis) for axis in ("right_shoulder_pitch", "left_knee", "right_knee")
+        ] == pytest.approx([60, 20, 10])
         held.remove(0)
         held.simulate()
         assert turned(held, "right_shoulder_pitch") == 0
@@ -210,7 +222,9 @@ class TestEveryRobot:
     @pytest.mark.parametrize("name", HUMANOIDS)
     def test_one_program_has_one_effect(self, name):
         """HomIF 30 brings the left hand ahead and up, CadDF 30 the right foot: seen from the robot, on each of them."""
-        robot = LeggedRobot(load_station(f"{name}_dynamic", {"mode": "kinematic", "contact": None, "monitors": {}}))
+        robot = LeggedRobot(
+            load_station(f"{name}_dynamic", {"mode": "kinematic", "contact": None, "monitors": {}})
+        )
         before = {tool: robot.pose(tool, frame="trunk")[:3] for tool in robot.tools}
         robot.run(Program.model_validate({"moves": [{"target_deg": {"HomIF": 30, "CadDF": 30}}]}))
         left = before["left_foot"] - before["right_foot"]
@@ -226,7 +240,9 @@ class TestEveryRobot:
                 np.testing.assert_allclose(moved, 0, atol=1e-9)
 
     @pytest.mark.long
-    @pytest.mark.parametrize(("name", "steps", "least"), [("humanoid", 1, 0.08), ("yobotics", 2, 0.25)])
+    @pytest.mark.parametrize(
+        ("name", "steps", "least"), [("humanoid", 1, 0.08), ("yobotics", 2, 0.25)]
+    )
     def test_it_walks_from_where_it_stands(self, name, steps, least):
         robot = LeggedRobot(f"{name}_dynamic")
         config = robot.cell.config
@@ -235,7 +251,9 @@ class TestEveryRobot:
         measures = result.summary()["locomotion"]
         assert measures["ahead"] > least
         assert abs(measures["drift"]) < 0.02
-        assert robot.cell.config == config  # servos and solver are its own again, and the floor was large enough
+        assert (
+            robot.cell.config == config
+        )  # servos and solver are its own again, and the floor was large enough
         robot.undo()
         half = robot.walk(steps, amplitude=0.5).summary()["locomotion"]
         assert half["ahead"] == pytest.approx(measures["ahead"] / 2, rel=0.25)
@@ -249,13 +267,18 @@ class TestEveryRobot:
     def test_a_gait_is_made_for_its_feet(self):
         robot = LeggedRobot(load_station("humanoid_dynamic", {"robot.feet": "spheres_B"}))
         with pytest.raises(
-            InvalidParameter, match=r"is spheres_B; it must be spheres_C, .* set robot\.feet to spheres_C"
+            InvalidParameter,
+            match=r"is spheres_B; it must be spheres_C, .* set robot\.feet to spheres_C",
         ):
             robot.walk(2, gait="walk")
 
     @pytest.mark.parametrize(
         ("name", "least"),
-        [pytest.param("roid1", 0.06, marks=pytest.mark.long), ("zjudancer", 0.1), ("humanoid", 0.06)],
+        [
+            pytest.param("roid1", 0.06, marks=pytest.mark.long),
+            ("zjudancer", 0.1),
+            ("humanoid", 0.06),
+        ],
     )
     def test_feet_as_large_carry_a_gait_that_is_made_for_others(self, name, least):
         """Soles under what is planned for spheres; the humanoid's, 15 % narrower than those of `real_sole`, too."""
@@ -269,7 +292,8 @@ class TestEveryRobot:
         gaits = gaits_of("humanoid", steps=True)
         known = {name: gaits[name].model_copy(update={"feet": feet}) for name, feet in FEET}
         with pytest.raises(
-            InvalidParameter, match=r"is soles; it must be some that it has a gait for: spheres_C \(robot"
+            InvalidParameter,
+            match=r"is soles; it must be some that it has a gait for: spheres_C \(robot",
         ):
             first_gait(load_robot("humanoid"), "soles", known)
 
@@ -279,7 +303,10 @@ class TestStep:
 
     @pytest.mark.parametrize(
         "solver",
-        [pytest.param({}, id=""), pytest.param({"solver.max_step": 0.0025}, id="tight", marks=pytest.mark.long)],
+        [
+            pytest.param({}, id=""),
+            pytest.param({"solver.max_step": 0.0025}, id="tight", marks=pytest.mark.long),
+        ],
     )
     @pytest.mark.parametrize(
         ("name", "way", "feet"),
@@ -293,7 +320,9 @@ class TestStep:
     )
     def test_every_legged_robot_takes_a_step(self, name, way, feet, solver):
         station = f"{name}_dynamic"
-        robot = LeggedRobot(load_station(station, solver if feet is None else solver | {"robot.feet": feet}))
+        robot = LeggedRobot(
+            load_station(station, solver if feet is None else solver | {"robot.feet": feet})
+        )
         upright = robot.base_pose.rotation().matrix()[2]
         result = robot.step()
         assert result.ending == "completed"
@@ -303,7 +332,9 @@ class TestStep:
         assert len(robot.program.moves) == (4 if name == "humanoid" and feet is None else 1)
         stays = robot.base_pose.translation()
         robot.test_move({robot.axes[0]: np.rad2deg(robot.reference[0])}, 1.0)
-        np.testing.assert_allclose(robot.base_pose.translation(), stays, atol=0.015)  # the humanoid's servos lag by 1 s
+        np.testing.assert_allclose(
+            robot.base_pose.translation(), stays, atol=0.015
+        )  # the humanoid's servos lag by 1 s
 
     @pytest.mark.long
     def test_the_act_of_that_name_goes_as_far(self, standing):
@@ -323,10 +354,16 @@ class TestStep:
         quick.step(0.1)
         assert [move.duration for move in quick.program.moves] == [0.1] * 4
         slow.step(0.5)
-        assert slow.program.moves[0].entry()["walk"] == {"steps": 1, "ramp_steps": 0, "step_time": 0.5}
+        assert slow.program.moves[0].entry()["walk"] == {
+            "steps": 1,
+            "ramp_steps": 0,
+            "step_time": 0.5,
+        }
 
     def test_who_has_no_legs_is_told(self):
-        with pytest.raises(InvalidParameter, match=r"robot is irb120; .* step\(\) is for legged robots"):
+        with pytest.raises(
+            InvalidParameter, match=r"robot is irb120; .* step\(\) is for legged robots"
+        ):
             LeggedRobot("irb120_dynamic").step()
 
 
@@ -336,7 +373,9 @@ class TestGaits:
         """As the march planned alone does: 4 steps of the thesis's manner go 0.12 to 0.25 m."""
         config = standing.cell.config
         result = standing.walk(4, gait="march")
-        assert "reference_velocity" not in result.config.inputs  # the gains of the thesis as they are
+        assert (
+            "reference_velocity" not in result.config.inputs
+        )  # the gains of the thesis as they are
         assert result.ending == "completed"
         assert 0.12 < result.summary()["locomotion"]["ahead"] < 0.25
         assert standing.cell.config == config
@@ -346,7 +385,9 @@ class TestGaits:
         result = held.act("wave", rest=0.0)
         begun = result.stop_time - 4.0  # into its posture, 45 deg away, and there
         assert begun == pytest.approx(2.0 + 0.5)
-        at = np.interp(begun + np.array([0.0, 1.0, 1.5]), result.times, np.rad2deg(result["q.right_elbow"]))
+        at = np.interp(
+            begun + np.array([0.0, 1.0, 1.5]), result.times, np.rad2deg(result["q.right_elbow"])
+        )
         assert at == pytest.approx((0, 20, 60), abs=1e-3)
         assert turned(held, "right_shoulder_pitch") == pytest.approx(0, abs=1e-6)
         assert held.program == Program()
@@ -369,7 +410,9 @@ class TestGaits:
         held.act("wave", rest=0.0)
         assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0)  # there already
         held.test_move({"HomDF": 20}, 0.3)
-        assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0 + 2.5 * np.sqrt(20 / 45), abs=0.02)
+        assert held.act("wave", rest=0.0).stop_time == pytest.approx(
+            4.0 + 2.5 * np.sqrt(20 / 45), abs=0.02
+        )
         standing = LeggedRobot("humanoid_dynamic")
         ready = standing.act("crouch", rest=0.0).stop_time
         standing.test_move({"HomDF": 40}, 0.1)
@@ -389,7 +432,10 @@ class TestGaits:
         planned = three_legs("yobotics", foot="rear_right_foot", seconds=0.5).duration
         begun = result.stop_time - planned
         middle = result.axes("q")[np.searchsorted(result.times, begun + 1.5 + 0.6 + 0.25)]
-        rise = {foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2] for foot in robot.feet}
+        rise = {
+            foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2]
+            for foot in robot.feet
+        }
         assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
         assert max(map(abs, rise.values())) < 0.005
 
@@ -410,7 +456,9 @@ class TestGeometry:
         np.testing.assert_allclose(
             standing.pose("left_foot")[:3], [0.04442, standing.pose("right_foot")[1], 0], atol=0.002
         )
-        np.testing.assert_allclose(standing.pose("head", frame="trunk")[:3], [0, 0, 0.0344], atol=1e-6)
+        np.testing.assert_allclose(
+            standing.pose("head", frame="trunk")[:3], [0, 0, 0.0344], atol=1e-6
+        )
         moved = standing.pose("left_foot", np.zeros((2, 18)), "right_foot")
         assert moved.shape == (2, 6)
         np.testing.assert_allclose(np.linalg.norm(moved[:, :3], axis=1), 2 * 0.04442, atol=1e-6)
@@ -419,7 +467,9 @@ class TestGeometry:
         standing.test_move(KNEES, 1.0)
         trunk = standing.base_pose @ transform_from_pose(standing.pose("right_hand", frame="trunk"))
         np.testing.assert_allclose(trunk.translation(), standing.pose("right_hand")[:3], atol=1e-9)
-        assert standing.pose("left_foot")[2] == pytest.approx(0.0, abs=3e-3)  # on the floor, though the trunk sank
+        assert standing.pose("left_foot")[2] == pytest.approx(
+            0.0, abs=3e-3
+        )  # on the floor, though the trunk sank
 
     @pytest.mark.parametrize("name", ["humanoid", "roid1", "yobotics"])
     def test_limbs_reach_places(self, name):
@@ -444,19 +494,29 @@ class TestGeometry:
 
     def test_a_leg_of_six_axes_reaches_a_pose(self):
         robot = LeggedRobot("roid1_dynamic")
-        pose = robot.pose("left_foot", frame="trunk") + np.array([0.02, 0.01, 0.03, 0.1, 0.05, -0.05])
+        pose = robot.pose("left_foot", frame="trunk") + np.array(
+            [0.02, 0.01, 0.03, 0.1, 0.05, -0.05]
+        )
         q = robot.joint("left_foot", pose)
         np.testing.assert_allclose(robot.pose("left_foot", q, "trunk"), pose, atol=1e-4)
-        assert set(robot.targets_deg(q)) <= {axis for axis in robot.axes if axis.startswith("left_")}
+        assert set(robot.targets_deg(q)) <= {
+            axis for axis in robot.axes if axis.startswith("left_")
+        }
 
     def test_the_whole_body_reaches_from_a_standing_foot(self, standing):
         place = standing.pose("left_hand", frame="right_foot")[:3] + np.array([0, -0.05, 0.02])
         q = standing.joint("left_hand", place, "right_foot")
-        np.testing.assert_allclose(standing.pose("left_hand", q, "right_foot")[:3], place, atol=1e-5)
+        np.testing.assert_allclose(
+            standing.pose("left_hand", q, "right_foot")[:3], place, atol=1e-5
+        )
 
     @pytest.mark.parametrize(
         ("name", "shift"),
-        [("humanoid", [0, 0, -0.03]), ("roid1", [0, 0.015, -0.02]), ("yobotics", [0.02, 0.01, -0.03])],
+        [
+            ("humanoid", [0, 0, -0.03]),
+            ("roid1", [0, 0.015, -0.02]),
+            ("yobotics", [0.02, 0.01, -0.03]),
+        ],
     )
     def test_the_trunk_moves_over_feet_that_stay(self, name, shift):
         robot = LeggedRobot(f"{name}_dynamic")
@@ -465,7 +525,9 @@ class TestGeometry:
         assert len(feet) == (4 if name == "yobotics" else 2)
         q = robot.posture(transform_from_pose([*shift, 0, 0, 0]) @ trunk)
         robot.test_move(robot.targets_deg(q), 1.0)
-        robot.test_move({robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5)  # a lag of 1 s
+        robot.test_move(
+            {robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5
+        )  # a lag of 1 s
         for foot, place in feet.items():
             np.testing.assert_allclose(robot.pose(foot)[:3], place, atol=2e-3)
         went = robot.base_pose.translation() - trunk.translation()
@@ -511,7 +573,11 @@ class TestErrors:
                 JointLimitExceeded,
                 "right_shoulder_pitch would be at 200 deg, 20 deg",
             ),
-            (lambda r: r.add_reference({"HomDF": -200}), JointLimitExceeded, "110 deg beyond its limit of -90 deg"),
+            (
+                lambda r: r.add_reference({"HomDF": -200}),
+                JointLimitExceeded,
+                "110 deg beyond its limit of -90 deg",
+            ),
             (lambda r: r.test_move({"HomDF": 10}, 0), InvalidParameter, "duration is 0"),
             (lambda r: r.step(-1), InvalidParameter, "duration is -1"),
             (lambda r: r.edit(0, duration=0), InvalidParameter, "duration is 0"),
@@ -521,19 +587,35 @@ class TestErrors:
             (lambda r: r.run(Program()), InvalidParameter, "the program is empty"),
             (lambda r: r.run("none.yaml"), InvalidConfig, "none.yaml: cannot be read"),
             (lambda r: r.walk(0), InvalidParameter, "steps is 0; it must be a whole number, 1 to"),
-            (lambda r: r.walk(-1, gait="march"), InvalidParameter, "steps is -1; it must be a whole number, 1 to"),
+            (
+                lambda r: r.walk(-1, gait="march"),
+                InvalidParameter,
+                "steps is -1; it must be a whole number, 1 to",
+            ),
             (lambda r: r.walk(2, gait="trott"), UnknownName, "gait of humanoid"),
             (lambda r: r.walk(4, gait="bow"), UnknownName, "gait of humanoid 'bow'"),
-            (lambda r: r.walk(4, gait="march", amplitude=5), JointLimitExceeded, "march at .* right_ankle_pitch"),
+            (
+                lambda r: r.walk(4, gait="march", amplitude=5),
+                JointLimitExceeded,
+                "march at .* right_ankle_pitch",
+            ),
             (
                 lambda r: r.walk(4, step_tme=1),
                 UnknownName,
                 "parameter of the gait walk 'step_tme'; did you mean 'step_t",
             ),
-            (lambda r: r.walk(4, feet="spheres_A"), InvalidParameter, "is spheres_C; .*set robot.feet to spheres_A"),
+            (
+                lambda r: r.walk(4, feet="spheres_A"),
+                InvalidParameter,
+                "is spheres_C; .*set robot.feet to spheres_A",
+            ),
             (lambda r: r.act("bwo"), UnknownName, "act of humanoid 'bwo'; did you mean 'bow'"),
             (lambda r: r.act("bow", repeat=0), InvalidConfig, "gait bow: repeat"),
-            (lambda r: r.act("swim"), InvalidParameter, "one that holds humanoid by its trunk, for swim"),
+            (
+                lambda r: r.act("swim"),
+                InvalidParameter,
+                "one that holds humanoid by its trunk, for swim",
+            ),
             (lambda r: r.walk(4, amplitude=20), OutOfReach, "leg of right_foot is out of reach"),
             (lambda r: r.walk(4, amplitude=float("nan")), InvalidParameter, "amplitude"),
         ],
@@ -552,15 +634,20 @@ class TestErrors:
             standing.simulate()
 
     @pytest.mark.parametrize(
-        ("station", "message"), [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic one")]
+        ("station", "message"),
+        [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic one")],
     )
     def test_who_cannot_walk_is_told_why(self, station, message):
         with pytest.raises(InvalidParameter, match=message):
             LeggedRobot(station).walk(4)
 
     def test_a_program_that_the_robot_cannot_do_is_not_loaded(self, standing, tmp_path):
-        file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(tmp_path / "turn.yaml")
-        with pytest.raises(UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: move 1\) 'torso_yaw'"):
+        file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(
+            tmp_path / "turn.yaml"
+        )
+        with pytest.raises(
+            UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: move 1\) 'torso_yaw'"
+        ):
             standing.load(file)
         assert standing.program == Program()
 
@@ -571,9 +658,18 @@ class TestErrors:
                 {"moves": [{"target_deg": ARM}, {"target_deg": {"HomDF": 200}}]},
                 "move 2: right_shoulder_pitch would be",
             ),
-            ({"moves": [{"target_deg": {"HomDF": 200}}]}, "move 1: right_shoulder_pitch would be at 200 deg"),
-            ({"moves": [{"walk": {"steps": 0}}]}, "move 1: steps is 0; it must be a whole number, 1 to"),
-            ({"references": [{"target_deg": {"HomDF": 200}}]}, "reference 1: right_shoulder_pitch would be"),
+            (
+                {"moves": [{"target_deg": {"HomDF": 200}}]},
+                "move 1: right_shoulder_pitch would be at 200 deg",
+            ),
+            (
+                {"moves": [{"walk": {"steps": 0}}]},
+                "move 1: steps is 0; it must be a whole number, 1 to",
+            ),
+            (
+                {"references": [{"target_deg": {"HomDF": 200}}]},
+                "reference 1: right_shoulder_pitch would be",
+            ),
         ],
     )
     def test_a_file_and_its_move_are_named(self, standing, tmp_path, content, says):
@@ -588,11 +684,15 @@ class TestErrors:
         with pytest.raises(SimrobError, match="there is no robot 'left'"):
             LeggedRobot("humanoid_fixed", "left")
         for programmed in (LeggedRobot, Arm):
-            with pytest.raises(InvalidParameter, match="station is bouncing_ball; it must be one with a robot"):
+            with pytest.raises(
+                InvalidParameter, match="station is bouncing_ball; it must be one with a robot"
+            ):
                 programmed("bouncing_ball")
 
     def test_legs_are_not_for_arms(self):
-        with pytest.raises(InvalidParameter, match=r"robot is humanoid; .* LeggedRobot programs those with legs"):
+        with pytest.raises(
+            InvalidParameter, match=r"robot is humanoid; .* LeggedRobot programs those with legs"
+        ):
             Arm("humanoid_dynamic")
 
     def test_one_move_is_one(self, held):
@@ -626,7 +726,9 @@ class TestFalls:
 
     def test_nor_of_several_moves_of_which_one_falls(self, standing):
         before = snapshot(standing)
-        falls = Program.model_validate({"moves": [{"target_deg": TIP, "duration": 3.0}, {"act": "bow"}]})
+        falls = Program.model_validate(
+            {"moves": [{"target_deg": TIP, "duration": 3.0}, {"act": "bow"}]}
+        )
         assert standing.run(falls).stopped_by == "fall"
         assert snapshot(standing) == before
         standing.insert(0, TIP, 3.0)
@@ -636,7 +738,12 @@ class TestFalls:
 
     def test_another_monitor_ends_a_move_that_counts(self):
         high = float(LeggedRobot("humanoid_dynamic").pose("right_hand")[2]) + 0.01
-        watch = {"kind": "workspace", "tool": "right_hand", "lower": [-1, -1, -1], "upper": [1, 1, high]}
+        watch = {
+            "kind": "workspace",
+            "tool": "right_hand",
+            "lower": [-1, -1, -1],
+            "upper": [1, 1, high],
+        }
         robot = LeggedRobot(load_station("humanoid_dynamic", {"monitors.high": watch}))
         result = robot.add_move({"HomDF": 90}, 1.0)
         assert result.stopped_by == "high"
@@ -650,7 +757,9 @@ def test_a_walk_leaves_arms_where_they_were_taught_to_be(standing):
     arm, other = (standing.axes.index(f"{side}_elbow") for side in ("left", "right"))
     plain = planned_gait(standing, None, {}, steps=1)
     assert taught_arms(standing) == {}
-    standing.run(Program(moves=[{"target_deg": {"left_elbow": 60}, "duration": 0.5}, {"walk": {"steps": 1}}]))
+    standing.run(
+        Program(moves=[{"target_deg": {"left_elbow": 60}, "duration": 0.5}, {"walk": {"steps": 1}}])
+    )
     assert taught_arms(standing) == {"left_elbow": pytest.approx(60)}
     taught = planned_gait(standing, None, {}, steps=1)
     np.testing.assert_allclose(taught.positions[:, arm], np.deg2rad(60), atol=1e-9)

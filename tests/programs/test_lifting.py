@@ -60,7 +60,9 @@ def test_the_look_ahead_ends_after_a_box_that_fingers_drop(tmp_path):
 
 def test_fingers_without_a_piece_still_run_into_it(tmp_path):
     closed = {"target_deg": {"finger_left_joint": 0.0}, "duration": 0.7}
-    with pytest.raises(PathCollision, match=r"would run into box, .*; `check: limits` in the move allows it"):
+    with pytest.raises(
+        PathCollision, match=r"would run into box, .*; `check: limits` in the move allows it"
+    ):
         rehearsed(tmp_path, [closed, DOWN])
 
 
@@ -78,8 +80,12 @@ def test_robots_with_legs_refuse_the_check(tmp_path):
     from simrob_drake import LeggedRobot
 
     robot = LeggedRobot("humanoid_box")
-    program = Program.of_content({"moves": [{"target_deg": {"waist": 5}, "check": "limits"}]}, "program")
-    with pytest.raises(SimrobError, match="check: only moves of arms check limits of speed and collisions"):
+    program = Program.of_content(
+        {"moves": [{"target_deg": {"waist": 5}, "check": "limits"}]}, "program"
+    )
+    with pytest.raises(
+        SimrobError, match="check: only moves of arms check limits of speed and collisions"
+    ):
         robot.run(program)
 
 
@@ -97,15 +103,22 @@ def test_a_box_that_slips_out_of_the_fingers_is_reported_with_its_move(tmp_path)
     config = lifting_station(tmp_path, [DOWN, WEAK_GRIP, UP, {"wait": 0.2}])
     result = perform(Workcell(config), carried_program(config))
     lost = result.verdict["lost_piece"]
-    assert lost.worst.value == pytest.approx(0.19 - 0.02, abs=0.04)  # it stays behind near the floor
+    assert lost.worst.value == pytest.approx(
+        0.19 - 0.02, abs=0.04
+    )  # it stays behind near the floor
     assert lost.worst.move == "move 3"
     assert lost.warning.startswith("box slipped out of the fingers at ")
-    assert lost.remedy.text == "grip with more force, or raise the friction of the fingers and of the piece"
+    assert (
+        lost.remedy.text
+        == "grip with more force, or raise the friction of the fingers and of the piece"
+    )
 
 
 def test_a_lost_box_in_the_way_of_a_later_move_is_named(tmp_path):
     config = lifting_station(tmp_path, [DOWN, WEAK_GRIP, UP, DOWN_AGAIN])
-    with pytest.raises(PathCollision, match=r"would run into box.*before that, box slipped out .* in move 3"):
+    with pytest.raises(
+        PathCollision, match=r"would run into box.*before that, box slipped out .* in move 3"
+    ):
         perform(Workcell(config), carried_program(config))
 
 
@@ -146,7 +159,9 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
     assert up.nearest.endswith("to floor")
     assert up.distance == pytest.approx(0.015, abs=2e-3)
     assert up.own_distance is None
-    assert meaning_of_distances([down, grip, up]).startswith("nearest and itself: smallest distance to another body")
+    assert meaning_of_distances([down, grip, up]).startswith(
+        "nearest and itself: smallest distance to another body"
+    )
 
 
 def test_events_name_what_touches_what_and_moves_as_the_user_wrote_them(tmp_path):
@@ -166,10 +181,13 @@ def test_captions_of_a_film_strip_do_not_run_into_each_other():
     width = 160
     image = np.full((240, width, 3), 255, dtype=np.uint8)
     strip = side_by_side(
-        [image, image], ["1.00 s\nmove_abs_j of the left robot ends", "2.00 s\nbox touches finger_left"]
+        [image, image],
+        ["1.00 s\nmove_abs_j of the left robot ends", "2.00 s\nbox touches finger_left"],
     )
     captions = np.asarray(strip)[240:].min(axis=2) < 200
     gap = captions[:, width : width + 6]  # between the two images
     assert captions[:, :width].any()
     assert not gap.any()
-    assert not captions[:, [0, width - 1, width + 6, -1]].any()  # each keeps clear of the borders of its image
+    assert not captions[
+        :, [0, width - 1, width + 6, -1]
+    ].any()  # each keeps clear of the borders of its image

@@ -14,7 +14,12 @@ from simrob_drake.base.frames import as_transform
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs import smooth_path
-from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
+from simrob_drake.programs.errors import (
+    GoalInCollision,
+    NoFreePath,
+    PathCollision,
+    StartInCollision,
+)
 from simrob_drake.programs.free_path import metres_per_radian
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
@@ -42,7 +47,9 @@ def station(tmp_path_factory):
     piece = tmp_path_factory.mktemp("shelf") / "piece.yaml"
     piece.write_text(SHELF)
     shelf = {"model": str(piece), "parent": "world", "pose": [0.55, 0, 0, 0, 0, 0]}
-    return load_station("irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "pieces.shelf": shelf})
+    return load_station(
+        "irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "pieces.shelf": shelf}
+    )
 
 
 @pytest.fixture
@@ -81,7 +88,10 @@ def check_free(cell, result):
     """Look at 1000 postures of a run by the check of other moves, which knows nothing of the search."""
     rows = {robot: positions_between(result, 1000, robot) for robot in cell.config.robots}
     check_collisions(
-        cell.collision_model, rows, np.linspace(0, result.stop_time, 1000), lambda at: PathPoint(0, f"{at} s")
+        cell.collision_model,
+        rows,
+        np.linspace(0, result.stop_time, 1000),
+        lambda at: PathPoint(0, f"{at} s"),
     )
 
 
@@ -92,13 +102,17 @@ class TestTheWay:
             beside.plan.move_j(RIGHT, check="collision")
         result = beside.move_free(RIGHT)
         check_free(beside.cell, result)
-        np.testing.assert_allclose(beside.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6)
+        np.testing.assert_allclose(
+            beside.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6
+        )
 
     @pytest.mark.long
     def test_the_same_seed_finds_the_same(self, beside, to_right, monkeypatch):
         again = beside.plan.move_free(RIGHT, seed=0)
         np.testing.assert_array_equal(to_right.stretches[0].postures, again.stretches[0].postures)
-        monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)  # what differs is the search
+        monkeypatch.setattr(
+            move_free, "find_faster_path", lambda *_: None
+        )  # what differs is the search
         one, other = (beside.plan.move_free(RIGHT, seed=seed) for seed in (0, 1))
         assert one.duration != other.duration
 
@@ -163,15 +177,27 @@ def holding(tmp_path_factory):
     """An arm whose fingers hold a bar of 0.4 m, and a post that its end would sweep."""
     folder = tmp_path_factory.mktemp("bar")
     (folder / "bar.yaml").write_text("{mass: 0.1, shapes: [{box: [0.4, 0.02, 0.02]}]}")
-    (folder / "post.yaml").write_text("shapes: [{box: [0.04, 0.04, 0.6], pose: [0, 0, 0.3, 0, 0, 0]}]")
+    (folder / "post.yaml").write_text(
+        "shapes: [{box: [0.04, 0.04, 0.6], pose: [0, 0, 0.3, 0, 0, 0]}]"
+    )
     fingers = {"left_finger": 0.0095, "right_finger": 0.0095}
     pieces = {
         **{f"cube_{number}": None for number in range(1, 6)},
-        "bar": {"model": str(folder / "bar.yaml"), "free": True, "pose": [0.302, 0, 0.424, 0, 0, 0]},
-        "post": {"model": str(folder / "post.yaml"), "parent": "world", "pose": [0.35, 0.3, 0, 0, 0, 0]},
+        "bar": {
+            "model": str(folder / "bar.yaml"),
+            "free": True,
+            "pose": [0.302, 0, 0.424, 0, 0, 0],
+        },
+        "post": {
+            "model": str(folder / "post.yaml"),
+            "parent": "world",
+            "pose": [0.35, 0.3, 0, 0, 0, 0],
+        },
     }
     own = {f"pieces.{name}": piece for name, piece in pieces.items()}
-    return Arm(load_station("irb120_gripper", {"monitors": {}, "robot.initial_deg": fingers, **own}))
+    return Arm(
+        load_station("irb120_gripper", {"monitors": {}, "robot.initial_deg": fingers, **own})
+    )
 
 
 class TestHeldByFingers:
@@ -182,16 +208,22 @@ class TestHeldByFingers:
             holding.plan.move_abs_j(end)
         plan = holding.plan.move_free(joints=end)
         looks = plan.postures(np.linspace(0, plan.duration, 500))
-        np.testing.assert_allclose(looks[:, 6:], 0.0095, atol=1e-6)  # a search that opens the fingers drops the bar
+        np.testing.assert_allclose(
+            looks[:, 6:], 0.0095, atol=1e-6
+        )  # a search that opens the fingers drops the bar
         model, bar = holding.cell.collision_model, []
         held = model.plant.GetFrameByName("left_finger")
         grip = model.pose(held).inverse() @ model.pose(model.piece_origin("bar"))
         across = np.linspace(-0.01, 0.01, 5)
-        points = np.array([*product(np.linspace(-0.2, 0.2, 161), across, across)])  # all through the bar
+        points = np.array(
+            [*product(np.linspace(-0.2, 0.2, 161), across, across)]
+        )  # all through the bar
         for posture in looks:
             model.place_robots({"robot": posture})
             bar.append((model.pose(held) @ grip @ points.T).T)
-        beside = np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02  # of the post's sides
+        beside = (
+            np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02
+        )  # of the post's sides
         above = np.array(bar)[..., 2] - 0.6
         assert np.maximum(beside, above).min() > -0.001  # what may touch
 
@@ -208,12 +240,16 @@ class TestHeldByFingers:
     def test_a_way_is_looked_at_by_the_bar_in_the_axes_of_the_tool(self, holding, monkeypatch):
         asked = []
         monkeypatch.setattr(
-            move_free, "metres_per_radian", lambda *known: (asked.append(known), metres_per_radian(*known))[1]
+            move_free,
+            "metres_per_radian",
+            lambda *known: (asked.append(known), metres_per_radian(*known))[1],
         )
         holding.plan.move_free(joints=[np.deg2rad(10), *holding.position[1:]])
         (_, corners), pose = asked[-1], holding.chain.forward(holding.position)[0]
         there = corners @ pose[:3, :3].T + pose[:3, 3]
-        np.testing.assert_allclose(there, holding.cell.free_space(["robot"]).carried_points("robot"), atol=1e-6)
+        np.testing.assert_allclose(
+            there, holding.cell.free_space(["robot"]).carried_points("robot"), atol=1e-6
+        )
 
     def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
         tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
@@ -260,7 +296,10 @@ class TestShort:
             np.testing.assert_allclose(
                 pose.GetAsMatrix4(), model.pose(model.piece_origin(name)).GetAsMatrix4(), atol=1e-9
             )
-        top = copied.pose(copied.station.piece_frame(floor, floor)).translation()[2] + frozen.pieces[floor].box[2] / 2
+        top = (
+            copied.pose(copied.station.piece_frame(floor, floor)).translation()[2]
+            + frozen.pieces[floor].box[2] / 2
+        )
         assert top == pytest.approx(0.0)
 
 
@@ -280,7 +319,10 @@ class TestTogether:
     def test_different_ways_to_do_it_are_refused(self):
         arm = Workcell("two_arms").arm("left")
         times = {"left": 1, "right": 2}
-        moves = [{"move_free": {"joints": HOME, "robot": robot, "duration": time}} for robot, time in times.items()]
+        moves = [
+            {"move_free": {"joints": HOME, "robot": robot, "duration": time}}
+            for robot, time in times.items()
+        ]
         with pytest.raises(InvalidParameter, match="around obstacles together"):
             arm.do({"together": moves})
 
@@ -289,19 +331,28 @@ class TestWhyNot:
     """Errors in one line, and nothing moves."""
 
     def test_a_goal_in_collision(self, arm):
-        with pytest.raises(GoalInCollision, match=r"all \d postures there: .* would be .* mm deep in shelf at best"):
+        with pytest.raises(
+            GoalInCollision, match=r"all \d postures there: .* would be .* mm deep in shelf at best"
+        ):
             arm.move_free([0.5, -0.2, 0.46, *AHEAD])
-        with pytest.raises(GoalInCollision, match=r"the only posture there: load would be .* mm deep in floor$"):
+        with pytest.raises(
+            GoalInCollision, match=r"the only posture there: load would be .* mm deep in floor$"
+        ):
             arm.move_free(joints=[0, 1.9, 0, 0, 1, 0])
         np.testing.assert_allclose(arm.position, HOME)
 
     def test_a_start_in_collision(self, arm):
         arm.move_abs_j([0, 0.9, 0, 0, 1, 0], check="limits")
-        with pytest.raises(StartInCollision, match=r"the start: .* is .* mm deep in shelf; go out of it by"):
+        with pytest.raises(
+            StartInCollision, match=r"the start: .* is .* mm deep in shelf; go out of it by"
+        ):
             arm.move_free(joints=HOME)
 
     def test_no_way_within_the_time(self, beside):
-        with pytest.raises(NoFreePath, match=r"no free way .* in 1e-06 s: .* is nearest, .* m left; in the way: shelf"):
+        with pytest.raises(
+            NoFreePath,
+            match=r"no free way .* in 1e-06 s: .* is nearest, .* m left; in the way: shelf",
+        ):
             beside.move_free(RIGHT, planning_time=1e-6)
 
     @pytest.mark.parametrize(
@@ -339,5 +390,7 @@ def test_goals_reach_the_pose_by_different_postures(arm):
         target = chain.forward(np.full(chain.size, 0.4))
         found = goal_postures(chain, target, start)
         assert len(found) > 1
-        np.testing.assert_allclose(chain.forward(found), np.broadcast_to(target, (len(found), 4, 4)), atol=1e-6)
+        np.testing.assert_allclose(
+            chain.forward(found), np.broadcast_to(target, (len(found), 4, 4)), atol=1e-6
+        )
         assert ((found >= chain.lower) & (found <= chain.upper)).all()

@@ -45,7 +45,9 @@ def test_a_move_of_free_time_is_slowed_to_what_the_motor_gives() -> None:
     slow = planned(weak)
     assert slow.duration > 1.2 * free.duration
     assert largest_torque(weak, slow, 0) <= 0.5 * needed * 1.01
-    assert largest_torque(weak, slow, 0) >= 0.5 * needed * 0.85  # and not much slower than it must be
+    assert (
+        largest_torque(weak, slow, 0) >= 0.5 * needed * 0.85
+    )  # and not much slower than it must be
     np.testing.assert_allclose(slow.end, free.end)
 
 
@@ -74,7 +76,10 @@ def test_a_motor_that_cannot_hold_the_arm_refuses_the_move() -> None:
     assert refused.value.axis == "joint_2"
     assert abs(refused.value.torque) > 1.0
     start = np.deg2rad([0.0, 0.0, 0.0, 0.0, 90.0, 0.0])
-    assert abs(refused.value.torque) <= np.abs(dynamics.gravity(np.linspace(start, TARGET, 200)))[:, 1].max() * 1.01
+    assert (
+        abs(refused.value.torque)
+        <= np.abs(dynamics.gravity(np.linspace(start, TARGET, 200)))[:, 1].max() * 1.01
+    )
 
 
 def test_nothing_is_compared_in_a_kinematic_station_or_unasked() -> None:

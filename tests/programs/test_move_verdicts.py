@@ -20,10 +20,20 @@ def over_the_table(overrides=None):
 
 
 def test_a_line_over_a_table_reaches_its_end_its_speed_and_its_height():
-    move = over_the_table().move_l([[0.1, 0.1, 0.02], [0.2, 0.1, 0.01]], wobj=TABLE, speed=0.1).verdict.moves[0]
-    assert (move.move, move.robot, move.reached, move.warnings) == ("the move (move_l)", "robot", True, ())
+    move = (
+        over_the_table()
+        .move_l([[0.1, 0.1, 0.02], [0.2, 0.1, 0.01]], wobj=TABLE, speed=0.1)
+        .verdict.moves[0]
+    )
+    assert (move.move, move.robot, move.reached, move.warnings) == (
+        "the move (move_l)",
+        "robot",
+        True,
+        (),
+    )
     assert (
-        max(move.position_error, move.orientation_error, move.following_error, move.torque_time) < 1e-9
+        max(move.position_error, move.orientation_error, move.following_error, move.torque_time)
+        < 1e-9
     )  # kinematic: it is where it should be
     assert move.asked_speed == 0.1
     assert move.speed == pytest.approx(0.1, rel=0.01)
@@ -42,11 +52,20 @@ def test_a_slack_arm_ends_beside_its_target_by_what_the_joints_are_off():
     warning = f"the move (move_l) ends {1e3 * away:.3g} mm beside its target (bound 2 mm)"
     assert warning in result.warnings
     assert not move.reached
-    bound = {"verdict.move_end": "none", "verdict.move_following": 0.001, "verdict.move_distance": 1.0}
-    quiet = Arm(load_station("irb120_workcell", {**bound, "mode": "dynamic", "servo.feedforward": "none"}))
+    bound = {
+        "verdict.move_end": "none",
+        "verdict.move_following": 0.001,
+        "verdict.move_distance": 1.0,
+    }
+    quiet = Arm(
+        load_station("irb120_workcell", {**bound, "mode": "dynamic", "servo.feedforward": "none"})
+    )
     (other,) = quiet.move_abs_j([0.1, 0, 0, 0, 1.5, 0], duration=0.2).verdict.moves
     assert other.reached
-    assert [warning.split()[3:5] for warning in other.warnings] == [["was", warning_mm(other)], ["comes", "within"]]
+    assert [warning.split()[3:5] for warning in other.warnings] == [
+        ["was", warning_mm(other)],
+        ["comes", "within"],
+    ]
 
 
 def warning_mm(move):
@@ -63,13 +82,21 @@ def test_a_move_at_the_torque_limit_and_one_that_is_too_short_for_its_speed_say_
     assert move.torque_time == pytest.approx(share * 0.5)
     assert share > 0.2
     (short,) = (
-        over_the_table({"verdict.move_speed": 0.9}).move_l([0.11, 0.1, 0.05], wobj=TABLE, speed=1.0).verdict.moves
+        over_the_table({"verdict.move_speed": 0.9})
+        .move_l([0.11, 0.1, 0.05], wobj=TABLE, speed=1.0)
+        .verdict.moves
     )
     assert short.warnings == (f"the move (move_l) reaches {short.speed:.3g} of 1 m/s (bound 90 %)",)
 
 
 def test_a_move_that_a_monitor_ends_was_not_reached_and_that_is_no_warning():
-    wall = {"monitors.fence": {"kind": "workspace", "lower": [-1.0, -1.0, 0.0], "upper": [1.0, 0.05, 1.0]}}
+    wall = {
+        "monitors.fence": {
+            "kind": "workspace",
+            "lower": [-1.0, -1.0, 0.0],
+            "upper": [1.0, 0.05, 1.0],
+        }
+    }
     arm = Arm(load_station("irb120_workcell", wall))
     result = arm.move_abs_j([0.5, 0, 0, 0, 1.5, 0], duration=0.5)
     (move,) = result.verdict.moves
@@ -84,14 +111,23 @@ def test_moves_of_a_program_are_called_by_their_numbers(tmp_path, capsys):
     file = tmp_path / "program.yaml"
     ahead = {"targets": [0.1, 0, 0, 0, 1.2, 0], "duration": 0.3}
     both = [{"move_abs_j": {**ahead, "robot": robot}} for robot in ("left", "right")]
-    file.write_text(json.dumps({"station": "two_arms", "robot": "left", "moves": [{"wait": 0.1}, {"together": both}]}))
+    file.write_text(
+        json.dumps(
+            {"station": "two_arms", "robot": "left", "moves": [{"wait": 0.1}, {"together": both}]}
+        )
+    )
     assert run_command(["run", str(file), "--out", str(tmp_path / "run"), "--no-recording"]) == 0
     out = capsys.readouterr().out
     assert "nearest: 236 mm, left.link_2 to bar, in move 2 (move_abs_j of left)" in out
     assert too_wide(out) == []
     moves = json.loads((tmp_path / "run" / "summary.json").read_text())["verdict"]["moves"]
-    assert [move["move"] for move in moves] == ["move 2 (move_abs_j of left)", "move 2 (move_abs_j of right)"]
-    assert [(move["begin"], move["end"]) for move in moves] == [(pytest.approx(0.1), pytest.approx(0.4))] * 2
+    assert [move["move"] for move in moves] == [
+        "move 2 (move_abs_j of left)",
+        "move 2 (move_abs_j of right)",
+    ]
+    assert [(move["begin"], move["end"]) for move in moves] == [
+        (pytest.approx(0.1), pytest.approx(0.4))
+    ] * 2
     cell = Workcell("two_arms")
     cell.record()
     cell.wait(0.1)

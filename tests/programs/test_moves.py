@@ -13,7 +13,12 @@ from simrob_drake.base.interpolation import Arc, turned_by
 from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs import stateful_station
-from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
+from simrob_drake.programs.errors import (
+    BrokenPath,
+    JointLimitExceeded,
+    PathCollision,
+    SpeedLimitExceeded,
+)
 from simrob_drake.programs.plan import check_moves
 from tests.programs.conftest import DOWN, HOME, positions_between
 
@@ -35,9 +40,14 @@ def test_move_l_keeps_to_its_line_between_the_points(kinematic, solver, points):
     end = kinematic.frame("table") @ transform_from_pose(end_there)
     assert off_line(poses[:, :3, 3], start[:3], end.translation()).max() < 1e-4  # asked for
     np.testing.assert_allclose(poses[-1], end.GetAsMatrix4(), atol=1e-5)
-    whole = turned_by(poses[0, :3, :3], poses[-1, :3, :3])  # about one axis: the parts of the turn add up
+    whole = turned_by(
+        poses[0, :3, :3], poses[-1, :3, :3]
+    )  # about one axis: the parts of the turn add up
     for pose in poses[::100]:
-        parts = [turned_by(poses[0, :3, :3], pose[:3, :3]), turned_by(pose[:3, :3], poses[-1, :3, :3])]
+        parts = [
+            turned_by(poses[0, :3, :3], pose[:3, :3]),
+            turned_by(pose[:3, :3], poses[-1, :3, :3]),
+        ]
         assert sum(parts) == pytest.approx(whole, abs=1e-3)
 
 
@@ -50,18 +60,24 @@ def test_move_c_keeps_to_its_circle_between_the_points(kinematic, points):
     poses = kinematic.chain.forward(positions_between(result))
     arc = Arc.through(start[:3], table @ via, table @ end)
     offsets = poses[:, :3, 3] - arc.centre
-    height = offsets @ np.cross(arc.first, arc.across) / arc.radius**2  # over the plane of the circle
+    height = (
+        offsets @ np.cross(arc.first, arc.across) / arc.radius**2
+    )  # over the plane of the circle
     away = np.hypot(height, np.sqrt((offsets**2).sum(axis=1) - height**2) - arc.radius)
     assert away.max() < 1e-4  # asked for
     np.testing.assert_allclose(kinematic.pose()[:3], table @ end, atol=1e-6)
-    np.testing.assert_allclose(poses[:, :3, :3], np.broadcast_to(poses[0, :3, :3], (len(poses), 3, 3)), atol=1e-4)
+    np.testing.assert_allclose(
+        poses[:, :3, :3], np.broadcast_to(poses[0, :3, :3], (len(poses), 3, 3)), atol=1e-4
+    )
 
 
 def test_a_circle_of_two_arcs_comes_back(kinematic):
     kinematic.move_j([0.12, 0.15, 0.02, *DOWN], wobj="table")
     start = kinematic.pose()
     result = kinematic.move_c(
-        [[0.17, 0.2, 0.02], [0.17, 0.1, 0.02]], [[0.22, 0.15, 0.02], [0.12, 0.15, 0.02]], wobj="table"
+        [[0.17, 0.2, 0.02], [0.17, 0.1, 0.02]],
+        [[0.22, 0.15, 0.02], [0.12, 0.15, 0.02]],
+        wobj="table",
     )
     np.testing.assert_allclose(kinematic.pose(), start, atol=1e-6)
     assert result.stop_time == pytest.approx(4.0)  # 20 points of 0.1 s an arc
@@ -74,16 +90,26 @@ def test_motion_is_smooth_and_rests_at_both_ends_and_at_corners(kinematic):
     ).trajectory
     times = np.linspace(0, 2.5, 5001)
     q, v, a = (trajectory.MakeDerivative(order).vector_values(times) for order in (0, 1, 2))
-    np.testing.assert_allclose(np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5)  # no jump of q
-    np.testing.assert_allclose(np.gradient(v, times, axis=1)[:, 1:-1], a[:, 1:-1], atol=2e-3 * np.abs(a).max())
-    assert np.abs(np.diff(a, axis=1)).max() < 0.02 * np.abs(a).max()  # in 0.5 ms; a jump would be some tenths
+    np.testing.assert_allclose(
+        np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5
+    )  # no jump of q
+    np.testing.assert_allclose(
+        np.gradient(v, times, axis=1)[:, 1:-1], a[:, 1:-1], atol=2e-3 * np.abs(a).max()
+    )
+    assert (
+        np.abs(np.diff(a, axis=1)).max() < 0.02 * np.abs(a).max()
+    )  # in 0.5 ms; a jump would be some tenths
     rests = np.searchsorted(times, [0.0, 1.0, 2.5])
     np.testing.assert_allclose(v[:, rests], 0, atol=1e-9)
     np.testing.assert_allclose(a[:, rests], 0, atol=1e-7)
 
 
 def test_move_abs_j_goes_through_postures_or_stops_at_each(kinematic):
-    rows = [[0.3, 0.2, -0.1, 0.2, 1.2, 0.5], [0.6, 0.1, 0.1, 0.4, 1.0, 0.0], [0.2, 0.0, 0.0, 0.0, 1.5, -0.4]]
+    rows = [
+        [0.3, 0.2, -0.1, 0.2, 1.2, 0.5],
+        [0.6, 0.1, 0.1, 0.4, 1.0, 0.0],
+        [0.2, 0.0, 0.0, 0.0, 1.5, -0.4],
+    ]
     times = [1.0, 2.0, 3.5]
     through = kinematic.move_abs_j(rows, times=times)
     at = np.searchsorted(through.times, np.array(times) - 1e-9)
@@ -118,18 +144,30 @@ def test_times_come_from_points_duration_speed_or_joint_limits(kinematic):
     speed = np.linalg.norm(np.gradient(result.pose("tcp")[:, :3], result.times, axis=0), axis=1)
     assert speed.max() == pytest.approx(0.15, rel=1e-3)
     far = kinematic.plan.move_abs_j([2.8, 0, 0, 0, 1.5, 0], points=2)  # 0.2 s would be too fast
-    ratio = np.abs(far.trajectory.MakeDerivative(1).vector_values(np.linspace(0, far.duration, 500))).max() / 4.36332
+    ratio = (
+        np.abs(
+            far.trajectory.MakeDerivative(1).vector_values(np.linspace(0, far.duration, 500))
+        ).max()
+        / 4.36332
+    )
     assert ratio == pytest.approx(0.98, abs=0.01)
 
 
 @pytest.mark.parametrize("form", ["matrix", "transform", "arm", "frame"])
 def test_work_objects_in_all_forms(kinematic, form):
     table = kinematic.frame("table")
-    wobj = {"matrix": table.GetAsMatrix4(), "transform": table, "frame": "table.tcp", "arm": kinematic}[form]
+    wobj = {
+        "matrix": table.GetAsMatrix4(),
+        "transform": table,
+        "frame": "table.tcp",
+        "arm": kinematic,
+    }[form]
     expected = (table if form != "arm" else kinematic.frame(kinematic)) @ [0.02, 0.05, 0.01]
     plan = kinematic.plan.move_j([0.02, 0.05, 0.01], wobj=wobj)
     np.testing.assert_allclose(kinematic.chain.forward(plan.end)[0, :3, 3], expected, atol=1e-9)
-    np.testing.assert_allclose(kinematic.pose(plan.end, wobj=wobj)[:3], [0.02, 0.05, 0.01], atol=1e-9)
+    np.testing.assert_allclose(
+        kinematic.pose(plan.end, wobj=wobj)[:3], [0.02, 0.05, 0.01], atol=1e-9
+    )
 
 
 def test_pose_and_joint_are_inverses_in_batches(kinematic):
@@ -142,17 +180,24 @@ def test_pose_and_joint_are_inverses_in_batches(kinematic):
     single = kinematic.joint(poses[0], wobj="table", start=q[0])
     np.testing.assert_allclose(single, q[0], atol=1e-7)
     places = kinematic.joint(poses[:, :3] * 0.0 + [0.1, 0.1, 0.1], wobj="table", solver="numeric")
-    np.testing.assert_allclose(kinematic.pose(places)[:, 3:], np.tile(kinematic.pose()[3:], (20, 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        kinematic.pose(places)[:, 3:], np.tile(kinematic.pose()[3:], (20, 1)), atol=1e-6
+    )
 
 
 def test_the_jacobian_and_the_torques_are_those_of_the_plant(kinematic):
     q, step = np.array([0.2, 0.3, -0.1, 0.4, 1.0, 0.5]), 1e-6
     jacobian = kinematic.jacobian(q)
-    columns = [(kinematic.pose(q + row)[:3] - kinematic.pose(q - row)[:3]) / (2 * step) for row in step * np.eye(6)]
+    columns = [
+        (kinematic.pose(q + row)[:3] - kinematic.pose(q - row)[:3]) / (2 * step)
+        for row in step * np.eye(6)
+    ]
     np.testing.assert_allclose(jacobian[:3], np.transpose(columns), atol=1e-6)
     assert kinematic.jacobian([q, q]).shape == (2, 6, 6)
     thirty = kinematic.inverse_dynamics(np.full(6, np.pi / 6))
-    np.testing.assert_allclose(thirty[1:3], [-20.79, -9.61], atol=0.005)  # facts of the arm with both loads
+    np.testing.assert_allclose(
+        thirty[1:3], [-20.79, -9.61], atol=0.005
+    )  # facts of the arm with both loads
     result = kinematic.move_abs_j(np.full(6, np.pi / 6), duration=1.5)
     row = 75
     acceleration = np.gradient(result.axes("v"), result.times, axis=0)[row]
@@ -169,9 +214,13 @@ def test_the_tool_can_change(kinematic):
     np.testing.assert_allclose(at_pencil[:3] - kinematic.pose()[:3], [0, 0, -0.048], atol=1e-12)
     result = kinematic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table")
     goal = kinematic.frame("table") @ [0.1, 0.1, 0.1]
-    np.testing.assert_allclose(result.pose("tcp")[-1, :3], goal, atol=1e-8)  # the result follows the same point
+    np.testing.assert_allclose(
+        result.pose("tcp")[-1, :3], goal, atol=1e-8
+    )  # the result follows the same point
     kinematic.tool("tool0")
-    assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)  # facts of the arm
+    assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(
+        0.63
+    )  # facts of the arm
     kinematic.tool("link_3")  # any link, too
     kinematic.move_abs_j(np.zeros(6), check=None)
     np.testing.assert_allclose(kinematic.pose()[:3], [0, 0, 0.56], atol=1e-9)
@@ -179,14 +228,19 @@ def test_the_tool_can_change(kinematic):
 
 def test_what_is_printed_fits_a_line():
     cell = Workcell("two_arms")
-    assert re.fullmatch(r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell))
+    assert re.fullmatch(
+        r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell)
+    )
     assert re.fullmatch(
         r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m, Rz Ry Rx \S+ \S+ \S+ deg>",
         str(cell.arm("left")),
     )
     robot = LeggedRobot("humanoid_dynamic")
     robot.insert(0, {"HomDF": 3})
-    assert str(robot) == "<LeggedRobot robot: humanoid in humanoid_dynamic, 18 axes, feet spheres_C, program of 1 move>"
+    assert (
+        str(robot)
+        == "<LeggedRobot robot: humanoid in humanoid_dynamic, 18 axes, feet spheres_C, program of 1 move>"
+    )
     robot.insert(1, {"act": "bow"})
     robot.add_reference({"HomDF": 3})
     assert str(robot.program) == "<Program of 2 moves: target_deg, act; 1 reference>"
@@ -197,7 +251,9 @@ def test_a_station_comes_by_name_file_or_configuration(tmp_path):
     config = load_station("irb120_kinematic")
     for station in ("irb120_kinematic", config, Workcell(config)):
         assert Arm(station).axes[0] == "joint_1"
-    with pytest.raises(SimrobError, match="robot is not named; it must be one of left, right: robot='left'"):
+    with pytest.raises(
+        SimrobError, match="robot is not named; it must be one of left, right: robot='left'"
+    ):
         Arm("two_arms")
 
 
@@ -215,7 +271,9 @@ class TestBadInput:
         np.testing.assert_array_equal(kinematic.position, before[2])
 
     def test_a_target_out_of_reach(self):
-        with pytest.raises(Unreachable, match=r"the target cannot be reached: .*the best solution comes within"):
+        with pytest.raises(
+            Unreachable, match=r"the target cannot be reached: .*the best solution comes within"
+        ):
             self.arm.move_j([2.0, 0, 0.3, *DOWN])
         with pytest.raises(Unreachable, match=r"^the pose cannot be reached: "):
             self.arm.joint([2.0, 0, 0.3, *DOWN])
@@ -224,7 +282,9 @@ class TestBadInput:
 
     @pytest.mark.parametrize("solver", ["analytic", "numeric"])
     def test_the_first_point_of_a_line_that_is_out_of_reach_is_named(self, solver):
-        with pytest.raises(Unreachable, match=r"point \d+ of 10 on the way to the target \(at .* m\)") as caught:
+        with pytest.raises(
+            Unreachable, match=r"point \d+ of 10 on the way to the target \(at .* m\)"
+        ) as caught:
             self.arm.move_l([0.1, 1.5, 0.02], wobj="table", solver=solver)
         error = caught.value
         assert 0 < error.index < 9
@@ -240,24 +300,39 @@ class TestBadInput:
 
     def test_a_way_beyond_the_limits_between_targets(self):
         over = [[0, 0, angle, 0, 1.5, 0] for angle in (1.2, 1.2, 0.0)]
-        with pytest.raises(JointLimitExceeded, match=r"point \d+ of 10 on the way to targets\[1\]: joint_3 .* 70 deg$"):
+        with pytest.raises(
+            JointLimitExceeded,
+            match=r"point \d+ of 10 on the way to targets\[1\]: joint_3 .* 70 deg$",
+        ):
             self.arm.move_abs_j(over, times=[2, 4, 6])
 
     def test_degrees_by_mistake(self):
-        with pytest.raises(JointLimitExceeded, match=r"^the target: joint_2 .* 1718\.9 deg, .*were these degrees\?"):
+        with pytest.raises(
+            JointLimitExceeded, match=r"^the target: joint_2 .* 1718\.9 deg, .*were these degrees\?"
+        ):
             self.arm.move_abs_j([0, 30, 0, 0, 30, 0])
-        with pytest.raises(JointLimitExceeded, match=r"^the target: joint_2 .* deg$"):  # they would not fit either
+        with pytest.raises(
+            JointLimitExceeded, match=r"^the target: joint_2 .* deg$"
+        ):  # they would not fit either
             self.arm.move_abs_j([0, 300, 0, 0, 30, 0])
 
     def test_a_move_that_is_too_fast(self):
-        with pytest.raises(SpeedLimitExceeded, match=r"joint_1 would move at .* deg/s.*duration of") as caught:
+        with pytest.raises(
+            SpeedLimitExceeded, match=r"joint_1 would move at .* deg/s.*duration of"
+        ) as caught:
             self.arm.move_abs_j([2.0, 0, 0, 0, 1.5, 0], duration=0.2)
-        assert self.arm.plan.move_abs_j([2.0, 0, 0, 0, 1.5, 0], duration=caught.value.duration).duration > 0.2
+        assert (
+            self.arm.plan.move_abs_j(
+                [2.0, 0, 0, 0, 1.5, 0], duration=caught.value.duration
+            ).duration
+            > 0.2
+        )
 
     @pytest.mark.parametrize("via", [[0.15, 0.1, 0.02], [0.1, 0.1, 0.02], [0.2, 0.1, 0.02]])
     def test_arc_points_on_one_line(self, via):
         with pytest.raises(
-            SimrobError, match=r"the arc to the target is straight; .* three points .* \[\S+, \S+, \S+\] m"
+            SimrobError,
+            match=r"the arc to the target is straight; .* three points .* \[\S+, \S+, \S+\] m",
         ):
             self.arm.move_c(via, [0.2, 0.1, 0.02], wobj="table")
 
@@ -294,12 +369,15 @@ class TestBadInput:
             self.arm.move_l([0.1, 0.12, 0.05], **{"wobj": "table", **kwargs})
 
     @pytest.mark.parametrize(
-        "targets", [[1, 2], [[1, 2, 3, 4]], [np.nan, 0, 0], "up", [[0, 0, 0], [0, 0]], np.zeros((4, 4)), []]
+        "targets",
+        [[1, 2], [[1, 2, 3, 4]], [np.nan, 0, 0], "up", [[0, 0, 0], [0, 0]], np.zeros((4, 4)), []],
     )
     def test_wrong_shapes(self, targets):
         with pytest.raises(SimrobError, match="targets"):
             self.arm.move_l(targets)
-        with pytest.raises(SimrobError, match=r"targets .* must be 6 finite numbers|no posture of irb120 'up'"):
+        with pytest.raises(
+            SimrobError, match=r"targets .* must be 6 finite numbers|no posture of irb120 'up'"
+        ):
             self.arm.move_abs_j(targets)
 
     def test_a_solver_of_another_tool(self):
@@ -319,7 +397,9 @@ def test_a_move_to_where_the_tool_is_takes_its_time_and_turns_alone_too(kinemati
     here = kinematic.pose()
     for how in ({}, {"speed": 0.1}, {"duration": 0.3}):
         result = kinematic.move_l(here, **how)
-        np.testing.assert_allclose(result.axes("q"), np.tile(kinematic.position, (len(result.times), 1)), atol=1e-9)
+        np.testing.assert_allclose(
+            result.axes("q"), np.tile(kinematic.position, (len(result.times), 1)), atol=1e-9
+        )
     kinematic.move_l([*here[:3], *DOWN], speed=0.1)
     np.testing.assert_allclose(kinematic.pose()[:3], here[:3], atol=1e-9)
     assert np.abs(kinematic.position - np.array(HOME)).max() > 1.0
@@ -344,7 +424,9 @@ def test_a_solver_with_weights_of_its_own(kinematic):
     before = kinematic.pose()
     kinematic.move_l([0.1, 0.1, 0.02, *DOWN], wobj="table", solver=place)
     np.testing.assert_allclose(kinematic.pose(wobj="table")[:3], [0.1, 0.1, 0.02], atol=1e-7)
-    assert np.linalg.norm(kinematic.pose(wobj="table")[3:] - np.array(DOWN)) > 0.01  # the tool was free to turn
+    assert (
+        np.linalg.norm(kinematic.pose(wobj="table")[3:] - np.array(DOWN)) > 0.01
+    )  # the tool was free to turn
     assert np.linalg.norm(kinematic.pose()[:3] - before[:3]) > 0.05
 
 
@@ -367,7 +449,11 @@ def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stra
     with pytest.raises(Unreachable, match=r"point \d+ of 10"):
         kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=2e-4))
     points = kinematic.chain.forward(
-        positions_between(kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=5e-3), check="nothing"))
+        positions_between(
+            kinematic.move_l(
+                end, solver=IncrementalSolver(kinematic.chain, stray=5e-3), check="nothing"
+            )
+        )
     )[:, :3, 3]
     assert 2e-4 < off_line(points, start, end).max() < 5e-3
     with pytest.raises(SimrobError, match=r"stray is -1; it must be a distance"):
@@ -377,7 +463,9 @@ def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stra
 class TestCollisions:
     def test_a_move_into_the_table_names_the_first_point(self, kinematic):
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
-        with pytest.raises(PathCollision, match=r"point \d+ of 10 .*: load would run into table, .* mm deep") as caught:
+        with pytest.raises(
+            PathCollision, match=r"point \d+ of 10 .*: load would run into table, .* mm deep"
+        ) as caught:
             kinematic.move_l([0.1, 0.15, -0.05], wobj="table", check="collision")
         assert 5 <= caught.value.point <= 7  # the tip meets the surface half-way
         assert 1e-3 < caught.value.depth < 0.02
@@ -390,7 +478,9 @@ class TestCollisions:
 
     def test_a_plan_is_looked_at_once_unless_something_has_changed(self, kinematic, monkeypatch):
         looks, cell = [], kinematic.cell
-        monkeypatch.setattr(stateful_station, "check_moves", lambda *known: looks.append(check_moves(*known)))
+        monkeypatch.setattr(
+            stateful_station, "check_moves", lambda *known: looks.append(check_moves(*known))
+        )
 
         def plan(height):
             return kinematic.plan.move_j([0.1, 0.15, height, *DOWN], wobj="table")
@@ -425,12 +515,17 @@ class TestCollisions:
         ) as hit:
             cell.run(*plans)
         assert {body.split(".")[0].split("_")[0] for body in hit.value.bodies} == {"left", "right"}
-        assert cell.state is None or np.array_equal(cell.position("left"), plans[0].start)  # nothing moved
+        assert cell.state is None or np.array_equal(
+            cell.position("left"), plans[0].start
+        )  # nothing moved
 
     def test_the_same_moves_do_one_after_the_other(self, into_the_middle):
         cell, to_middle = into_the_middle
         assert cell.run(to_middle("left")).ending == "completed"
-        assert cell.run(to_middle("right"), to_middle("left", duration=20.0), duration=0.2).ending == "completed"
+        assert (
+            cell.run(to_middle("right"), to_middle("left", duration=20.0), duration=0.2).ending
+            == "completed"
+        )
 
     def test_an_arm_that_came_after_the_plan_was_made_is_seen(self, into_the_middle):
         cell, to_middle = into_the_middle
@@ -459,7 +554,11 @@ class TestUnits:
             ([300, 0, 400], {}, "300 m; .* were these millimetres"),
             ([[0.3, 0, 0.4], [0.3, 0, 400]], {}, "400 m"),
             ([0.3, 0, 0.1, *DOWN], {"wobj": [0, 0, 0, 90, 0, 0]}, "wobj is one with 90 rad"),
-            ([0.3, 0, 0.3], {"speed": 50}, r"speed is 50 m/s; .* were these mm/s\? Then it is 0.05"),
+            (
+                [0.3, 0, 0.3],
+                {"speed": 50},
+                r"speed is 50 m/s; .* were these mm/s\? Then it is 0.05",
+            ),
         ],
     )
     def test_degrees_and_millimetres(self, kinematic, target, how, text):
@@ -469,7 +568,9 @@ class TestUnits:
     @pytest.mark.parametrize("form", [list, transform_from_pose])
     @pytest.mark.parametrize("place", [(0.0, 1e14, 0.0), (0.0, 0.0, -120.0)])
     def test_a_tool_far_from_its_flange_is_refused(self, kinematic, place, form):
-        with pytest.raises(InvalidParameter, match=r"tool is one with .* m; .* were these millimetres"):
+        with pytest.raises(
+            InvalidParameter, match=r"tool is one with .* m; .* were these millimetres"
+        ):
             kinematic.tool(form([*place, 0.0, 0.0, 0.0]))
 
     def test_a_piece_far_from_its_hand_is_refused(self):

@@ -31,7 +31,9 @@ def test_a_move_into_the_arm_itself_is_refused(mode):
         arm.move_abs_j(FOLDED)
     assert hit.value.bodies == ("link_1", "link_4")
     assert 0.005 < hit.value.depth < 0.05
-    assert arm.cell.state is None or np.allclose(arm.reference, arm.plan.move_abs_j(arm.reference).start)
+    assert arm.cell.state is None or np.allclose(
+        arm.reference, arm.plan.move_abs_j(arm.reference).start
+    )
     with pytest.raises(GoalInCollision):
         arm.move_free(joints=FOLDED)
 
@@ -93,7 +95,9 @@ def goal_collides(arm: Arm, posture: np.ndarray) -> bool:
     """Whether ordinary moves take a posture as a collision, whatever the way there."""
     rows = {"robot": np.array([arm.reference, posture])}
     try:
-        check_collisions(arm.cell.collision_model, rows, np.array([0.0, 1.0]), lambda _: PathPoint(1, "goal"))
+        check_collisions(
+            arm.cell.collision_model, rows, np.array([0.0, 1.0]), lambda _: PathPoint(1, "goal")
+        )
     except PathCollision:
         return True
     return False
@@ -129,7 +133,9 @@ def test_moves_agree_on_a_goal_between_half_the_tolerance_and_all_of_it():
 
     def depth(angle: float) -> float:
         model.place_robots({"robot": np.deg2rad([0, -90, angle, 0, 0, 0])})
-        return max((overlap.depth for overlap in model.policy.overlaps(tolerance_factor=0.0)), default=0.0)
+        return max(
+            (overlap.depth for overlap in model.policy.overlaps(tolerance_factor=0.0)), default=0.0
+        )
 
     angle = next(angle for angle in np.arange(150.0, 168.0, 0.02) if depth(angle) > 0.003)
     assert 0.003 < depth(angle) < 0.005

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from simrob_drake import Program
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
+from simrob_drake.base.errors import (
+    InvalidConfig,
+    InvalidParameter,
+    OutputError,
+    SimrobError,
+    UnknownName,
+)
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.moves.joints import move_of
 from simrob_drake.programs.stages import postures_of
@@ -51,7 +57,8 @@ class TestChanges:
     @pytest.mark.parametrize("index", [3, -4])
     def test_a_number_that_is_none_is_named(self, index):
         with pytest.raises(
-            InvalidParameter, match=rf"index is {index}; it must be from -3 to 2, the program has 3 moves"
+            InvalidParameter,
+            match=rf"index is {index}; it must be from -3 to 2, the program has 3 moves",
         ):
             WAVE.removed(index)
 
@@ -141,8 +148,15 @@ class TestOnARobot:
         _, upper = np.rad2deg(model.axis_limits)
         knee = model.axis_index("left_knee")
         with pytest.raises(JointLimitExceeded) as problem:
-            postures_of(model, [move_of({"HomDF": 1}, 1), move_of({"RodI": upper[knee] + 12.5}, 1)], np.zeros(18))
-        assert (problem.value.axis, problem.value.value) == ("left_knee", pytest.approx(np.deg2rad(upper[knee] + 12.5)))
+            postures_of(
+                model,
+                [move_of({"HomDF": 1}, 1), move_of({"RodI": upper[knee] + 12.5}, 1)],
+                np.zeros(18),
+            )
+        assert (problem.value.axis, problem.value.value) == (
+            "left_knee",
+            pytest.approx(np.deg2rad(upper[knee] + 12.5)),
+        )
         assert f"12.5 deg beyond its limit of {upper[knee]:.4g} deg" in str(problem.value)
         assert str(problem.value).startswith("move 2: left_knee")
 
@@ -160,7 +174,9 @@ class TestOnARobot:
 
     def test_an_axis_stands_once(self):
         with pytest.raises(InvalidParameter, match="another name of an axis"):
-            postures_of(load_robot("humanoid"), [move_of({"RodI": 1, "left_knee": 2}, 1)], np.zeros(18))
+            postures_of(
+                load_robot("humanoid"), [move_of({"RodI": 1, "left_knee": 2}, 1)], np.zeros(18)
+            )
 
 
 @pytest.mark.parametrize("duration", [0, -1.0, float("nan"), float("inf"), True, "1", None])
@@ -169,7 +185,9 @@ def test_a_duration_is_a_positive_time(duration):
         move_of({"RodI": 1}, duration)
 
 
-@pytest.mark.parametrize("targets", [{}, {"RodI": float("nan")}, {"RodI": "1"}, {"RodI": True}, [1, 2], None])
+@pytest.mark.parametrize(
+    "targets", [{}, {"RodI": float("nan")}, {"RodI": "1"}, {"RodI": True}, [1, 2], None]
+)
 def test_targets_are_finite_numbers_by_axis(targets):
     with pytest.raises(SimrobError, match="target_deg"):
         move_of(targets, 1)

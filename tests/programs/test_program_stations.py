@@ -33,7 +33,9 @@ def test_a_station_runs_in_both_modes(name, mode):
     assert result.ending == "completed"
     assert result.stop_time == 1.0
     for robot in result.plant.robots:
-        assert np.abs(result.axes("q", robot) - result.axes("q_ref", robot)).max() < 0.05  # they sag
+        assert (
+            np.abs(result.axes("q", robot) - result.axes("q_ref", robot)).max() < 0.05
+        )  # they sag
 
 
 class TestWorkcell:
@@ -48,8 +50,12 @@ class TestWorkcell:
             np.testing.assert_allclose(origin.translation(), place, atol=1e-12)
 
     def test_the_table_has_the_frame_of_its_three_points(self):
-        taught = three_point_frame([0.4000, 0.1330, 0], [0.1500, -0.3000, 0], [0.7232, -0.0536, 0.1000])
-        np.testing.assert_allclose(self.cell.frame("inclined_table").GetAsMatrix4(), taught.GetAsMatrix4(), atol=5e-5)
+        taught = three_point_frame(
+            [0.4000, 0.1330, 0], [0.1500, -0.3000, 0], [0.7232, -0.0536, 0.1000]
+        )
+        np.testing.assert_allclose(
+            self.cell.frame("inclined_table").GetAsMatrix4(), taught.GetAsMatrix4(), atol=5e-5
+        )
 
     def test_the_pencil_is_where_the_facts_have_it(self):
         arm = self.cell.arm(tool="pencil")
@@ -89,7 +95,11 @@ def test_the_belt_brings_its_rook():
     belt, arm = cell.arm("belt"), cell.arm("arm")
     before = cell.frame("rook")
     belt.move_abs_j([0.5])
-    np.testing.assert_allclose(cell.frame("rook").translation() - before.translation(), [0, 0.5, 0], atol=1e-12)
-    np.testing.assert_allclose(cell.frame("rook").rotation().matrix(), np.eye(3), atol=1e-12)  # it stands
+    np.testing.assert_allclose(
+        cell.frame("rook").translation() - before.translation(), [0, 0.5, 0], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        cell.frame("rook").rotation().matrix(), np.eye(3), atol=1e-12
+    )  # it stands
     arm.move_j([0, 0, 0.1, *DOWN], wobj="rook")
     np.testing.assert_allclose(arm.pose(wobj="rook")[:3], [0, 0, 0.1], atol=1e-9)

@@ -24,7 +24,9 @@ PROGRAMS = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
 
 @pytest.mark.parametrize("name", model_schemas())
 def test_the_schema_file_is_up_to_date(name: str) -> None:
-    assert json.loads((models_root() / name).read_text()) == model_schemas()[name], "renew it: make pictures"
+    assert json.loads((models_root() / name).read_text()) == model_schemas()[name], (
+        "renew it: make pictures"
+    )
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(models_root())))
@@ -54,9 +56,13 @@ def test_a_program_keeps_to_the_schema(file: Path) -> None:
 def test_every_key_is_explained(name: str) -> None:
     schema = model_schemas()[name]
     sections = {"": schema, **schema["$defs"]}
-    sections = {where: next(iter(section.get("anyOf", [section]))) for where, section in sections.items()}
+    sections = {
+        where: next(iter(section.get("anyOf", [section]))) for where, section in sections.items()
+    }
     keys = {
-        f"{where}.{key}": entry for where, section in sections.items() for key, entry in section["properties"].items()
+        f"{where}.{key}": entry
+        for where, section in sections.items()
+        for key, entry in section["properties"].items()
     }
     assert [
         key for key, entry in keys.items() if not {"description", "$ref"} & set(entry)
@@ -67,5 +73,8 @@ def test_every_key_is_explained(name: str) -> None:
 def test_a_robot_has_a_urdf_with_root_and_axes_or_a_table() -> None:
     robot = model_schemas()["robot.schema.json"]
     assert robot["oneOf"] == [{"required": ["urdf", "root", "axes"]}, {"required": ["dh"]}]
-    assert {branch["type"] for branch in robot["properties"]["axes"]["anyOf"]} == {"object", "array"}
+    assert {branch["type"] for branch in robot["properties"]["axes"]["anyOf"]} == {
+        "object",
+        "array",
+    }
     assert "folder" not in robot["properties"]

@@ -45,7 +45,9 @@ def test_a_file_may_hold_it_and_is_carried_with_the_station(station: Path, tmp_p
     assert load_station(tmp_path / "again.yaml", {"name": config.name}) == config
 
 
-def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(station: Path, tmp_path: Path) -> None:
+def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(
+    station: Path, tmp_path: Path
+) -> None:
     (tmp_path / "inner").mkdir()
     change = {"at": 0.1, "set": {"start": "start.json"}}
     (tmp_path / "inner" / "own.yaml").write_text(yaml.safe_dump({**TURN, "changes": [change]}))
@@ -53,7 +55,9 @@ def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(station:
     assert config.program is not None
     assert config.program["changes"][0]["set"]["start"] == str(tmp_path / "inner" / "start.json")
     station.write_text(yaml.safe_dump({**STATION, "program": "/etc/hostname.yaml"}))
-    with pytest.raises(SimrobError, match=r"program: /etc/hostname\.yaml lies outside of the allowed folders"):
+    with pytest.raises(
+        SimrobError, match=r"program: /etc/hostname\.yaml lies outside of the allowed folders"
+    ):
         load_station(station)
 
 
@@ -65,12 +69,16 @@ def test_overrides_change_it_replace_it_and_leave_it_out(station: Path, tmp_path
     assert other is not None
     assert [move.key for move in other.moves] == ["wait"]
     assert carried_program(load_station(station, {"program": None})) is None
-    with pytest.raises(SimrobError, match=r"program\.moves\.1: has no place '1'; those there are 0 to 0"):
+    with pytest.raises(
+        SimrobError, match=r"program\.moves\.1: has no place '1'; those there are 0 to 0"
+    ):
         load_station(station, {"program.moves.1.duration": 0.2})
 
 
 @pytest.mark.long
-def test_the_command_line_runs_and_checks_it(station: Path, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_the_command_line_runs_and_checks_it(
+    station: Path, tmp_path: Path, capsys, monkeypatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert run_command(["check", str(station)]) == 0
     assert "1 entries can be done, in 0.3 s" in capsys.readouterr().out
@@ -78,7 +86,17 @@ def test_the_command_line_runs_and_checks_it(station: Path, tmp_path: Path, caps
     assert yaml.safe_load((tmp_path / "r" / "program.yaml").read_text())["moves"] == TURN["moves"]
     assert run_command(["run", str(station), "--duration", "1"]) == 2
     assert "--set program=null" in capsys.readouterr().err
-    plain = ["run", str(station), "--set", "program=null", "--duration", "0.1", "--no-recording", "--out", "p"]
+    plain = [
+        "run",
+        str(station),
+        "--set",
+        "program=null",
+        "--duration",
+        "0.1",
+        "--no-recording",
+        "--out",
+        "p",
+    ]
     assert run_command(plain) == 0
     assert not (tmp_path / "p" / "program.yaml").exists()
 
@@ -87,7 +105,9 @@ def test_a_program_that_cannot_be_names_the_move(station: Path) -> None:
     config = load_station(station, {"program.moves.0.target_deg": {"joint_7": 1}})
     with pytest.raises(SimrobError, match=r"no axis of irb120 .*'joint_7'; did you mean 'joint_6'"):
         run_whole(config)
-    with pytest.raises(SimrobError, match=r"turn: program: move 1: mve_l: unknown key; did you mean 'move_l'"):
+    with pytest.raises(
+        SimrobError, match=r"turn: program: move 1: mve_l: unknown key; did you mean 'move_l'"
+    ):
         run_whole(load_station(station, {"program": {"moves": [{"mve_l": [0, 0, 0]}]}}))
 
 

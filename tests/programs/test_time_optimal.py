@@ -31,7 +31,11 @@ def heavy():
 
 
 def weak_arm(torque):
-    return Arm(load_station("irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "servo.torque_limit": torque}))
+    return Arm(
+        load_station(
+            "irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "servo.torque_limit": torque}
+        )
+    )
 
 
 @pytest.mark.parametrize("move", ["joints", "line", "zones"])
@@ -48,7 +52,11 @@ def test_limits_are_kept_and_used(kinematic, move):
     fastest, cruising = plan(profile="time_optimal"), plan(profile="s_curve", duration=10.0)
     taken = shares(kinematic, fastest)
     assert 0.95 < max(taken) < 1.001
-    ratios = np.array(shares(kinematic, cruising)) ** [1, 0.5, 0.5]  # of torque: without weight, at most
+    ratios = np.array(shares(kinematic, cruising)) ** [
+        1,
+        0.5,
+        0.5,
+    ]  # of torque: without weight, at most
     assert fastest.duration < 10.0 * ratios[:2].max()
     np.testing.assert_allclose(fastest.end, cruising.end, atol=1e-9)
     assert len(fastest.arrivals) == len(cruising.arrivals)
@@ -70,7 +78,9 @@ def test_motors_that_cannot_hold_the_arm_are_told():
 
 def test_a_speed_is_the_most_of_the_tool(kinematic):
     plan = kinematic.plan.move_abs_j(FAR, profile="time_optimal", speed=0.3)
-    places = kinematic.chain.forward(plan.postures(times := np.linspace(0, plan.duration, 2000)))[:, :3, 3]
+    places = kinematic.chain.forward(plan.postures(times := np.linspace(0, plan.duration, 2000)))[
+        :, :3, 3
+    ]
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
     assert 0.28 < speeds.max() < 0.303
 
@@ -79,7 +89,10 @@ def test_a_speed_is_the_most_of_the_tool(kinematic):
 def test_around_obstacles_for_two_and_when_nothing_moves():
     cell = Workcell("two_arms")
     ends = {"left": [0, 60, -30, 0, 30, 0], "right": [40, 60, -30, 0, 30, 0]}
-    moves = [{"move_free": {"joints_deg": end, "robot": name, "profile": "time_optimal"}} for name, end in ends.items()]
+    moves = [
+        {"move_free": {"joints_deg": end, "robot": name, "profile": "time_optimal"}}
+        for name, end in ends.items()
+    ]
     slow = [{"move_free": {"joints_deg": end, "robot": name}} for name, end in ends.items()]
     quick = cell.arm("left").do({"together": moves}).stop_time
     assert quick < Workcell("two_arms").arm("left").do({"together": slow}).stop_time
@@ -98,8 +111,14 @@ def own_arm(folder, **keys):
     copied = shutil.copytree(models_root() / "irb120", folder / "irb120")
     file = copied / "robot.yaml"
     content = {**yaml.safe_load(file.read_text()), **keys}
-    file.write_text(yaml.safe_dump({key: value for key, value in content.items() if value is not None}))
-    return Arm(load_station("irb120_kinematic", {"robot.model": str(file), "robot.initial_deg": {"joint_5": 90}}))
+    file.write_text(
+        yaml.safe_dump({key: value for key, value in content.items() if value is not None})
+    )
+    return Arm(
+        load_station(
+            "irb120_kinematic", {"robot.model": str(file), "robot.initial_deg": {"joint_5": 90}}
+        )
+    )
 
 
 @pytest.mark.parametrize("target", [FAR, (1.2, 0, 0, 0, 1.2, 0), (0.001, 0, 0, 0, np.pi / 2, 0)])
@@ -108,7 +127,9 @@ def test_limits_of_jerk_are_kept_and_used(kinematic, target):
     robot = kinematic.cell.robot(kinematic.name).model
     times = np.linspace(0, plan.duration, 2000)
     limits = robot.speed_limits, robot.accelerations, robot.jerks
-    rates = [plan.trajectory.MakeDerivative(order).vector_values(times.tolist()).T for order in (1, 2, 3)]
+    rates = [
+        plan.trajectory.MakeDerivative(order).vector_values(times.tolist()).T for order in (1, 2, 3)
+    ]
     shares = [float(np.abs(rows / limit).max()) for rows, limit in zip(rates, limits, strict=True)]
     assert max(shares) == pytest.approx(1.0, abs=2e-3)
     np.testing.assert_allclose([rows[[0, -1]] for rows in rates[:2]], 0.0, atol=1e-6)
@@ -119,16 +140,24 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
     with pytest.raises(InvalidParameter, match="it goes with moves that are straight in the axes"):
         kinematic.plan.move_l([0.2, 0.2, 0.1, *DOWN], wobj="table", profile="jerk_limited")
     for key in ("speed", "duration"):
-        with pytest.raises(InvalidParameter, match=f"{key}: profile='jerk_limited' takes the least time; leave it out"):
+        with pytest.raises(
+            InvalidParameter,
+            match=f"{key}: profile='jerk_limited' takes the least time; leave it out",
+        ):
             kinematic.plan.move_abs_j(FAR, profile="jerk_limited", **{key: 1})
     arm = own_arm(tmp_path, jerk_deg=None)
-    with pytest.raises(InvalidParameter, match="the jerk of joint_1 is not limited; it must be limited by jerk_deg in"):
+    with pytest.raises(
+        InvalidParameter,
+        match="the jerk of joint_1 is not limited; it must be limited by jerk_deg in",
+    ):
         arm.move_abs_j(FAR, profile="jerk_limited")
 
 
 def test_a_tool_is_no_faster_than_it_is_rated_for(tmp_path):
     arm = own_arm(tmp_path, tcp_speed=0.5)
-    with pytest.raises(SpeedLimitExceeded, match=r"the tool would move at .* m/s, beyond the 0\.5 m/s that") as caught:
+    with pytest.raises(
+        SpeedLimitExceeded, match=r"the tool would move at .* m/s, beyond the 0\.5 m/s that"
+    ) as caught:
         arm.move_abs_j(FAR, duration=1.0)
     slower = arm.plan.move_abs_j(FAR, duration=caught.value.duration)
     places = arm.chain.forward(slower.postures(times := np.linspace(0, slower.duration, 3000)))
@@ -142,7 +171,9 @@ def test_postures_have_names(tmp_path):
     arm = own_arm(tmp_path, postures={"ready": {"joint_2": 20, "joint_5": 60}})
     arm.move_abs_j([0.5, 0, 0, 0, 1.0, 0])
     arm.move_abs_j("ready")
-    np.testing.assert_allclose(arm.reference, [0.5, np.deg2rad(20), 0, 0, np.deg2rad(60), 0], atol=1e-9)
+    np.testing.assert_allclose(
+        arm.reference, [0.5, np.deg2rad(20), 0, 0, np.deg2rad(60), 0], atol=1e-9
+    )
     arm.do({"move_free": {"joints": "home"}})
     np.testing.assert_allclose(arm.reference, np.deg2rad([0, 0, 0, 0, 90, 0]), atol=1e-9)
     with pytest.raises(UnknownName, match="no posture of irb120 'redy'; did you mean 'ready'"):

@@ -60,7 +60,9 @@ def test_changes_that_come_while_it_runs_give_what_the_program_says_afterwards()
 
     line.tell = tell
     robot.run(Program.model_validate({"moves": MOVES}))
-    assert Program(moves=(), changes=tuple(line.changes)).changes == tuple(map(Change.model_validate, CHANGES))
+    assert Program(moves=(), changes=tuple(line.changes)).changes == tuple(
+        map(Change.model_validate, CHANGES)
+    )
     np.testing.assert_array_equal(robot.result().values, legged(CHANGES).values)
 
 
@@ -69,8 +71,12 @@ def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program(
     """A page adds a command at a tick, the next ones in their time; from the kept program the walk is the same."""
     moves, rows = [{"go": {"duration": 2.5}}], [(0.0, 0.1, 0.0, 0.0), (0.6, 0.1, 0.0, 20.0)]
 
-    def driven(tell: Any = None, changes: tuple[Any, ...] = ()) -> tuple[Timeline, SimulationResult]:
-        robot = LeggedRobot(load_station("roid1_dynamic", {"sample_rate": 100}))  # each sample of the walk is seen
+    def driven(
+        tell: Any = None, changes: tuple[Any, ...] = ()
+    ) -> tuple[Timeline, SimulationResult]:
+        robot = LeggedRobot(
+            load_station("roid1_dynamic", {"sample_rate": 100})
+        )  # each sample of the walk is seen
         line = robot.cell.timeline = Timeline(GRID, changes)
         line.tell = (lambda time, _: tell(line, time)) if tell else line.tell
         robot.run(Program.model_validate({"moves": moves}))
@@ -87,7 +93,10 @@ def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program(
     _, again = driven(changes=tuple(line.changes))
     _, stood = driven()
     np.testing.assert_array_equal(live.values, again.values)
-    ahead = {name: float(np.hypot(run["base.x"][-1], run["base.y"][-1])) for name, run in (("d", live), ("s", stood))}
+    ahead = {
+        name: float(np.hypot(run["base.x"][-1], run["base.y"][-1]))
+        for name, run in (("d", live), ("s", stood))
+    }
     assert ahead["d"] > 0.05 > 5 * ahead["s"]
     assert live["walk.command.2"][-1] == pytest.approx(np.deg2rad(20.0))
 
@@ -131,14 +140,23 @@ def test_settings_of_the_station_reach_the_servos_that_a_gait_sets() -> None:
 
 def test_references_of_the_station_go_on_across_a_change() -> None:
     """A sine that is cut is the sine: its references are those of a run without changes."""
-    station = load_station("irb120_kinematic", {"reference": {"kind": "sine", "amplitude_deg": 10, "frequency": 0.5}})
-    cell, cut = Workcell(station), {"moves": [{"play": 1.0}], "changes": [{"time": 0.4, "set": {"sample_rate": 100}}]}
+    station = load_station(
+        "irb120_kinematic", {"reference": {"kind": "sine", "amplitude_deg": 10, "frequency": 0.5}}
+    )
+    cell, cut = (
+        Workcell(station),
+        {"moves": [{"play": 1.0}], "changes": [{"time": 0.4, "set": {"sample_rate": 100}}]},
+    )
     result = cell.perform(Program.model_validate(cut))
     plain = Workcell(station).play(1.0)
-    np.testing.assert_allclose(result["q.joint_1"], np.interp(result.times, plain.times, plain["q.joint_1"]), atol=1e-4)
+    np.testing.assert_allclose(
+        result["q.joint_1"], np.interp(result.times, plain.times, plain["q.joint_1"]), atol=1e-4
+    )
 
 
-@pytest.mark.parametrize("station", ["humanoid_dynamic", "irb120_dynamic", "box_on_floor", "irb120_kinematic"])
+@pytest.mark.parametrize(
+    "station", ["humanoid_dynamic", "irb120_dynamic", "box_on_floor", "irb120_kinematic"]
+)
 def test_what_follows_a_tick_depends_on_its_state_alone(station: str) -> None:
     """A run that begins in the state of a tick is the rest of the run, with ticks at the same moments."""
     runner, kept = Runner(station), dict[float, Any]()
@@ -154,7 +172,9 @@ def test_what_follows_a_tick_depends_on_its_state_alone(station: str) -> None:
     assert (shorter.config.duration, shorter.ending) == (0.15, "completed")
     np.testing.assert_array_equal(shorter.values[:-1], whole.values[: len(shorter.times) - 1])
     for robot in shorter.plant.robots:
-        np.testing.assert_array_equal(shorter.final_state.positions[robot], kept[0.15].positions[robot])
+        np.testing.assert_array_equal(
+            shorter.final_state.positions[robot], kept[0.15].positions[robot]
+        )
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,12 @@ from tests.robots.hands import CRANK, FACE, HINGE, gantry, joint, link, linkage
 
 CUBE = {"pieces.cube": {"model": "cube", "mass": 1.0, "free": True, "pose": [0, 0, 0.02, 0, 0, 0]}}
 SIDE = 0.04  # m, of the cube
-AT_CUBE = np.arcsin((HINGE - FACE - SIDE / 2) / CRANK)  # rad: the crank, when the pads touch the cube
-DOWN = 0.4 - (CRANK * np.cos(AT_CUBE) + 0.01) - SIDE / 2  # m: the middle of the pads is that of the cube
+AT_CUBE = np.arcsin(
+    (HINGE - FACE - SIDE / 2) / CRANK
+)  # rad: the crank, when the pads touch the cube
+DOWN = (
+    0.4 - (CRANK * np.cos(AT_CUBE) + 0.01) - SIDE / 2
+)  # m: the middle of the pads is that of the cube
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +51,9 @@ def test_a_width_is_how_far_the_faces_are_apart(station):
     )
     arm.open(width=SIDE)
     np.testing.assert_allclose(arm.position[2:], np.array([1, -1, -1, 1]) * AT_CUBE, atol=1e-4)
-    with pytest.raises(SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as gantry opens"):
+    with pytest.raises(
+        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as gantry opens"
+    ):
         arm.open(width=0.06)
 
 
@@ -91,7 +97,9 @@ def test_a_joint_that_follows_may_go_where_that_takes_it(tmp_path):
     file.write_text(gantry(*linkage(pad_limits=(0.0, 0.6))))
     robot = robot_from_file(file)
     places = [list(robot.axes).index(name) for name in ("left_pin", "right_pin")]
-    np.testing.assert_allclose(np.transpose(robot.axis_limits)[places], [[-0.6, 0.6], [0, 0.6]], atol=1e-9)
+    np.testing.assert_allclose(
+        np.transpose(robot.axis_limits)[places], [[-0.6, 0.6], [0, 0.6]], atol=1e-9
+    )
 
 
 def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_path):
@@ -105,7 +113,9 @@ def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_
     (tmp_path / "gantry.urdf").write_text(gantry(*sides))
     (tmp_path / "station.yaml").write_text(draft_station(tmp_path / "gantry.urdf", folder=tmp_path))
     arm = Arm(load_station(tmp_path / "station.yaml"))
-    with pytest.raises(SimrobError, match="the fingers of gantry have no shapes that tell where they meet"):
+    with pytest.raises(
+        SimrobError, match="the fingers of gantry have no shapes that tell where they meet"
+    ):
         arm.grip(force=10)
     arm.grip()
     assert arm.position[2] == pytest.approx(0.6, abs=0.02)

@@ -24,7 +24,11 @@ class TestAttach:
     @pytest.mark.parametrize("parent", ["load", "gripper", "robot", "table", "world"])
     def test_the_piece_keeps_its_place_in_the_world(self, kinematic, parent):
         cell = kinematic.cell
-        kinematic.tool({"robot": "tool0"}.get(parent, parent) if parent in ("robot", "gripper", "load") else "load")
+        kinematic.tool(
+            {"robot": "tool0"}.get(parent, parent)
+            if parent in ("robot", "gripper", "load")
+            else "load"
+        )
         kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight", check=None)
         before = cell.frame("weight").GetAsMatrix4()
         cell.attach("weight", parent)
@@ -43,7 +47,9 @@ class TestAttach:
         assert masses(cell) - bare > 1.0
         np.testing.assert_allclose(cell.frame("weight").GetAsMatrix4(), place, atol=1e-9)
         assert {"table", "weight"} <= set(kinematic.tools)
-        np.testing.assert_allclose(kinematic.pose(wobj="table"), 0, atol=1e-9)  # the table's TCP is the arm's now
+        np.testing.assert_allclose(
+            kinematic.pose(wobj="table"), 0, atol=1e-9
+        )  # the table's TCP is the arm's now
         cell.attach("table", "world")
         assert masses(cell) == pytest.approx(bare)
         assert cell.model.robots["robot"].tcp == "load"  # what carried it
@@ -91,7 +97,9 @@ class TestAttach:
         expected = dynamic.inverse_dynamics()
         np.testing.assert_allclose(held.axes("tau")[-1], expected, rtol=0.01, atol=0.01)
         lever = dynamic.frame("weight").translation()[0]  # joint 2 stands over the origin
-        assert held["tau.joint_2"][-1] - before == pytest.approx(-9.80665 * lever, rel=0.05)  # 1 kg; the arm sags a bit
+        assert held["tau.joint_2"][-1] - before == pytest.approx(
+            -9.80665 * lever, rel=0.05
+        )  # 1 kg; the arm sags a bit
         dynamic.release("weight", fixed=True)
         put = dynamic.frame("weight").GetAsMatrix4()
         free = dynamic.move_abs_j(HOME)
@@ -103,7 +111,12 @@ class TestAttach:
         ("piece", "parent", "frame", "message"),
         [
             ("weight", "weight", None, "parent of weight is the piece itself"),
-            ("gripper", "load", None, "parent of gripper is load; it must be .* a piece that does not hang on it"),
+            (
+                "gripper",
+                "load",
+                None,
+                "parent of gripper is load; it must be .* a piece that does not hang on it",
+            ),
             ("wieght", "world", None, "no piece 'wieght'; did you mean 'weight'"),
             ("weight", "tabel", None, "no parent 'tabel'; did you mean 'table'"),
             ("weight", "table", "tpc", "no frame of table 'tpc'; did you mean 'tcp'"),
@@ -111,7 +124,9 @@ class TestAttach:
             ("weight", "world", "tcp", "the world has no frames; leave it out"),
         ],
     )
-    def test_what_cannot_be_is_refused_and_all_stays(self, kinematic, piece, parent, frame, message):
+    def test_what_cannot_be_is_refused_and_all_stays(
+        self, kinematic, piece, parent, frame, message
+    ):
         config = kinematic.cell.config
         with pytest.raises(SimrobError, match=message):
             kinematic.cell.attach(piece, parent, frame=frame)
@@ -138,10 +153,16 @@ class TestState:
 
     def test_another_initial_posture_counts_before_the_first_run(self):
         cell = Workcell("double_pendulum")
-        cell.change(load_station("double_pendulum", {"robot.initial_deg": [20, 0], "reference": {"kind": "hold"}}))
+        cell.change(
+            load_station(
+                "double_pendulum", {"robot.initial_deg": [20, 0], "reference": {"kind": "hold"}}
+            )
+        )
         np.testing.assert_allclose(cell.reference("robot"), np.deg2rad([20, 0]))
         result = cell.wait(0.05)
-        np.testing.assert_allclose(result.axes("q_ref"), np.tile(np.deg2rad([20, 0]), (len(result.times), 1)))
+        np.testing.assert_allclose(
+            result.axes("q_ref"), np.tile(np.deg2rad([20, 0]), (len(result.times), 1))
+        )
         np.testing.assert_allclose(result.axes("q")[0], np.deg2rad([20, 0]))
 
     def test_a_station_with_other_robots_is_refused(self, kinematic):
@@ -178,7 +199,9 @@ class TestSeveralArms:
         cell = Workcell("two_arms")
         left, right = cell.arm("left"), cell.arm("right")
         for wobj in (left, "left"):
-            np.testing.assert_allclose(right.pose(wobj=wobj), right.pose(wobj=left.pose()), atol=1e-12)
+            np.testing.assert_allclose(
+                right.pose(wobj=wobj), right.pose(wobj=left.pose()), atol=1e-12
+            )
 
     def test_two_plans_of_one_robot_are_refused(self, kinematic):
         plan = kinematic.plan.move_abs_j(HOME)
@@ -191,7 +214,10 @@ class TestRecording:
     def test_replay_gives_the_same_motion_sample_by_sample(self, dynamic):
         dynamic.wait(0.2)
         dynamic.record()
-        moves = [dynamic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table"), dynamic.move_l([0.2, 0.1, 0.1], wobj="table")]
+        moves = [
+            dynamic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table"),
+            dynamic.move_l([0.2, 0.1, 0.1], wobj="table"),
+        ]
         dynamic.attach("weight", "robot", pose=[0, 0, 0.05, 0, 0, 0])
         moves.append(dynamic.move_abs_j(HOME))
         dynamic.pause()
@@ -206,7 +232,9 @@ class TestRecording:
         assert dynamic.cell.state is state  # the arm stays where it is
         again = dynamic.simulate()
         assert [run.config.pieces["weight"].parent for run in again.runs] == ["world", "robot"]
-        np.testing.assert_allclose(again.axes("q")[-1], dynamic.position, atol=1e-2)  # without what was not recorded
+        np.testing.assert_allclose(
+            again.axes("q")[-1], dynamic.position, atol=1e-2
+        )  # without what was not recorded
         assert dynamic.cell.state is state
         dynamic.record()
         assert dynamic.replay() == []
@@ -249,10 +277,14 @@ class TestResults:
         dynamic.wait(0.3)
         result = dynamic.move_abs_j([0.3, 0.2, 0, 0, 1.2, 0], duration=0.5)
         folder = result.save(tmp_path / "move", recording=False)
-        assert {"summary.json", "signals.csv", "start.json", "station.yaml"} <= {file.name for file in folder.iterdir()}
+        assert {"summary.json", "signals.csv", "start.json", "station.yaml"} <= {
+            file.name for file in folder.iterdir()
+        }
         start = State.from_json((folder / "start.json").read_text())
         again = simulate(load_station(folder / "station.yaml"), start=start)
-        np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-4)  # the reference came by a table
+        np.testing.assert_allclose(
+            again.axes("q"), result.axes("q"), atol=1e-4
+        )  # the reference came by a table
 
     def test_a_monitor_ends_a_move_and_the_arm_stays_there(self):
         arm = Arm(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))

@@ -18,7 +18,9 @@ here = os.getpid()
 
 def script(text, folder):
     command = [sys.executable, "-c", _SETUP + text]  # a process without threads
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
     return done.stdout.strip() or done.stderr.strip().splitlines()[-1]
 
 

@@ -25,7 +25,13 @@ from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.parts.controllers import KINDS
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width
-from simrob_drake.results.block_diagram.picture import Drawing, loop_svg, save_block_picture, station_dot, station_svg
+from simrob_drake.results.block_diagram.picture import (
+    Drawing,
+    loop_svg,
+    save_block_picture,
+    station_dot,
+    station_svg,
+)
 from simrob_drake.results.block_diagram.reading import dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Routing
 from simrob_drake.stations.closed import closed_station
@@ -34,7 +40,16 @@ from simrob_drake.stations.load import load_station, station_names
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import add_station, build_station
 
-PLUMBING = (Selector, Multiplexer, Demultiplexer, PassThrough, MatrixGain, EventTimes, SteadySteps, ContactReader)
+PLUMBING = (
+    Selector,
+    Multiplexer,
+    Demultiplexer,
+    PassThrough,
+    MatrixGain,
+    EventTimes,
+    SteadySteps,
+    ContactReader,
+)
 EVERYTHING = {
     "servo.ki": 50,
     "inputs": ["feedforward", "reference_velocity", "external_force"],
@@ -106,7 +121,9 @@ def test_every_system_that_is_no_plumbing_is_drawn(variant: Variant) -> None:
     systems = diagram.GetSystems()
     drawn = [system for block in graph.blocks.values() for system in block.systems]
     assert len(drawn) == len(set(drawn))
-    missing = {system.get_name() for system in systems if not isinstance(system, PLUMBING)} - set(drawn)
+    missing = {system.get_name() for system in systems if not isinstance(system, PLUMBING)} - set(
+        drawn
+    )
     multiplexed_forces = {"external_forces"}  # adds the robots' forces up for the plant's port
     assert missing <= multiplexed_forces
     assert set(drawn) <= {system.get_name() for system in systems}
@@ -117,7 +134,11 @@ def test_texts_are_the_same_every_time_and_name_every_block(variant: Variant) ->
     config, _, graph = variant
     dot, mermaid = dot_text(graph), mermaid_text(graph)
     assert dot == station_dot(config)
-    ports = {key: block for key, block in graph.blocks.items() if block.role == "sensor" and block.shape == "port"}
+    ports = {
+        key: block
+        for key, block in graph.blocks.items()
+        if block.role == "sensor" and block.shape == "port"
+    }
     groups = {(block.robot, *graph.sources(key)) for key, block in ports.items()}
     assert len(re.findall("tooltip=", dot)) == len(graph.blocks) - len(ports) + len(groups)
     for block in graph.blocks.values():
@@ -154,7 +175,9 @@ def test_no_line_runs_through_a_word_or_a_block(variant: Variant) -> None:
     for (left, top), (right, bottom) in [*words, *blocks]:
         for (x, y), (end, low) in lines:
             clear = end <= left or x >= right or low <= top or y >= bottom
-            assert clear, f"the line from {x, y} to {end, low} runs through what stands at {left, top}"
+            assert clear, (
+                f"the line from {x, y} to {end, low} runs through what stands at {left, top}"
+            )
         others = [(corner, end) for corner, end in blocks if corner != (left, top)]
         assert all(c <= left or a >= right or d <= top or b >= bottom for (a, b), (c, d) in others)
 
@@ -171,7 +194,9 @@ def test_lines_of_two_signals_cross_and_never_go_along_each_other(variant: Varia
 
 def ends(line: ET.Element) -> Corners:
     """Return the left upper and the right lower end of a line, which is level or upright."""
-    points = [tuple(map(float, point.split())) for point in line.get("d", "").strip("MZ").split("L")]
+    points = [
+        tuple(map(float, point.split())) for point in line.get("d", "").strip("MZ").split("L")
+    ]
     first, last = min(points), max(points)
     assert first[0] == last[0] or first[1] == last[1]
     return (first[0], min(first[1], last[1])), (last[0], max(first[1], last[1]))
@@ -180,7 +205,9 @@ def ends(line: ET.Element) -> Corners:
 def outline(path: ET.Element | None) -> Corners:
     """Return the corners of a block."""
     assert path is not None
-    points = [tuple(map(float, point.split())) for point in path.get("d", "").strip("MZ").split("L")]
+    points = [
+        tuple(map(float, point.split())) for point in path.get("d", "").strip("MZ").split("L")
+    ]
     (left, top), _, (right, bottom), _ = points
     return (left, top), (right, bottom)
 
@@ -194,7 +221,9 @@ def box(text: ET.Element) -> Corners:
 
 
 def test_every_joint_has_a_row_with_its_own_figures() -> None:
-    graph, _ = graph_of(load_station("irb120_dynamic", {"servo.kp": {"joint_2": 700}, "servo.torque_limit": 42}))
+    graph, _ = graph_of(
+        load_station("irb120_dynamic", {"servo.kp": {"joint_2": 700}, "servo.torque_limit": 42})
+    )
     for joint in range(1, 7):
         kp = 700 if joint == 2 else 1000
         assert label_of(graph, f"joint_{joint}.pd") == f"joint_{joint}: PD\nkp {kp}, kd 10"
@@ -203,7 +232,9 @@ def test_every_joint_has_a_row_with_its_own_figures() -> None:
 
 
 def test_integral_parts_are_drawn_where_there_are_some() -> None:
-    graph, _ = graph_of(load_station("double_pendulum", {"servo.ki": {"joint_2": 5}, "servo.integral_limit": 20}))
+    graph, _ = graph_of(
+        load_station("double_pendulum", {"servo.ki": {"joint_2": 5}, "servo.integral_limit": 20})
+    )
     assert label_of(graph, "joint_2.integrator") == "joint_2: I\nki 5, ±20 N·m"
     assert ("joint_2.integral", "joint_2.pd") in graph.arrows
     assert not any(key.startswith("joint_1.integr") for key in graph.blocks)
@@ -223,12 +254,22 @@ def test_each_realization_has_its_own_structure() -> None:
     drawn = {}
     for realization in ("per_joint", "vector", "implicit"):
         graph, _ = graph_of(load_station("double_pendulum", {"servo.realization": realization}))
-        drawn[realization] = [b for b in graph.blocks.values() if b.role == "servo" and b.label], graph
-    labels = {name: [block.label.split("\n")[0] for block in blocks] for name, (blocks, _) in drawn.items()}
+        drawn[realization] = (
+            [b for b in graph.blocks.values() if b.role == "servo" and b.label],
+            graph,
+        )
+    labels = {
+        name: [block.label.split("\n")[0] for block in blocks]
+        for name, (blocks, _) in drawn.items()
+    }
     assert labels["per_joint"] == ["joint_1: PD", "Saturation", "joint_2: PD", "Saturation"]
     assert labels["vector"] == ["2 joints: PD", "Saturation"]
     (inside,), graph = drawn["implicit"]
-    assert (inside.label, inside.within, inside.systems) == ("2 joints,\nin the actuators", "plant", [])
+    assert (inside.label, inside.within, inside.systems) == (
+        "2 joints,\nin the actuators",
+        "plant",
+        [],
+    )
     assert inside.inside == ("PD\nkp 100, kd 100", "Saturation\n±50 N·m")
     assert graph.arrows["reference_source", "servo"] == ["q_ref"]
     assert (graph.arrows["servo", "plant"], graph.arrows["plant", "servo"]) == (["τ"], ["q", "v"])
@@ -251,7 +292,11 @@ def test_a_signal_flow_is_drawn_block_by_block() -> None:
     of |= {"limit": {"kind": "saturation", "of": "error", "lower": -5, "upper": 5}}
     law = {"kind": "signal_flow", "blocks": of, "torque": {"joint_2": "limit"}}
     graph, _ = graph_of(load_station("double_pendulum", {"controllers": {"law": law}}))
-    ends = {source: target for source, target in graph.arrows if "law." in source and "output" not in target}
+    ends = {
+        source: target
+        for source, target in graph.arrows
+        if "law." in source and "output" not in target
+    }
     assert ends == {"controller.law.error": "controller.law.limit", "controller.law.limit": "controller.law.torque",
                     "controller.law.torque": "joint_signals"}  # fmt: skip
     assert graph.arrows["plant", "controller.law.error"] == ["q"]
@@ -263,7 +308,9 @@ def test_a_signal_flow_is_drawn_block_by_block() -> None:
 @pytest.mark.parametrize("realization", ["per_joint", "vector", "implicit"])
 def test_what_feeds_torques_forward_leads_to_the_servos(realization: str) -> None:
     law = {"kind": "signal_flow", "torque": {"joint_2": {"one": 1}}}
-    config = load_station("double_pendulum", {"servo.realization": realization, "controllers": {"law": law}})
+    config = load_station(
+        "double_pendulum", {"servo.realization": realization, "controllers": {"law": law}}
+    )
     graph, _ = graph_of(config)
     (servo,) = graph.targets("controller.law.torque")
     assert graph.blocks[servo].role == "servo"
@@ -278,8 +325,16 @@ def test_of_many_joints_the_first_and_the_last_are_drawn(tmp_path: Path) -> None
     station.write_text(f"robot: {{urdf: {chain_urdf(tmp_path, 12).name}}}\n", encoding="utf-8")
     config = load_station(station)
     graph, _ = graph_of(config)
-    labels = [block.label for block in graph.blocks.values() if block.role == "servo" and block.label]
-    assert [label.split("\n")[0] for label in labels] == ["axis_1: PD", "Saturation", "⋮", "axis_12: PD", "Saturation"]
+    labels = [
+        block.label for block in graph.blocks.values() if block.role == "servo" and block.label
+    ]
+    assert [label.split("\n")[0] for label in labels] == [
+        "axis_1: PD",
+        "Saturation",
+        "⋮",
+        "axis_12: PD",
+        "Saturation",
+    ]
     assert "10 joints,\naxis_2 to axis_11" in labels[2]
     assert len(graph.blocks["more"].systems) == 20
 
@@ -304,7 +359,9 @@ def test_several_robots_share_one_plant() -> None:
 def test_every_output_of_the_station_is_drawn() -> None:
     closed = closed_station(resolve(load_station("irb120_dynamic")))
     ports, graph = closed.ports, read_blocks(closed.diagram, closed.ports)
-    shown = {name for b in graph.blocks.values() if b.shape == "port" for name in b.label.split(" = ")}
+    shown = {
+        name for b in graph.blocks.values() if b.shape == "port" for name in b.label.split(" = ")
+    }
     assert shown == set(ports.outputs) - {"reference"}
 
 
@@ -330,10 +387,16 @@ def test_a_station_as_one_box_shows_its_open_inputs() -> None:
     ("reference", "text"),
     [
         ({"kind": "hold"}, "hold the start"),
-        ({"kind": "ramp", "target_deg": 30, "duration": 2, "start": 1}, "ramp to 30 deg in 2 s,\nfrom 1 s"),
+        (
+            {"kind": "ramp", "target_deg": 30, "duration": 2, "start": 1},
+            "ramp to 30 deg in 2 s,\nfrom 1 s",
+        ),
         ({"kind": "move", "target_deg": [10, 20]}, "move to 10, 20 deg in 1 s"),
         ({"kind": "sine", "amplitude_deg": 5, "frequency": 0.5}, "sine ±5 deg, 0.5 Hz"),
-        ({"kind": "sequence", "targets": [{"time": 2, "target_deg": 10}]}, "sequence of 1 postures in\n2 s"),
+        (
+            {"kind": "sequence", "targets": [{"time": 2, "target_deg": 10}]},
+            "sequence of 1 postures in\n2 s",
+        ),
     ],
 )
 def test_references_say_what_they_do(reference: dict, text: str) -> None:
@@ -343,15 +406,27 @@ def test_references_say_what_they_do(reference: dict, text: str) -> None:
 
 
 def test_axes_that_slide_have_their_own_units() -> None:
-    dynamic = {"mode": "dynamic", "reference": {"kind": "move", "target_deg": {"belt": 1, "joint_2": 20}}}
+    dynamic = {
+        "mode": "dynamic",
+        "reference": {"kind": "move", "target_deg": {"belt": 1, "joint_2": 20}},
+    }
     each, _ = graph_of(load_station("irb120_on_belt", dynamic))
     assert label_of(each, "belt.saturation") == "Saturation\n±500 N"
     assert label_of(each, "joint_1.saturation") == "Saturation\n±150 N·m"
-    assert label_of(each, "stops.force") == "Joint stops\n5.73e+05 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
+    assert (
+        label_of(each, "stops.force") == "Joint stops\n5.73e+05 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
+    )
     assert label_of(each, "reference_source") == "move to belt 1 m, joint_2\n20 deg in 1 s"
-    together, _ = graph_of(load_station("irb120_on_belt", {**dynamic, "servo.realization": "vector"}))
-    assert label_of(together, "servo.saturation") == "Saturation\n±500 N, ±150, 150, 100,\n30, 30, 15 N·m"
-    inside, _ = graph_of(load_station("irb120_on_belt", {**dynamic, "servo.realization": "implicit"}))
+    together, _ = graph_of(
+        load_station("irb120_on_belt", {**dynamic, "servo.realization": "vector"})
+    )
+    assert (
+        label_of(together, "servo.saturation")
+        == "Saturation\n±500 N, ±150, 150, 100,\n30, 30, 15 N·m"
+    )
+    inside, _ = graph_of(
+        load_station("irb120_on_belt", {**dynamic, "servo.realization": "implicit"})
+    )
     assert inside.blocks["servo"].inside == (
         "PD\nkp 4e+04, 1000, 1000,\n1000, 1000, 1000, 1000\nkd 4000, 10, 10, 10, 10,\n10, 10",
         "Saturation\n±500 N, ±150, 150, 100,\n30, 30, 15 N·m",
@@ -360,7 +435,13 @@ def test_axes_that_slide_have_their_own_units() -> None:
 
 @pytest.mark.parametrize(
     ("suffix", "start"),
-    [(".svg", b"<svg"), (".dot", b"digraph"), (".mmd", b"---"), (".png", b"\x89PNG"), (".pdf", b"%PDF")],
+    [
+        (".svg", b"<svg"),
+        (".dot", b"digraph"),
+        (".mmd", b"---"),
+        (".png", b"\x89PNG"),
+        (".pdf", b"%PDF"),
+    ],
 )
 def test_every_kind_of_file_is_written_without_another_program(
     tmp_path: Path, suffix: str, start: bytes, monkeypatch: pytest.MonkeyPatch
@@ -373,7 +454,9 @@ def test_every_kind_of_file_is_written_without_another_program(
 
 
 def test_a_picture_of_pixels_shows_all_of_the_drawing(tmp_path: Path) -> None:
-    file = save_block_picture(load_station("humanoid_balance"), tmp_path / "picture.png")  # whose wires go over blocks
+    file = save_block_picture(
+        load_station("humanoid_balance"), tmp_path / "picture.png"
+    )  # whose wires go over blocks
     drawn = np.flatnonzero((np.asarray(Image.open(file).convert("L")) < 200).any(axis=1))
     assert drawn[0] < 60  # the title, 30 px below the edge at two pixels each
     assert Image.open(file).height - drawn[-1] < 60  # the legend

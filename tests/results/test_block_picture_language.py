@@ -51,7 +51,10 @@ def test_a_picture_in_spanish_has_no_english_words(name):
         ("irb120_force_control", r"ramp a joint_1 9,5 deg en\n3 s, desde 2,5 s"),
         ("irb120_workcell", "mantiene el inicio"),
         ("humanoid_balance", r"Fuerza 'push'\n30 N a los 1 s\nen robot"),
-        ("irb120_motor_protection", r"protection\nprotección de motores, 100 Hz\n↓ Calor de los motores"),
+        (
+            "irb120_motor_protection",
+            r"protection\nprotección de motores, 100 Hz\n↓ Calor de los motores",
+        ),
         ("belt_pick", r"belt: belt, 1 eje\narm: ABB IRB 120, 6 ejes"),
         ("zjudancer_walking", "±3,1 a 10 N·m"),
     ],

@@ -17,7 +17,12 @@ from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.animation import live
-from simrob_drake.results.animation.camera import PANE_ASPECT, WINDOW_ASPECT, side, walked_displacement
+from simrob_drake.results.animation.camera import (
+    PANE_ASPECT,
+    WINDOW_ASPECT,
+    side,
+    walked_displacement,
+)
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import (
@@ -67,11 +72,19 @@ def test_a_narrow_view_of_a_wide_robot_is_from_farther_away(monkeypatch):
 
 def test_arms_are_seen_as_ever_and_do_not_move_the_camera():
     assert np.rad2deg(side(plant_of("irb120_dynamic"))) == pytest.approx(-50)
-    assert walked_displacement(simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)) is None
+    assert (
+        walked_displacement(simulate(load_station("irb120_dynamic"), duration=0.1, progress=False))
+        is None
+    )
 
 
 def test_the_camera_stands_still_where_a_robot_stays():
-    assert walked_displacement(simulate(load_station("zjudancer_dynamic"), duration=0.3, progress=False)) is None
+    assert (
+        walked_displacement(
+            simulate(load_station("zjudancer_dynamic"), duration=0.3, progress=False)
+        )
+        is None
+    )
 
 
 def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
@@ -85,7 +98,9 @@ def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
 
 
 def test_a_walking_robot_is_equally_large_in_all_frames(walked):
-    images = list(Studio(walked, height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time])))
+    images = list(
+        Studio(walked, height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time]))
+    )
     for image in images:
         colours = image.astype(int)
         blue = np.flatnonzero((colours[:, :, 2] > colours[:, :, 0] + 60).any(axis=1))
@@ -93,7 +108,9 @@ def test_a_walking_robot_is_equally_large_in_all_frames(walked):
         assert blue[0] < 30
         assert blue[-1] > 160
     edges = [np.vstack([image[0], image[:, 0], image[:, -1]]).astype(int) for image in images]
-    assert all((np.abs(edge[:, 2] - edge[:, 0]) < 30).all() for edge in edges)  # floor and sky alone
+    assert all(
+        (np.abs(edge[:, 2] - edge[:, 0]) < 30).all() for edge in edges
+    )  # floor and sky alone
 
 
 def test_the_floor_has_lines_for_a_walk_only(walked):
@@ -109,7 +126,11 @@ def test_the_floor_has_lines_for_a_walk_only(walked):
 def test_the_strip_of_a_walk_tells_how_far_it_went(walked, tmp_path, monkeypatch):
     shown = []
     write = ImageDraw.ImageDraw.multiline_text
-    told = lambda pen, place, text, *how, **more: (shown.append(text), write(pen, place, text, *how, **more))  # noqa: E731
+
+    def told(pen, place, text, *how, **more):
+        shown.append(text)
+        write(pen, place, text, *how, **more)
+
     monkeypatch.setattr(ImageDraw.ImageDraw, "multiline_text", told)
     save_film_strip(walked, tmp_path / "strip.png", frames=3, height=40)
     base = walked.pose("base")[:, :2]
@@ -136,7 +157,9 @@ def test_the_lines_lie_on_whole_tenths_of_the_floor_about_the_way():
 
 def test_every_fifth_line_of_a_floor_in_pictures_is_bold():
     graph = SceneGraph()
-    add_floor_grid(graph, np.array([[0.0, 0.0, 0.0], [1.2, 0.3, 0.0]]), size=8.0, tilt=RigidTransform())
+    add_floor_grid(
+        graph, np.array([[0.0, 0.0, 0.0], [1.2, 0.3, 0.0]]), size=8.0, tilt=RigidTransform()
+    )
     inspector, bold = graph.model_inspector(), []
     for line in inspector.GetAllGeometryIds():
         shape, pose = inspector.GetShape(line), inspector.GetPoseInFrame(line)
@@ -161,7 +184,11 @@ def told(page):
 
 
 def test_the_page_of_a_walk_goes_along_with_it(walked, tmp_path):
-    run = told(save_recording(walked, tmp_path / "walk.html", frames_per_second=20.0).read_text(encoding="utf-8"))
+    run = told(
+        save_recording(walked, tmp_path / "walk.html", frames_per_second=20.0).read_text(
+            encoding="utf-8"
+        )
+    )
     times = np.append(np.arange(np.ceil(20 * walked.stop_time)) / 20, walked.stop_time)
     np.testing.assert_allclose(run["way"], walked_displacement(walked)(times), atol=1e-4)
     assert run["rate"] == 20.0
@@ -183,7 +210,9 @@ def test_the_page_of_an_arm_stands_still(tmp_path):
 def test_a_browser_keeps_the_walking_robot_in_the_middle_until_it_is_told_not_to(walked, tmp_path):
     page = save_recording(walked, tmp_path / "walk.html").read_text(encoding="utf-8")
     staying = "<script>document.querySelector('#switches input').click()</script>"
-    (tmp_path / "stay.html").write_text(page.replace("</body>", f"{staying}</body>"), encoding="utf-8")
+    (tmp_path / "stay.html").write_text(
+        page.replace("</body>", f"{staying}</body>"), encoding="utf-8"
+    )
     time = round(850 * walked.stop_time)
     goes_along, stays = (shown_in_browser(tmp_path, name, time) for name in ("walk", "stay"))
     assert goes_along == pytest.approx(0.5, abs=0.15)
@@ -195,7 +224,11 @@ def shown_in_browser(folder, name, time):
     picture = folder / f"{name}_{time}.png"
     drawing = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     alone = ["--no-sandbox", "--disable-background-networking", f"--user-data-dir={folder}/profile"]
-    shown = [f"--virtual-time-budget={time}", f"--screenshot={picture}", f"file://{folder}/{name}.html"]
+    shown = [
+        f"--virtual-time-budget={time}",
+        f"--screenshot={picture}",
+        f"file://{folder}/{name}.html",
+    ]
     command = ["chromium", "--headless", "--window-size=500,320", *drawing, *alone, *shown]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     colours = imread(picture)

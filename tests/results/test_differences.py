@@ -16,27 +16,42 @@ def saved_result(folder, station, moves=None):
     folder.mkdir(parents=True)
     (folder / "station.yaml").write_text(yaml.safe_dump({"name": folder.name, **station}))
     if moves is not None:
-        (folder / "program.yaml").write_text(yaml.safe_dump({"station": "station.yaml", "moves": moves}))
+        (folder / "program.yaml").write_text(
+            yaml.safe_dump({"station": "station.yaml", "moves": moves})
+        )
     (folder / "signals.csv").write_text("time,q.lift\n0,0\n0.5,0.1\n1,0.2\n")
-    gains = {"kp": {"lift": 14000.0, "finger": 8900.0}, "ki": {"lift": 0.0}, "kd": {"lift": 280.0, "finger": 60.0}}
+    gains = {
+        "kp": {"lift": 14000.0, "finger": 8900.0},
+        "ki": {"lift": 0.0},
+        "kd": {"lift": 280.0, "finger": 60.0},
+    }
     servos = {"robot": {**gains, "feedforward": "inverse_dynamics"}}
     (folder / "summary.json").write_text(json.dumps({"units": {"q.lift": "m"}, "servos": servos}))
     return folder
 
 
 def station(kp):
-    return {"mode": "dynamic", "servo": {"kp": {"lift": kp, "finger": 8900.0}}, "floor": {"size": 3.0}}
+    return {
+        "mode": "dynamic",
+        "servo": {"kp": {"lift": kp, "finger": 8900.0}},
+        "floor": {"size": 3.0},
+    }
 
 
 def test_only_keys_that_differ_are_named(tmp_path):
-    folders = [saved_result(tmp_path / "a", station(14000.0)), saved_result(tmp_path / "b", station(1500.0))]
+    folders = [
+        saved_result(tmp_path / "a", station(14000.0)),
+        saved_result(tmp_path / "b", station(1500.0)),
+    ]
     assert differing_settings(folders) == ["servo.kp.lift 14000", "servo.kp.lift 1500"]
 
 
 def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_path):
     weak, firm = ([{"grip": {"force": force}}, {"wait": 0.5}] for force in (1.0, 20.0))
     first = saved_result(tmp_path / "a", {**station(1.0), "gravity": 9.8, "duration": 3.0}, weak)
-    second = saved_result(tmp_path / "b", {**station(1.0), "duration": 4.0, "verdict": {"heat": 2}}, firm)
+    second = saved_result(
+        tmp_path / "b", {**station(1.0), "duration": 4.0, "verdict": {"heat": 2}}, firm
+    )
     assert differing_settings([first, second]) == [
         "gravity 9.8, program.moves.0.grip.force 1",
         "gravity –, program.moves.0.grip.force 20",
@@ -46,7 +61,9 @@ def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_pat
 def test_a_gain_of_one_joint_is_told_from_a_gain_of_all(tmp_path):
     def saved(name, kp):
         servo = {"kp": kp, "kd": 100.0}
-        return saved_result(tmp_path / name, {"servo": servo, "robot": {"model": "arm", "servo": servo}})
+        return saved_result(
+            tmp_path / name, {"servo": servo, "robot": {"model": "arm", "servo": servo}}
+        )
 
     soft = saved("soft", {"knee": 30.0, "hip": 100.0, "ankle": 100.0})
     folders = [saved("stiff", 100.0), soft, saved("softer", {"knee": 20.0, "hip": 100.0})]
@@ -56,7 +73,8 @@ def test_a_gain_of_one_joint_is_told_from_a_gain_of_all(tmp_path):
 
 def test_a_servo_of_the_robot_alone_is_named_in_its_section(tmp_path):
     folders = [
-        saved_result(tmp_path / f"{kp:g}", {"servo": {"kp": 5.0}, "robot": {"servo": {"kp": kp}}}) for kp in (5.0, 7.0)
+        saved_result(tmp_path / f"{kp:g}", {"servo": {"kp": 5.0}, "robot": {"servo": {"kp": kp}}})
+        for kp in (5.0, 7.0)
     ]
     assert differing_settings(folders) == ["robot.servo.kp 5", "robot.servo.kp 7"]
 
@@ -68,7 +86,9 @@ def test_equal_results_have_their_folders_alone(tmp_path):
 
 def test_a_long_legend_stays_inside_of_a_narrow_figure(tmp_path):
     parent = tmp_path / ("a_folder_with_a_long_name_" * 3)
-    folders = [saved_result(parent / name, station(kp)) for name, kp in (("a", 14000.0), ("b", 1500.0))]
+    folders = [
+        saved_result(parent / name, station(kp)) for name, kp in (("a", 14000.0), ("b", 1500.0))
+    ]
     figure = overlay_figure(read_results(folders), ["q.lift"])
     save_figure(figure, tmp_path / "plot.png")
     (legend,) = figure.legends

@@ -31,9 +31,14 @@ def fall():
 def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
     after = fall.stop_time - 1.0
     assert 0.1 < after < 0.3
-    assert fall.end_in_words == FALL.format(at=f"{fall.stop_time:.4g}", after=f"{after:.2f}", size=60)
+    assert fall.end_in_words == FALL.format(
+        at=f"{fall.stop_time:.4g}", after=f"{after:.2f}", size=60
+    )
     verdict = fall.verdict
-    assert verdict.remarks[0].text.startswith("Stopped because robot fell") or fall.end_in_words in verdict.sentence
+    assert (
+        verdict.remarks[0].text.startswith("Stopped because robot fell")
+        or fall.end_in_words in verdict.sentence
+    )
     spanish = in_language(fall.end_in_words, "es")
     assert f"{after:.2f} s después de un empujón de 60 N a robot".replace(".", ",") in spanish
 
@@ -51,7 +56,9 @@ def test_a_fall_in_a_single_run_names_the_last_push_that_had_begun():
     }
     run = simulate("humanoid_dynamic", duration=3.5, pushes=pushes)
     assert run.stopped_by == "fall"
-    assert run.end_in_words.endswith(f", {run.stop_time - 0.2:.2f} s after the push of 60 N on robot")
+    assert run.end_in_words.endswith(
+        f", {run.stop_time - 0.2:.2f} s after the push of 60 N on robot"
+    )
 
 
 def test_a_push_long_before_a_fall_is_not_named(fall):
@@ -96,7 +103,9 @@ def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
     middle = run.runs[0].runs[0]
     assert "final_error" not in middle.verdict.summary()["figures"]
     # The second half begins where the robot is, behind its reference: no start of a station can change that.
-    assert "initial_deg" not in " ".join(remark.remedy.text for remark in run.remarks if remark.remedy)
+    assert "initial_deg" not in " ".join(
+        remark.remedy.text for remark in run.remarks if remark.remedy
+    )
 
 
 def test_the_film_strip_gives_the_distance_of_the_text(fall):
@@ -108,7 +117,9 @@ def test_the_film_strip_gives_the_distance_of_the_text(fall):
 
 
 def test_a_program_without_moves_of_the_user_names_no_move():
-    station = with_settings(load_station("irb120_dynamic"), {"duration": 1.2, "servo.kp": 300}, "the test")
+    station = with_settings(
+        load_station("irb120_dynamic"), {"duration": 1.2, "servo.kp": 300}, "the test"
+    )
 
     def warning(*moves):
         content = {"station": "irb120_dynamic", "moves": [*moves]}

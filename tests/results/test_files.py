@@ -28,8 +28,21 @@ def folder(result, tmp_path_factory):
 @pytest.mark.long
 def test_the_summary_holds_what_the_contract_says(result, folder):
     summary = json.loads((folder / "summary.json").read_text())
-    assert {"station", "robot", "duration", "stopped_by", "stop_time", "message", "solver", "wall_time"} <= set(summary)
-    assert (summary["station"], summary["robot"], summary["stopped_by"]) == ("irb120_dynamic", "irb120", None)
+    assert {
+        "station",
+        "robot",
+        "duration",
+        "stopped_by",
+        "stop_time",
+        "message",
+        "solver",
+        "wall_time",
+    } <= set(summary)
+    assert (summary["station"], summary["robot"], summary["stopped_by"]) == (
+        "irb120_dynamic",
+        "irb120",
+        None,
+    )
     assert summary["duration"] == summary["stop_time"] == 0.25
     assert summary["final"]["joint_position"]["joint_2"] == result["q.joint_2"][-1]
     assert summary["final"]["base_pose"] == [0, 0, 0, 0, 0, 0]
@@ -44,8 +57,12 @@ def test_the_signals_file_holds_the_same_bits(result, folder):
     with (folder / "signals.csv").open() as lines:
         header, *rows = csv.reader(lines)
     assert header[:2] == ["time", "q_ref.joint_1"]
-    assert {"q.joint_6", "v.joint_1", "tau.joint_2", "base.x", "base.qz", "tcp.x", "tcp.qw"} <= set(header)
-    np.testing.assert_array_equal(np.array(rows, dtype=float), np.column_stack([result.times, result.values]))
+    assert {"q.joint_6", "v.joint_1", "tau.joint_2", "base.x", "base.qz", "tcp.x", "tcp.qw"} <= set(
+        header
+    )
+    np.testing.assert_array_equal(
+        np.array(rows, dtype=float), np.column_stack([result.times, result.values])
+    )
 
 
 def test_the_saved_station_gives_the_same_result(result, folder):
@@ -61,7 +78,9 @@ def test_a_run_with_its_own_samples_can_be_run_again(station, tmp_path):
     folder = result.save(tmp_path / "own", recording=False)
     assert (folder / "reference.csv").is_file()
     moved = folder.rename(tmp_path / "elsewhere")  # nothing in it names the old place
-    np.testing.assert_array_equal(simulate(load_station(moved / "station.yaml")).values, result.values)
+    np.testing.assert_array_equal(
+        simulate(load_station(moved / "station.yaml")).values, result.values
+    )
 
 
 BREAKS, POINTS = [-0.05, 0.1, 0.3], np.full((6, 3), 0.1) * [0, 1, 1.5]
@@ -70,9 +89,17 @@ BREAKS, POINTS = [-0.05, 0.1, 0.3], np.full((6, 3), 0.1) * [0, 1, 1.5]
 @pytest.mark.parametrize(
     ("trajectory", "rows", "within"),
     [
-        (PiecewisePolynomial.CubicShapePreserving(BREAKS, POINTS), 3, 1e-12),  # cubics: its break and the run's ends
+        (
+            PiecewisePolynomial.CubicShapePreserving(BREAKS, POINTS),
+            3,
+            1e-12,
+        ),  # cubics: its break and the run's ends
         (sequence(np.zeros(6), [0.1, 0.3], [*POINTS.T[1:]]), 201, 1e-7),  # of the fifth degree
-        (PiecewisePolynomial.FirstOrderHold(BREAKS, POINTS), 201, 1e-4),  # with a corner in its velocity
+        (
+            PiecewisePolynomial.FirstOrderHold(BREAKS, POINTS),
+            201,
+            1e-4,
+        ),  # with a corner in its velocity
     ],
     ids=["cubic", "quintic", "corner"],
 )
@@ -102,26 +129,35 @@ def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path)
     assert "start: start.json" in (folder / "station.yaml").read_text()
     again = simulate(folder / "station.yaml")
     np.testing.assert_array_equal(again.values, later.values)
-    np.testing.assert_array_equal(Workcell(folder / "station.yaml").position("robot"), result.axes("q")[-1])
+    np.testing.assert_array_equal(
+        Workcell(folder / "station.yaml").position("robot"), result.axes("q")[-1]
+    )
 
 
 @pytest.mark.parametrize(
-    ("content", "what"), [(None, r"cannot be read \(No such .*\)"), ("{}", "positions: this key is needed")]
+    ("content", "what"),
+    [(None, r"cannot be read \(No such .*\)"), ("{}", "positions: this key is needed")],
 )
 def test_a_start_that_is_none_is_refused(tmp_path, content, what):
     if content is not None:
         (tmp_path / "start.json").write_text(content)
-    with pytest.raises(InvalidConfig, match=rf"start\.json: {what}; `start` names the start\.json of a result"):
+    with pytest.raises(
+        InvalidConfig, match=rf"start\.json: {what}; `start` names the start\.json of a result"
+    ):
         simulate(load_station("double_pendulum", {"start": str(tmp_path / "start.json")}))
 
 
 @pytest.mark.parametrize(("begin", "held"), [(5.0, 0.0), (-5.0, 0.2)])
 def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path, begin, held):
-    trajectory = PiecewisePolynomial.FirstOrderHold([begin, begin + 1], np.full((6, 2), 1.0) * [0, 0.2])
+    trajectory = PiecewisePolynomial.FirstOrderHold(
+        [begin, begin + 1], np.full((6, 2), 1.0) * [0, 0.2]
+    )
     result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
     np.testing.assert_allclose(again.axes("q_ref"), held)
-    np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15)  # rounding of the spline
+    np.testing.assert_allclose(
+        again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15
+    )  # rounding of the spline
 
 
 def test_a_robot_is_named_where_there_is_not_just_one(result):

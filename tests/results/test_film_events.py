@@ -25,7 +25,13 @@ def test_contacts_of_several_times_are_each_of_its_own(ball):
 
 def test_a_ball_touches_when_it_has_fallen(ball):
     events = events_of(ball)
-    assert [text for _, text in events] == ["start", "ball touches", "ball touches", "ball touches", "end"]
+    assert [text for _, text in events] == [
+        "start",
+        "ball touches",
+        "ball touches",
+        "ball touches",
+        "end",
+    ]
     fall = np.sqrt(2 * 0.1 / 9.81)
     step = np.diff(ball.step_times).max()
     assert fall <= events[1][0] <= fall + step

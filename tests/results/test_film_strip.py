@@ -26,7 +26,9 @@ def test_the_strip_shows_the_motion_from_left_to_right(result, tmp_path):
     picture = imread(save_film_strip(result, tmp_path / "strip.png", frames=3, height=120)) * 255
     assert picture.shape[0] > 120  # the times stand below
     width = picture.shape[1] // 3
-    first, middle, last = (picture[:110, index * width : (index + 1) * width - 8, :3] for index in range(3))
+    first, middle, last = (
+        picture[:110, index * width : (index + 1) * width - 8, :3] for index in range(3)
+    )
     assert changed(first, last) > 0.05
     assert changed(first, middle) > 0.05
     captions = picture[122:, :, :3].min(axis=(0, 2)) < 150
@@ -56,7 +58,9 @@ def test_images_are_of_their_times(result):
 @pytest.mark.parametrize("width", [None, 100, 300])
 def test_nothing_that_moves_leaves_the_picture(width):
     result = simulate(load_station("double_pendulum"), progress=False)  # it has no floor
-    for image in Studio(result, height=150, width=width).images(np.linspace(0, result.stop_time, 4)):
+    for image in Studio(result, height=150, width=width).images(
+        np.linspace(0, result.stop_time, 4)
+    ):
         background = image[0, 0]
         edge = np.vstack([image[0], image[-1], image[:, 0], image[:, -1]])
         assert (edge == background).all()
@@ -65,9 +69,13 @@ def test_nothing_that_moves_leaves_the_picture(width):
 
 @pytest.mark.long
 def test_oversampling_smooths_edges_and_keeps_the_size(result):
-    plain, smooth = (next(Studio(result, height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3))
+    plain, smooth = (
+        next(Studio(result, height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3)
+    )
     assert plain.shape == smooth.shape
-    assert len(np.unique(smooth.reshape(-1, 3), axis=0)) > len(np.unique(plain.reshape(-1, 3), axis=0))
+    assert len(np.unique(smooth.reshape(-1, 3), axis=0)) > len(
+        np.unique(plain.reshape(-1, 3), axis=0)
+    )
     assert changed(plain, smooth) < 0.2
 
 
@@ -103,7 +111,9 @@ def test_a_video_that_breaks_off_is_said_and_leaves_the_old_one(result, tmp_path
 
 def test_a_missing_package_is_named_with_what_to_type(result, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(SimrobError, match=r'a video needs the extra video: pip install "imageio-ffmpeg>='):
+    with pytest.raises(
+        SimrobError, match=r'a video needs the extra video: pip install "imageio-ffmpeg>='
+    ):
         save_video(result, tmp_path / "run.mp4")
 
 

@@ -22,7 +22,9 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
     said = ghosts(ViewedStation(config), "left", [np.zeros(6), posture], [True, False], 1)
     assert said[0] == {"type": "delete", "path": "/drake/ghosts"}
     copies = {command["path"]: command for command in said if command["type"] == "copy"}
-    places = {command["path"]: command["matrix"] for command in said if command["type"] == "set_transform"}
+    places = {
+        command["path"]: command["matrix"] for command in said if command["type"] == "set_transform"
+    }
     assert copies.keys() == places.keys()
     assert len(copies) == 2 * 6, "six links of one robot move"
     model = StationModel(config)
@@ -40,7 +42,9 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
 
 def test_what_they_are_copies_of_is_in_the_view(config):
     scene = ViewedStation(config)
-    told = commands(lambda meshcat: draw_geometry(meshcat, scene.query(), {"station": Role.kIllustration}))
+    told = commands(
+        lambda meshcat: draw_geometry(meshcat, scene.query(), {"station": Role.kIllustration})
+    )
     drawn = b"".join(base64.b64decode(command) for command in told if isinstance(command, str))
     for command in ghosts(scene, "right", [np.zeros(6)], [True]):
         if command["type"] == "copy":
@@ -48,4 +52,6 @@ def test_what_they_are_copies_of_is_in_the_view(config):
 
 
 def test_without_postures_they_go(config):
-    assert ghosts(ViewedStation(config), "left", [], []) == [{"type": "delete", "path": "/drake/ghosts"}]
+    assert ghosts(ViewedStation(config), "left", [], []) == [
+        {"type": "delete", "path": "/drake/ghosts"}
+    ]

@@ -19,7 +19,9 @@ def history():
     """One other state (5 t), then a plant whose position follows a cubic."""
     position, velocity = cubic(TIMES)
     return StateHistory(
-        TIMES, np.column_stack([5 * TIMES, position, velocity]), [np.array([[0.0], [1.0], [2.0], [3.0]])]
+        TIMES,
+        np.column_stack([5 * TIMES, position, velocity]),
+        [np.array([[0.0], [1.0], [2.0], [3.0]])],
     )
 
 
@@ -32,7 +34,9 @@ def test_positions_follow_the_cubic_that_the_rates_give(history):
     states = history.at(times, PLANT, rates)
     np.testing.assert_allclose(states.continuous[:, 1], cubic(times)[0], atol=1e-14)
     np.testing.assert_allclose(states.continuous[:, 0], 5 * times, atol=1e-14)
-    np.testing.assert_allclose(states.continuous[:, 2], np.interp(times, TIMES, cubic(TIMES)[1]), atol=1e-14)
+    np.testing.assert_allclose(
+        states.continuous[:, 2], np.interp(times, TIMES, cubic(TIMES)[1]), atol=1e-14
+    )
 
 
 def test_step_ends_are_exact(history):
@@ -41,7 +45,9 @@ def test_step_ends_are_exact(history):
 
 @pytest.mark.parametrize("time", [-0.1, 1.1, np.nan])
 def test_of_times_outside_of_the_run_nothing_is_known(history, time):
-    with pytest.raises(InvalidParameter, match=r"time is -?[\d.nan]+ s; it must be within the run, 0 to 1 s"):
+    with pytest.raises(
+        InvalidParameter, match=r"time is -?[\d.nan]+ s; it must be within the run, 0 to 1 s"
+    ):
         history.at(np.array([0.5, time]), PLANT, rates)
 
 

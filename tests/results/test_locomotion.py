@@ -25,7 +25,9 @@ def moved(name: str, poses: list[RigidTransform], **signals: float) -> Simulatio
     """Return the run of a robot whose trunk is led through poses while its joints rest, whatever forces would say."""
     run = simulate(load_station(f"{name}_dynamic", {"duration": 0.01}), progress=False)
     joint = next(
-        joint for joint in run.final_state.joints if joint.endswith(f"/{run.plant.robots['robot'].model.root}")
+        joint
+        for joint in run.final_state.joints
+        if joint.endswith(f"/{run.plant.robots['robot'].model.root}")
     )
     plant = run.plant.plant
     places = plant.GetJointByName(joint.split("/")[1]).position_start() + np.arange(7)
@@ -33,7 +35,9 @@ def moved(name: str, poses: list[RigidTransform], **signals: float) -> Simulatio
     positions = np.tile(run.positions_at(np.zeros(1)), (len(poses), 1))
     positions[:, places] = np.hstack([base[:, 3:], base[:, :3]])
     values = np.tile(run.values[0], (len(poses), 1))
-    values[:, [index for index, column in enumerate(run.names) if column.startswith(("tau.", "v."))]] = 0.0
+    values[
+        :, [index for index, column in enumerate(run.names) if column.startswith(("tau.", "v."))]
+    ] = 0.0
     for column, value in signals.items():
         values[:, run.names.index(column.replace("__", "."))] = value
     start = run.names.index("base.x")
@@ -41,7 +45,9 @@ def moved(name: str, poses: list[RigidTransform], **signals: float) -> Simulatio
     changes = {
         "times": np.linspace(0.0, 2.0, len(poses)),
         "values": values,
-        "positions_at": lambda at: positions[np.searchsorted(np.linspace(0.0, 2.0, len(poses)), at)],
+        "positions_at": lambda at: positions[
+            np.searchsorted(np.linspace(0.0, 2.0, len(poses)), at)
+        ],
     }
     return SimulationResult(**{**run.__dict__, **changes})
 
@@ -55,7 +61,8 @@ def along(way: np.ndarray, height: float, turn: np.ndarray | float = 0.0) -> lis
 
 
 @pytest.mark.parametrize(
-    ("name", "facing"), [("humanoid", (0, -1)), ("roid1", (1, 0)), ("zjudancer", (0, 1)), ("yobotics", (1, 0))]
+    ("name", "facing"),
+    [("humanoid", (0, -1)), ("roid1", (1, 0)), ("zjudancer", (0, 1)), ("yobotics", (1, 0))],
 )
 def test_ahead_is_where_the_robot_faces(name, facing):
     """Where they face is in the facts; the way is 0.3 m ahead and 0.1 m to the left."""
@@ -86,7 +93,9 @@ def test_the_way_counts_in_the_first_heading():
 
 
 def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
-    result = simulate(load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02)
+    result = simulate(
+        load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02
+    )
     robot = result.plant.robots["robot"]
     assert any(robot.model.prismatic)
     np.testing.assert_allclose(headings(result.plant, robot, result.pose("base")), 0.4)
@@ -96,7 +105,10 @@ def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():
     low = moved("humanoid", along(np.array([0.0, -0.3]), 0.445))  # 1 mm deep
     assert foot_slip(low, "robot") == pytest.approx({"right_foot": 0.3, "left_foot": 0.3})
     assert [entry.value for entry in low.verdict["foot_slip"].entries] == pytest.approx([0.3, 0.3])
-    assert "slid 300 mm before it was lifted again at 2.00 s (bound 20 mm; 1 more beyond it)" in low.warnings[0]
+    assert (
+        "slid 300 mm before it was lifted again at 2.00 s (bound 20 mm; 1 more beyond it)"
+        in low.warnings[0]
+    )
     high = moved("humanoid", along(np.array([0.0, -0.3]), 0.447))
     assert foot_slip(high, "robot") == {"right_foot": 0.0, "left_foot": 0.0}
 
@@ -125,13 +137,19 @@ def test_the_largest_lean_is_the_tilt():
 
 
 def test_work_and_torque_are_those_of_the_joints():
-    run = moved("humanoid", along(np.array([0.0, -0.5]), 0.45), tau__left_knee=-1.5, v__left_knee=2.0)
+    run = moved(
+        "humanoid", along(np.array([0.0, -0.5]), 0.45), tau__left_knee=-1.5, v__left_knee=2.0
+    )
     found = locomotion(run)
     assert mechanical_work(run, "robot") == pytest.approx(1.5 * 2.0 * 2.0)
-    assert found.cost_of_transport == pytest.approx(6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4)  # its mass: facts
+    assert found.cost_of_transport == pytest.approx(
+        6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4
+    )  # its mass: facts
     assert found.peak_torque == {"axis": "left_knee", "torque": 1.5, "limit": 3.0, "ratio": 0.5}
     assert found.saturated == 0.0
-    assert locomotion(moved("humanoid", along(np.zeros(2), 0.45), tau__left_knee=3.0)).saturated == 1.0
+    assert (
+        locomotion(moved("humanoid", along(np.zeros(2), 0.45), tau__left_knee=3.0)).saturated == 1.0
+    )
 
 
 @pytest.mark.long

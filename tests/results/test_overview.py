@@ -60,13 +60,35 @@ def test_without_robots_the_pieces_are_told():
 def test_whatever_a_user_prints_takes_a_line_or_three(result):
     arm, plant = Arm("irb120_kinematic"), result.plant
     station = build_station("two_arms")
-    things = [arm, arm.cell, arm.chain, arm.plan, arm.plan.move_abs_j([0.2] * 6), arm.move_abs_j([0.2] * 6)]
-    things += [result.config, result.final_state, plant, plant.robots["robot"], plant.robots["robot"].model]
-    things += [station, station.ports, Runner("two_arms"), load_station("three_humanoids"), load_robot("humanoid")]
+    things = [
+        arm,
+        arm.cell,
+        arm.chain,
+        arm.plan,
+        arm.plan.move_abs_j([0.2] * 6),
+        arm.move_abs_j([0.2] * 6),
+    ]
+    things += [
+        result.config,
+        result.final_state,
+        plant,
+        plant.robots["robot"],
+        plant.robots["robot"].model,
+    ]
+    things += [
+        station,
+        station.ports,
+        Runner("two_arms"),
+        load_station("three_humanoids"),
+        load_robot("humanoid"),
+    ]
     for thing in things:
         for told in (repr(thing), str(thing), f"{thing}"):
             assert len(told.splitlines()) <= 3
             assert len(told) < 600, type(thing)
             assert " at 0x" not in told
     assert "tool load at 0.592 0 0.63 m, Rz Ry Rx 90 0 90 deg" in repr(Arm("irb120_kinematic"))
-    assert repr(load_station("irb120_dynamic").robots["robot"]) == "RobotConfig(model='irb120', initial_deg=0.0)"
+    assert (
+        repr(load_station("irb120_dynamic").robots["robot"])
+        == "RobotConfig(model='irb120', initial_deg=0.0)"
+    )

@@ -13,7 +13,9 @@ TIMES = np.linspace(0.0, 1.0, 20)
 
 def drawn(beside, tmp_path, curves=12):
     """Return a saved figure of two robots with many curves each, and its legends."""
-    figure, frames = panels("two robots of six axes", 2, 1, size=(9, 6), titles=("left", "right"), sharex=True)
+    figure, frames = panels(
+        "two robots of six axes", 2, 1, size=(9, 6), titles=("left", "right"), sharex=True
+    )
     for axes in frames.flat:
         for number in range(curves):
             axes.plot(TIMES, np.sin(TIMES * number), label=f"joint_{number}")
@@ -26,14 +28,23 @@ def test_legends_and_title_cover_nothing(beside, tmp_path):
     figure, legends = drawn(beside, tmp_path)
     assert len(legends) == (2 if beside else 1)
     for legend in legends:
-        assert [text.get_text() for text in legend.get_texts()] == [f"joint_{number}" for number in range(12)]
+        assert [text.get_text() for text in legend.get_texts()] == [
+            f"joint_{number}" for number in range(12)
+        ]
         box = legend.get_window_extent()
         assert figure.bbox.padded(1).contains(box.x0, box.y0)
         assert figure.bbox.padded(1).contains(box.x1, box.y1)
         assert not any(box.overlaps(axes.get_window_extent()) for axes in figure.axes)
-        (title,) = [text for text in figure.findobj(Text) if text.get_text() == "two robots of six axes"]
-        assert not any(title.get_window_extent().overlaps(axes.get_window_extent()) for axes in figure.axes)
-        assert not any(title.get_window_extent().overlaps(text.get_window_extent()) for text in legend.get_texts())
+        (title,) = [
+            text for text in figure.findobj(Text) if text.get_text() == "two robots of six axes"
+        ]
+        assert not any(
+            title.get_window_extent().overlaps(axes.get_window_extent()) for axes in figure.axes
+        )
+        assert not any(
+            title.get_window_extent().overlaps(text.get_window_extent())
+            for text in legend.get_texts()
+        )
 
 
 def test_the_colours_are_those_of_a_runs_plots(tmp_path):

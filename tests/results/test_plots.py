@@ -63,7 +63,11 @@ def drawn():
                 return figures
         figures: dict[str, Figure] = {}
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Figure, "savefig", lambda figure, file, **_: figures.update({Path(file).stem: figure}))
+            patch.setattr(
+                Figure,
+                "savefig",
+                lambda figure, file, **_: figures.update({Path(file).stem: figure}),
+            )
             save_plots(result, Path())
         known.append((result, figures))
         return figures
@@ -120,17 +124,24 @@ def test_what_is_applied_and_what_is_felt_are_plotted_together(drawn):
     hold = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
     builder.Connect(hold.get_output_port(), station.GetInputPort("reference"))
     result = simulate_diagram(builder.Build(), station.ports, duration=0.4, progress=False)
-    np.testing.assert_allclose(result.vector("applied_force"), np.tile([0.0, 0.0, 3.0], (len(result.times), 1)))
+    np.testing.assert_allclose(
+        result.vector("applied_force"), np.tile([0.0, 0.0, 3.0], (len(result.times), 1))
+    )
     figure = drawn(result)["sensors"]
     assert "irb120_cobot: applied forces" in texts(figure)
     titles = [panel.get_title(loc="left") for panel in figure.axes]
-    assert titles == ["external force at load, in its axes", "applied force 'hand' at load, in its axes"]
+    assert titles == [
+        "external force at load, in its axes",
+        "applied force 'hand' at load, in its axes",
+    ]
     assert np.abs(curve(figure.axes[1], "z").get_ydata()).max() == pytest.approx(5.0, rel=0.01)
 
 
 def test_angles_of_panels_are_in_degrees(result, drawn):
     panel = Panel("own", "a block", "lean", "lean [rad]", ("q.joint_1",))
-    (panel,) = drawn(replace(result, signals=(Signal(panel.columns, ("rad",), "own", panel=panel),)))["own"].axes
+    (panel,) = drawn(
+        replace(result, signals=(Signal(panel.columns, ("rad",), "own", panel=panel),))
+    )["own"].axes
     assert panel.get_ylabel() == "lean [deg]"
     np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
 
@@ -144,7 +155,9 @@ def test_any_name_is_drawn_as_it_is(result, tmp_path):
 
 def test_several_robots_have_their_own_pictures(drawn):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
-    names = [f"{robot}_{what}" for robot in ("left", "right") for what in ("position", "torque", "tcp")]
+    names = [
+        f"{robot}_{what}" for robot in ("left", "right") for what in ("position", "torque", "tcp")
+    ]
     assert list(drawn(result)) == names
 
 
@@ -154,7 +167,9 @@ def test_positions_are_in_degrees_with_reference_and_error(result, drawn):
     np.testing.assert_allclose(curve(position, "position").get_ydata(), reached)
     np.testing.assert_allclose(curve(position, "reference").get_ydata(), wanted)
     assert curve(position, "reference").get_linestyle() == "--"
-    np.testing.assert_allclose(curve(error, "error: reference - position").get_ydata(), wanted - reached)
+    np.testing.assert_allclose(
+        curve(error, "error: reference - position").get_ydata(), wanted - reached
+    )
 
 
 def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
@@ -174,9 +189,12 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
         turn = RollPitchYaw(*np.deg2rad(shown[:2:-1])).ToRotationMatrix()
         np.testing.assert_allclose(turn.matrix(), pose.rotation().matrix(), atol=1e-9)
     errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
-    np.testing.assert_allclose(errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9)
+    np.testing.assert_allclose(
+        errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9
+    )
     asked, got = (
-        [curve(panel, of).get_ydata()[row] for panel in panels[3:]] for of in ("reference", "tool centre point")
+        [curve(panel, of).get_ydata()[row] for panel in panels[3:]]
+        for of in ("reference", "tool centre point")
     )
     assert np.abs(errors[3:]).max() > 0.1
     np.testing.assert_allclose(errors[3:], np.subtract(asked, got), atol=1e-9)
@@ -190,23 +208,31 @@ def test_angles_of_the_reference_are_those_nearest_to_the_tools(reached, shown):
     """Of all Rz, Ry, Rx of one orientation: else the error would jump by 180 degrees where Ry goes through 90."""
     found = np.rad2deg(joint_plots._nearest(*np.deg2rad([[[1.0, 80.0, 2.0]], [reached]])))
     np.testing.assert_allclose(found, [shown])
-    one, same = (RollPitchYaw(*np.deg2rad(angles[::-1])).ToRotationMatrix() for angles in ((1, 80, 2), shown))
+    one, same = (
+        RollPitchYaw(*np.deg2rad(angles[::-1])).ToRotationMatrix() for angles in ((1, 80, 2), shown)
+    )
     assert one.IsNearlyEqualTo(same, 1e-12)
 
 
 def test_where_small_turns_are_large_angles_the_plot_says_so(result, drawn):
     half = np.full(len(result.times), np.deg2rad(44))  # of Ry
     nothing = np.zeros_like(half)
-    upright = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing)
+    upright = changed(
+        result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing
+    )
     notes = [panel.get_title(loc="right") for panel in drawn(upright)["tcp"].axes[6::2]]
     assert notes == ["large where Ry is near ±90", "", "large where Ry is near ±90"]
     assert not any(panel.get_title(loc="right") for panel in drawn(result)["tcp"].axes)
 
 
 def test_angles_that_go_on_turning_do_not_jump(result, drawn):
-    half = np.linspace(np.deg2rad(85), np.deg2rad(100), len(result.times))  # of Rz, through 180 degrees
+    half = np.linspace(
+        np.deg2rad(85), np.deg2rad(100), len(result.times)
+    )  # of Rz, through 180 degrees
     nothing = np.zeros_like(half)
-    turning = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half))
+    turning = changed(
+        result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half)
+    )
     np.testing.assert_allclose(
         curve(drawn(turning)["tcp"].axes[6], "tool centre point").get_ydata(), np.rad2deg(2 * half)
     )
@@ -218,7 +244,9 @@ def test_a_kinematic_run_has_no_error(drawn):
 
 
 def test_a_limit_is_drawn_where_the_torque_comes_near_and_said_everywhere(result, drawn):
-    limited = simulate(load_station("irb120_dynamic", {"servo.torque_limit": 15}), duration=0.6, progress=False)
+    limited = simulate(
+        load_station("irb120_dynamic", {"servo.torque_limit": 15}), duration=0.6, progress=False
+    )
     near = drawn(limited)["torque"].axes[1]
     assert {tuple(line.get_ydata()[:1]) for line in near.get_lines()[1:]} == {(15.0,), (-15.0,)}
     far = drawn(result)["torque"].axes[1]
@@ -239,7 +267,9 @@ def test_the_end_of_a_stopped_run_is_marked_with_its_reason(name, drawn, result,
 
 @pytest.mark.long
 def test_a_run_that_is_stopped_at_its_start_shows_a_point(drawn):
-    result = simulate(load_station("irb120_dynamic", {"monitors.joint_limit": {"margin_deg": 70}}), progress=False)
+    result = simulate(
+        load_station("irb120_dynamic", {"monitors.joint_limit": {"margin_deg": 70}}), progress=False
+    )
     assert result.stop_time == 0
     assert curve(drawn(result)["position"].axes[0], "position").get_marker() == "o"
 
@@ -249,7 +279,9 @@ def test_what_a_run_diverges_with_does_not_flatten_the_rest(result, drawn):
     values[-1] = 1e300
     values[-2] = np.inf
     message = "diverged at 0.6 s: a state is no number any more"
-    diverged = replace(result, values=values, ending="diverged", stopped_by="diverged", message=message)
+    diverged = replace(
+        result, values=values, ending="diverged", stopped_by="diverged", message=message
+    )
     figure = drawn(diverged)["position"]
     assert message in texts(figure)
     assert np.abs(figure.axes[0].get_ylim()).max() < 90
@@ -267,15 +299,24 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
     assert list(panels)[:3] == ["shoulder_pitch", "shoulder_roll", "elbow"]
     assert labels(panels["knee"]) == ["right", "left"]
     for side in ("right", "left"):
-        np.testing.assert_array_equal(curve(panels["knee"], side).get_ydata(), standing[f"tau.{side}_knee"])
-    np.testing.assert_array_equal(curve(panels["neck_yaw"], "middle").get_ydata(), standing["tau.neck_yaw"])
+        np.testing.assert_array_equal(
+            curve(panels["knee"], side).get_ydata(), standing[f"tau.{side}_knee"]
+        )
+    np.testing.assert_array_equal(
+        curve(panels["neck_yaw"], "middle").get_ydata(), standing["tau.neck_yaw"]
+    )
     groups = side_groups(standing.plant.robots["robot"])
     assert sorted(place for group in groups for place in group.axes.values()) == list(range(18))
 
 
 def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
-    robot = next(iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values()))
-    found = {group.name: [robot.axes[place] for place in group.axes.values()] for group in side_groups(robot)}
+    robot = next(
+        iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values())
+    )
+    found = {
+        group.name: [robot.axes[place] for place in group.axes.values()]
+        for group in side_groups(robot)
+    }
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
     assert len(found) == 6
@@ -284,7 +325,9 @@ def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
 def test_only_a_free_base_with_feet_has_a_plot(standing, result, drawn):
     assert "base" in drawn(standing)
     assert "base" not in drawn(result)
-    assert "base" not in drawn(simulate(load_station("humanoid_fixed"), duration=0.02, progress=False))
+    assert "base" not in drawn(
+        simulate(load_station("humanoid_fixed"), duration=0.02, progress=False)
+    )
 
 
 def test_the_plot_of_the_base_tells_its_way_tilt_and_yaw(standing, drawn):
@@ -292,7 +335,13 @@ def test_the_plot_of_the_base_tells_its_way_tilt_and_yaw(standing, drawn):
     part = standing.times / standing.stop_time
     half, lean = np.deg2rad(200) * part / 2, np.deg2rad(20) / 2
     turned = {"qw": np.cos(half), "qz": np.sin(half)}
-    pose = {"x": 3 * part, "y": part, "z": 0.3, "qw": turned["qw"] * np.cos(lean), "qz": turned["qz"] * np.cos(lean)}
+    pose = {
+        "x": 3 * part,
+        "y": part,
+        "z": 0.3,
+        "qw": turned["qw"] * np.cos(lean),
+        "qz": turned["qz"] * np.cos(lean),
+    }
     pose |= {"qx": turned["qw"] * np.sin(lean), "qy": turned["qz"] * np.sin(lean)}
     walked = changed(standing, **{f"base__{name}": values for name, values in pose.items()})
     way, height, tilt, yaw, above = drawn(walked)["base"].axes
@@ -354,7 +403,9 @@ def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn
 
 def test_noise_makes_no_thin_lines(result, drawn):
     noisy = changed(result, tau__joint_2=1e-9 * (-1.0) ** np.arange(len(result.times)))
-    calm, loud = (drawn(run)["torque"].axes[0].get_lines()[0].get_linewidth() for run in (noisy, result))
+    calm, loud = (
+        drawn(run)["torque"].axes[0].get_lines()[0].get_linewidth() for run in (noisy, result)
+    )
     assert calm == loud
 
 
@@ -363,15 +414,22 @@ def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
     position, velocity = drawn(result)["piece_ball"].axes
     assert (position.get_ylabel(), velocity.get_ylabel()) == ("position [m]", "velocity [m/s]")
     for axis in "xyz":
-        np.testing.assert_array_equal(curve(position, axis).get_ydata(), result[f"piece.ball.{axis}"])
-        np.testing.assert_array_equal(curve(velocity, f"v{axis}").get_ydata(), result[f"piece.ball.v{axis}"])
+        np.testing.assert_array_equal(
+            curve(position, axis).get_ydata(), result[f"piece.ball.{axis}"]
+        )
+        np.testing.assert_array_equal(
+            curve(velocity, f"v{axis}").get_ydata(), result[f"piece.ball.v{axis}"]
+        )
 
 
 @pytest.mark.long
 def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
     result = simulate(load_station("irb120_force_stop"), progress=False)
     figure = drawn(result)["sensors"]
-    assert [panel.get_title(loc="left") for panel in figure.axes] == ["contact force 'touch'", "distance 'gap'"]
+    assert [panel.get_title(loc="left") for panel in figure.axes] == [
+        "contact force 'touch'",
+        "distance 'gap'",
+    ]
     assert result.message in texts(figure)
     assert all(curve(panel, "stop").get_xdata()[0] == result.stop_time for panel in figure.axes)
     force, distance = figure.axes
@@ -381,12 +439,18 @@ def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
 
 def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
     axes = standing.plant.robots["robot"].axes[:-1]
-    columns = (*(f"tau.{axis}" for axis in axes), "base.z")  # not of the axes alone, which would be drawn one by one
+    columns = (
+        *(f"tau.{axis}" for axis in axes),
+        "base.z",
+    )  # not of the axes alone, which would be drawn one by one
     panels = (
         Panel("own", "a block", "drive", "torque [N·m]", columns),
         Panel("own", "a block", "one", "u", columns[:1]),
     )
-    signals = tuple(Signal(panel.columns, ("1",) * len(panel.columns), "motion", panel=panel) for panel in panels)
+    signals = tuple(
+        Signal(panel.columns, ("1",) * len(panel.columns), "motion", panel=panel)
+        for panel in panels
+    )
     figure = drawn(replace(standing, signals=signals))["own"]
     assert "a block" in texts(figure)
     lines = figure.axes[0].get_lines()
@@ -403,7 +467,13 @@ def sheet(run, *entries, role="own"):
     """Return the run with panels of a block, each a title, columns with their units, and perhaps names of these."""
     signals = []
     for title, units, *components in entries:
-        panel = Panel("controller_b", "the block 'b'", title, f"{title} [{', '.join(units.values())}]", tuple(units))
+        panel = Panel(
+            "controller_b",
+            "the block 'b'",
+            title,
+            f"{title} [{', '.join(units.values())}]",
+            tuple(units),
+        )
         panel = replace(panel, components=components[0]) if components else panel
         signals.append(Signal(panel.columns, tuple(units.values()), role, panel=panel))
     return replace(run, signals=tuple(signals))
@@ -419,7 +489,9 @@ def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
         **{f"v__{axis}": 1e-3 * np.sin(9 * time) for axis in axes},  # a noise beside what moves
     )
     moved = changed(moved, **{f"tau__{axis}": 2.0 for axis in axes})
-    moved = changed(moved, q__right_knee=0.5 + time, v__right_knee=1 + 8 * time, q__left_knee=0.5 - time)
+    moved = changed(
+        moved, q__right_knee=0.5 + time, v__right_knee=1 + 8 * time, q__left_knee=0.5 - time
+    )
     run = sheet(
         moved,
         ("target", {f"q.{axis}": "rad" for axis in axes}),
@@ -442,22 +514,32 @@ def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
 
 
 @pytest.mark.long
-def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_their_own(result, drawn):
+def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_their_own(
+    result, drawn
+):
     time = result.times
     columns = {"tcp.x": "m/s", "tcp.y": "m/s", "tcp.z": "rad"}
-    run = changed(result, tcp__x=time, tcp__y=0.25 + 0 * time, tcp__z=0.1 * time, tau__joint_1=3.0 + 0 * time)
-    run = sheet(run, ("command", columns, ("ahead", "left", "turn")), ("count", {"tau.joint_1": "1"}))
+    run = changed(
+        result, tcp__x=time, tcp__y=0.25 + 0 * time, tcp__z=0.1 * time, tau__joint_1=3.0 + 0 * time
+    )
+    run = sheet(
+        run, ("command", columns, ("ahead", "left", "turn")), ("count", {"tau.joint_1": "1"})
+    )
     figure = drawn(run)["controller_b"]
     assert [panel.get_ylabel() for panel in figure.axes] == ["command [m/s]", "command [deg]"]
     assert [labels(panel) for panel in figure.axes] == [["ahead"], ["turn"]]
     assert "left out, as it does not change: command left 0.25 m/s, count 3" in texts(figure)
-    every = drawn(replace(run, signals=tuple(replace(one, role="motion") for one in run.signals)))["controller_b"]
+    every = drawn(replace(run, signals=tuple(replace(one, role="motion") for one in run.signals)))[
+        "controller_b"
+    ]
     assert [labels(panel) for panel in every.axes] == [["ahead", "left"], ["turn"], ["joint_1"]]
 
 
 def test_what_a_loop_tells_before_its_first_sample_sets_no_scale(result, drawn):
     target = np.where(result.times > 0, 100.0 + result.times, 0.0)
-    (panel,) = drawn(sheet(changed(result, tcp__x=target), ("target", {"tcp.x": "N"})))["controller_b"].axes
+    (panel,) = drawn(sheet(changed(result, tcp__x=target), ("target", {"tcp.x": "N"})))[
+        "controller_b"
+    ].axes
     assert panel.get_ylim()[0] > 99
 
 
@@ -473,7 +555,9 @@ def test_what_a_loop_tells_before_its_first_sample_sets_no_scale(result, drawn):
 def test_numbers_at_an_axis_need_no_power_of_ten_over_it(values, texts, result):
     stack = Stack("one", [Plot("u", [Curve(result.times, "u", "0")])])
     shown = grid_figure(result, "numbers", [stack]).axes[0].yaxis.get_major_formatter()
-    assert [text.replace("\N{MINUS SIGN}", "-") for text in shown.format_ticks(list(values))] == texts
+    assert [
+        text.replace("\N{MINUS SIGN}", "-") for text in shown.format_ticks(list(values))
+    ] == texts
     assert shown.get_offset() == ""
 
 
@@ -487,12 +571,22 @@ def test_a_constant_is_drawn_whatever_its_size(result, drawn):
 
 
 def test_a_long_reason_is_told_to_its_end(result, drawn):
-    message = "diverged at 0.6 s: " + "the state of a joint that nobody thought of is no number any more, " * 5 + "end"
-    figure = drawn(replace(result, ending="diverged", stopped_by="diverged", message=message))["torque"]
+    message = (
+        "diverged at 0.6 s: "
+        + "the state of a joint that nobody thought of is no number any more, " * 5
+        + "end"
+    )
+    figure = drawn(replace(result, ending="diverged", stopped_by="diverged", message=message))[
+        "torque"
+    ]
     assert message in texts(figure)
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in figure.texts]
-    titles = [text.get_window_extent() for text in figure.findobj(Text) if text.get_text().startswith("joint_")]
+    titles = [
+        text.get_window_extent()
+        for text in figure.findobj(Text)
+        if text.get_text().startswith("joint_")
+    ]
     assert len(titles) == 6
     assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
     assert not any(box.overlaps(title) for box in boxes for title in titles)
@@ -501,8 +595,13 @@ def test_a_long_reason_is_told_to_its_end(result, drawn):
 @pytest.mark.long
 def test_of_hundreds_of_axes_a_figure_shows_the_first_and_says_so(result):
     values = np.zeros_like(result.times)
-    stacks = [Stack(f"joint_{place}", [Plot("torque [N·m]", [Curve(values, "torque", "0")])]) for place in range(300)]
+    stacks = [
+        Stack(f"joint_{place}", [Plot("torque [N·m]", [Curve(values, "torque", "0")])])
+        for place in range(300)
+    ]
     figure = grid_figure(result, "joint torques", stacks)
-    assert [axes.get_title(loc="left") for axes in figure.axes] == [f"joint_{place}" for place in range(48)]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        f"joint_{place}" for place in range(48)
+    ]
     assert "joint torques: the first 48 of 300" in texts(figure)
     assert "the first" not in texts(grid_figure(result, "joint torques", stacks[:48]))

@@ -21,7 +21,13 @@ from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.results.animation import live, recording
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, aspect_of, camera_on, frame_times
+from simrob_drake.results.animation.camera import (
+    FIELD_OF_VIEW,
+    WINDOW_ASPECT,
+    aspect_of,
+    camera_on,
+    frame_times,
+)
 from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.animation.recording import save_recording
@@ -36,7 +42,9 @@ def result():
 
 @pytest.fixture(scope="module")
 def page(result, tmp_path_factory):
-    return save_recording(result, tmp_path_factory.mktemp("page") / "recording.html").read_text(encoding="utf-8")
+    return save_recording(result, tmp_path_factory.mktemp("page") / "recording.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def messages(page: str) -> list[bytes]:
@@ -91,15 +99,27 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     inspector = run.plant.scene_graph.model_inspector()
     sums = recording._sums(inspector, now)
     assert len(sums) == 2
-    weight = run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
-    assert sum(force[2] for _, force in sums.values()) == pytest.approx(weight, rel=0.02)  # it stands almost still
+    weight = (
+        run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
+    )
+    assert sum(force[2] for _, force in sums.values()) == pytest.approx(
+        weight, rel=0.02
+    )  # it stands almost still
     middles = np.sort([point[0] for point, _ in sums.values()])
-    assert np.abs(np.abs(middles) - 0.0444).max() < 0.028  # in the seen foot, half as wide: x of the ankle
-    names = [[inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs]
+    assert (
+        np.abs(np.abs(middles) - 0.0444).max() < 0.028
+    )  # in the seen foot, half as wide: x of the ankle
+    names = [
+        [inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs
+    ]
     for (foot, _), (centre, force) in sums.items():
-        sense = np.array([[(first == foot) - (second == foot)] for first, second in names], dtype=float)
+        sense = np.array(
+            [[(first == foot) - (second == foot)] for first, second in names], dtype=float
+        )
         np.testing.assert_allclose(force, (sense * now.forces).sum(axis=0))
-        np.testing.assert_allclose((sense * np.cross(now.points - centre, now.normal_forces)).sum(axis=0), 0, atol=1e-9)
+        np.testing.assert_allclose(
+            (sense * np.cross(now.points - centre, now.normal_forces)).sum(axis=0), 0, atol=1e-9
+        )
     page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
     told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
     assert len(told) == 4  # shaft and head of each
@@ -125,20 +145,33 @@ def test_the_page_says_whose_run_it_is_how_it_ended_and_what_has_which_colour(tm
     assert run["message"] == f"stopped by stop: {result.message}"
     assert run["stopped"] is True
     assert run["end"] == result.stop_time
-    assert [text for _, text in run["legend"]] == ["way of the tool", "contact forces", "their sum on a body"]
+    assert [text for _, text in run["legend"]] == [
+        "way of the tool",
+        "contact forces",
+        "their sum on a body",
+    ]
     assert len({colour for colour, _ in run["legend"]} | set(run["axes"])) == 6
 
 
 def test_ways_of_several_tools_are_told_apart(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
     run = run_of(save_recording(result, tmp_path / "two.html").read_text(encoding="utf-8"))
-    assert run["legend"] == [[PATHS[0], "way of the tool of left"], [PATHS[1], "way of the tool of right"]]
+    assert run["legend"] == [
+        [PATHS[0], "way of the tool of left"],
+        [PATHS[1], "way of the tool of right"],
+    ]
     assert (run["stopped"], run["message"]) == (False, result.message)
 
 
 @pytest.mark.parametrize(
     ("simulated", "clock", "said"),
-    [(3.0, 2.0, "1.5 × "), (30.0, 2.0, "15 × "), (0.03, 2.0, "0.015 × "), (0.001, 3.0, "0.00033 × "), (0.0, 2.0, "6")],
+    [
+        (3.0, 2.0, "1.5 × "),
+        (30.0, 2.0, "15 × "),
+        (0.03, 2.0, "0.015 × "),
+        (0.001, 3.0, "0.00033 × "),
+        (0.0, 2.0, "6"),
+    ],
 )
 def test_how_fast_a_run_was_has_two_digits(simulated, clock, said, result):
     run = replace(result, times=np.array([0.0, simulated]), stepping_time=clock, signal_time=0.0)
@@ -153,7 +186,12 @@ def test_how_fast_a_run_was_has_two_digits(simulated, clock, said, result):
 def test_a_browser_has_a_clock_and_a_bar_to_play_by(result, tmp_path):
     api = pytest.importorskip("playwright.sync_api")
     file = save_recording(result, tmp_path / "recording.html")
-    drawing = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    drawing = [
+        "--no-sandbox",
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+    ]
     with api.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=drawing)
         page = browser.new_page(viewport={"width": 500, "height": 400})
@@ -161,7 +199,9 @@ def test_a_browser_has_a_clock_and_a_bar_to_play_by(result, tmp_path):
         page.on("pageerror", lambda problem: raised.append(str(problem)))
         page.goto(file.as_uri())
         api.expect(page.locator("#run")).to_contain_text("ran to its end at 0.6 s")
-        button, slider, clock = (page.locator(f"#player {one}") for one in ("button", "input[type=range]", "#clock"))
+        button, slider, clock = (
+            page.locator(f"#player {one}") for one in ("button", "input[type=range]", "#clock")
+        )
         button.click()
         api.expect(button).to_have_attribute("aria-label", "play")
         slider.evaluate("bar => { bar.value = 0.25; bar.dispatchEvent(new Event('input')) }")
@@ -202,7 +242,10 @@ def test_meshcat_listens_at_a_loopback_address_that_nobody_guesses():
     assert one.startswith("127.")
     assert one != other
     assert listens(one, port)
-    known = {"0100007F", "00000000"}  # 127.0.0.1, where a page in a browser would look first, and every address
+    known = {
+        "0100007F",
+        "00000000",
+    }  # 127.0.0.1, where a page in a browser would look first, and every address
     assert known.isdisjoint(place.split(":")[0] for place in set(listening()) - before)
 
 
@@ -247,7 +290,9 @@ def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
 def test_a_kinematic_station_is_shown_where_a_dynamic_one_is():
     positions = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]])
     modes = "dynamic", "kinematic"
-    dynamic, kinematic = (ViewedStation(load_station(f"irb120_{mode}")).extents(positions) for mode in modes)
+    dynamic, kinematic = (
+        ViewedStation(load_station(f"irb120_{mode}")).extents(positions) for mode in modes
+    )
     np.testing.assert_allclose(kinematic, dynamic, atol=1e-12)
     assert np.ptp(dynamic, axis=0).min() > 0.1
 

@@ -69,7 +69,9 @@ def test_an_arm_that_sags_is_told_so_and_the_remedy_removes_the_warning(soft):
     assert {warning.severity for warning in warnings} == {"warning"}
     sag = remark_about(soft, "joint_2 ended")
     assert sag.remedy.setting == "servo.feedforward=gravity"
-    assert remark_about(soft, "below the floor").remedy.text.startswith("this station has no contact")
+    assert remark_about(soft, "below the floor").remedy.text.startswith(
+        "this station has no contact"
+    )
     held = run("irb120_dynamic", with_remedy(SOFT, sag))
     assert held.remarks[1:] == []
     assert held.verdict["final_error"].worst.value < np.deg2rad(0.01)
@@ -128,7 +130,10 @@ def test_a_fall_is_a_failure_and_a_stop_that_was_asked_for_is_none():
 
 
 def test_a_program_counts_its_missed_targets_and_names_moves_from_one():
-    moves = [{"move_abs_j": {"targets": [0.5 * sign, 0, 0, 0, 0.5, 0], "duration": 0.5}} for sign in (1, -1)]
+    moves = [
+        {"move_abs_j": {"targets": [0.5 * sign, 0, 0, 0, 0.5, 0], "duration": 0.5}}
+        for sign in (1, -1)
+    ]
     cell = Workcell(load_station("irb120_dynamic", {"servo.kp": 200}))
     result = perform(cell, Program.model_validate({"moves": moves}))
     sentence = result.remarks[0].text
@@ -137,8 +142,13 @@ def test_a_program_counts_its_missed_targets_and_names_moves_from_one():
     named = {number for warning in result.warnings for number in re.findall(r"move (\d)", warning)}
     assert named == {"1", "2"}
     final = result.verdict["final_error"].worst
-    assert (final.move, final.time) in [("move 1", pytest.approx(0.5)), ("move 2", pytest.approx(1.0))]
-    assert f" at {final.time:.2f} s, in {final.move} (bound " in result.verdict["final_error"].warning
+    assert (final.move, final.time) in [
+        ("move 1", pytest.approx(0.5)),
+        ("move 2", pytest.approx(1.0)),
+    ]
+    assert (
+        f" at {final.time:.2f} s, in {final.move} (bound " in result.verdict["final_error"].warning
+    )
 
 
 def test_the_table_of_criteria_has_no_alarm_within_the_bounds():
@@ -183,10 +193,16 @@ def test_each_criterion_has_its_words_in_spanish_with_a_decimal_comma():
 
 def test_every_spanish_template_of_results_has_the_fields_of_the_english_one():
     """Templates of the code are found in its text; those of the criteria by the criteria."""
-    sources = [file.read_text() for file in (Path(simrob_drake.__file__).parent / "results").rglob("*.py")]
+    sources = [
+        file.read_text() for file in (Path(simrob_drake.__file__).parent / "results").rglob("*.py")
+    ]
     # A text may be written as several literals, one after the other.
     written = re.compile(r'message\(\s*"(results\.\w+)",\s*((?:"(?:[^"\\]|\\.)*"\s*)+)')
-    english = {name: literal_eval(f"({text})") for source in sources for name, text in written.findall(source)}
+    english = {
+        name: literal_eval(f"({text})")
+        for source in sources
+        for name, text in written.findall(source)
+    }
     for criterion in CRITERIA:
         english[f"results.title_{criterion.name}"] = criterion.title
         english[f"results.beyond_{criterion.name}"] = criterion.sentence
@@ -202,7 +218,10 @@ def fields(template: str) -> set[str]:
 
 def test_severities_are_ordered():
     assert worst_severity([]) == "success"
-    assert worst_severity([Remark("note", ""), Remark("failure", ""), Remark("warning", "")]) == "failure"
+    assert (
+        worst_severity([Remark("note", ""), Remark("failure", ""), Remark("warning", "")])
+        == "failure"
+    )
     assert Remedy("wait").setting == ""
     assert Remedy("wait", "duration", 3.0).setting == "duration=3.0"
     assert Verdict((), 100.0).severity == "success"
@@ -245,7 +264,11 @@ def test_a_lag_in_a_program_is_answered_with_time():
     assert texts == {"the servos lag behind: give the motion more time, or raise kp and kd"}
 
 
-AWAY = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 90}, "duration": 1}
+AWAY = {
+    "reference": {"kind": "hold", "target_deg": 0},
+    "robot.initial_deg": {"joint_5": 90},
+    "duration": 1,
+}
 """An arm that begins away from its reference: joint 5 jumps by 90 deg."""
 
 
@@ -260,7 +283,11 @@ def test_a_start_away_from_the_reference_is_answered_with_the_start():
 
 def test_a_run_that_began_in_a_state_has_no_key_for_its_start():
     first = run("irb120_dynamic", AWAY, duration=0.002)
-    again = simulate("irb120_dynamic", start=first.final_state, reference=(np.array([0.0, 1.0]), np.zeros((2, 6))))
+    again = simulate(
+        "irb120_dynamic",
+        start=first.final_state,
+        reference=(np.array([0.0, 1.0]), np.zeros((2, 6))),
+    )
     error = remark_about(again, "joint_5 was")
     assert "begin the reference where the robot begins" in error.remedy.text
     assert error.remedy.settings == []
@@ -269,7 +296,11 @@ def test_a_run_that_began_in_a_state_has_no_key_for_its_start():
 def test_contact_as_a_remedy_copes_with_an_arm_that_hits_the_floor_at_full_speed():
     """Under radau3 with contact this motion would take hours: its steps become 2 µs long."""
     sinks = remark_about(run("irb120_dynamic", INTO_THE_FLOOR), "below the floor")
-    assert sinks.remedy.settings == ["contact={}", "solver.kind=discrete", "servo.realization=implicit"]
+    assert sinks.remedy.settings == [
+        "contact={}",
+        "solver.kind=discrete",
+        "servo.realization=implicit",
+    ]
     assert sinks.summary()["set_also"] == sinks.remedy.settings[1:]
 
     stopped = run("irb120_dynamic", with_remedy(INTO_THE_FLOOR, sinks))
@@ -282,5 +313,7 @@ def test_contact_as_a_remedy_copes_with_an_arm_that_hits_the_floor_at_full_speed
 
 
 def test_contact_as_a_remedy_leaves_a_solver_that_copes():
-    sinks = remark_about(run("irb120_dynamic", {**INTO_THE_FLOOR, "solver.scheme": "cenic"}), "below the floor")
+    sinks = remark_about(
+        run("irb120_dynamic", {**INTO_THE_FLOOR, "solver.scheme": "cenic"}), "below the floor"
+    )
     assert sinks.remedy.settings == ["contact={}"]

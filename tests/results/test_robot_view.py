@@ -34,12 +34,14 @@ def test_the_page_shows_the_robot_where_its_sliders_are(view, prefix):
     for message in ("NaN", "Infinity", '"x"', "[]", "1e999"):
         assert asked(view.url, "told", f'["{JOINT_2}", {message}]')[0] == 204
     view.run(timeout=0.05)
-    assert pose(events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2") == pytest.approx(at(0.0), abs=1e-6)
+    assert pose(
+        events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2"
+    ) == pytest.approx(at(0.0), abs=1e-6)
     asked(view.url, "told", f'["{JOINT_2}", 30]')
     view.run(timeout=0.05)
-    assert pose(events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2") == pytest.approx(
-        at(np.pi / 6), abs=1e-6
-    )
+    assert pose(
+        events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2"
+    ) == pytest.approx(at(np.pi / 6), abs=1e-6)
 
 
 def at(angle):

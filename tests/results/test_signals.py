@@ -27,7 +27,9 @@ def inverse_dynamics(result: SimulationResult, row: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("realization", ["implicit", "vector"])
-def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_still(realization: str) -> None:
+def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_still(
+    realization: str,
+) -> None:
     overrides = {
         "servo": {"realization": realization, "kp": 1e-3, "kd": KD},
         "inputs": ["reference_velocity"],
@@ -54,18 +56,24 @@ def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, result.positions_at(result.times[-1:])[0])
     told = transform_from_xyz_quaternion(result.pose("base")[-1])
-    np.testing.assert_allclose(told.GetAsMatrix4(), root.CalcPoseInWorld(context).GetAsMatrix4(), atol=1e-12)
+    np.testing.assert_allclose(
+        told.GetAsMatrix4(), root.CalcPoseInWorld(context).GetAsMatrix4(), atol=1e-12
+    )
     assert (result.pose("base")[:, 3] >= 0).all()
 
 
 def test_contacts_of_many_times_are_those_of_each() -> None:
-    result = simulate(load_station("box_on_floor", {"duration": 0.5}))  # which falls, lands and lies
+    result = simulate(
+        load_station("box_on_floor", {"duration": 0.5})
+    )  # which falls, lands and lies
 
     def pressing(times: np.ndarray) -> list[float]:
         return [Contacts.of(found).forces[:, 2].sum() for found in result.contacts_at(times)]
 
     times = np.linspace(0, 0.5, 11)
     together = pressing(times)
-    np.testing.assert_array_equal(together, [pressing(times[row : row + 1])[0] for row in range(len(times))])
+    np.testing.assert_array_equal(
+        together, [pressing(times[row : row + 1])[0] for row in range(len(times))]
+    )
     assert together[0] == 0
     assert together[-1] != 0

@@ -25,7 +25,9 @@ HOLD = {"reference": {"kind": "hold", "target_deg": None}}
 def test_two_halves_are_the_whole(overrides, tolerance):
     whole = simulate(load_station("irb120_dynamic", overrides))
     first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
-    second = simulate(load_station("irb120_dynamic", {**overrides, **HOLD}), duration=1.5, start=first.final_state)
+    second = simulate(
+        load_station("irb120_dynamic", {**overrides, **HOLD}), duration=1.5, start=first.final_state
+    )
     row = int(np.searchsorted(whole.times, 1.5 - 1e-9))
     assert np.abs(first.axes("v")[-1]).max() > 1e-4  # it has not come to rest
     np.testing.assert_allclose(second.axes("q"), whole.axes("q")[row:], atol=tolerance)
@@ -39,7 +41,9 @@ def test_the_references_of_a_station_begin_where_the_last_ended():
     back = {"reference.target_deg": {"joint_1": 0}}
     second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
     np.testing.assert_allclose(second.axes("q")[0], np.full(6, np.pi / 6))
-    np.testing.assert_array_equal(second.plant.robots["robot"].initial, np.zeros(6))  # the station's stays what it is
+    np.testing.assert_array_equal(
+        second.plant.robots["robot"].initial, np.zeros(6)
+    )  # the station's stays what it is
     np.testing.assert_allclose(second.axes("q")[-1], [0, *[np.pi / 6] * 5], atol=1e-12)
 
 
@@ -52,18 +56,32 @@ def test_a_kinematic_state_starts_a_dynamic_run():
 
 
 def test_a_changed_station_takes_what_it_has_in_common():
-    overrides = {"servo.ki": 100, "servo.realization": "vector", "monitors": {"settled": {"after": 5}}}
+    overrides = {
+        "servo.ki": 100,
+        "servo.realization": "vector",
+        "monitors": {"settled": {"after": 5}},
+    }
     first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
-    assert list(first.final_state.blocks) == ["servo.integrator"]  # no monitor: its times are those of a run
+    assert list(first.final_state.blocks) == [
+        "servo.integrator"
+    ]  # no monitor: its times are those of a run
     lighter = {**HOLD, **overrides, "pieces": {"gripper": {"parent": "world"}}}
-    second = simulate(load_station("irb120_dynamic", lighter), duration=0.2, start=first.final_state)
+    second = simulate(
+        load_station("irb120_dynamic", lighter), duration=0.2, start=first.final_state
+    )
     np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
-    np.testing.assert_array_equal(second.axes("tau")[0], first.axes("tau")[-1])  # the same servo state
-    assert second["q.joint_2"][-1] < first["q.joint_2"][-1] - 0.002  # the arm rises, two kilograms lighter
+    np.testing.assert_array_equal(
+        second.axes("tau")[0], first.axes("tau")[-1]
+    )  # the same servo state
+    assert (
+        second["q.joint_2"][-1] < first["q.joint_2"][-1] - 0.002
+    )  # the arm rises, two kilograms lighter
 
 
 def test_a_stopped_run_ends_in_the_state_of_its_stop():
-    config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
+    config = load_station(
+        "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
+    )
     result = simulate(config)
     assert result.final_state.positions["robot"][1] == pytest.approx(np.deg2rad(110), abs=1e-3)
     np.testing.assert_array_equal(result.final_state.positions["robot"], result.axes("q")[-1])
@@ -90,10 +108,16 @@ EMPTY = '{"positions": {}, "velocities": {}, "references": {}, "joints": {}, "bl
         ("[]", "state: must be a section with keys of: positions"),
         ("{}", "state: positions: this key is needed"),
         ('{"positions": 1}', "state: positions: must be a section"),
-        (EMPTY.replace("{}", '{"robot": [1, "2"]}', 1), r"state: positions.robot.*number \(it is '2'\)"),
+        (
+            EMPTY.replace("{}", '{"robot": [1, "2"]}', 1),
+            r"state: positions.robot.*number \(it is '2'\)",
+        ),
         (EMPTY.replace("{}", '{"robot": [NaN]}', 1), "state: is not JSON: NaN is no finite number"),
         (EMPTY.replace("joints", "joint"), "state: joint: unknown key; did you mean 'joints'"),
-        (EMPTY.replace('"joints": {}', '"joints": {"robot/elbow": [[0]]}'), "state: joints.robot/elbow"),
+        (
+            EMPTY.replace('"joints": {}', '"joints": {"robot/elbow": [[0]]}'),
+            "state: joints.robot/elbow",
+        ),
         (EMPTY.replace("{}}", '{"servo": [[0], [0], []]}}'), "state: blocks.servo"),
     ],
 )
@@ -106,7 +130,9 @@ def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
     state = simulate(load_station("double_pendulum"), duration=0.01).final_state
     joint = next(iter(state.joints))
     odd = replace(state, joints={joint: JointState(np.zeros(1), np.zeros(3))})
-    with pytest.raises(SimrobError, match=f"'{joint}' is of size 3; it must be of a station where it is of 1"):
+    with pytest.raises(
+        SimrobError, match=f"'{joint}' is of size 3; it must be of a station where it is of 1"
+    ):
         simulate(load_station("double_pendulum"), duration=0.01, start=odd)
 
 
@@ -125,5 +151,7 @@ def test_a_quaternion_of_another_length_is_refused(scale, length):
     position = joint.position.copy()
     position[:4] *= scale
     wrong = replace(state, joints={name: JointState(position, joint.velocity)})
-    with pytest.raises(SimrobError, match=rf"the quaternion of .* is of length {length}; it must be of length 1"):
+    with pytest.raises(
+        SimrobError, match=rf"the quaternion of .* is of length {length}; it must be of length 1"
+    ):
         simulate(load_station("bouncing_ball"), duration=0.01, progress=False, start=wrong)

@@ -10,7 +10,13 @@ from simrob_drake.base.errors import VerdictError
 from simrob_drake.cli.app import run_command
 from simrob_drake.results.record.touch import Slide
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Criterion, Measure, MeasuredValue, Verdict, join_verdicts
+from simrob_drake.results.verdict.verdict import (
+    Criterion,
+    Measure,
+    MeasuredValue,
+    Verdict,
+    join_verdicts,
+)
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import VerdictConfig
 
@@ -27,7 +33,10 @@ JOINTS = [f"joint_{number}" for number in range(1, 7)]
 @pytest.fixture(scope="module")
 def weak():
     """A move of 50 deg that a torque of 2 N·m can't begin to do."""
-    return run("irb120_dynamic", {"servo.torque_limit": {"joint_2": 2}, "reference.target_deg": {"joint_2": 50}})
+    return run(
+        "irb120_dynamic",
+        {"servo.torque_limit": {"joint_2": 2}, "reference.target_deg": {"joint_2": 50}},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +51,8 @@ def boxes(stiffness: float, **bounds: float | str) -> StationConfig:
     board = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}  # its upper face is 2 mm higher
     pieces = {"board": board, "box": box}
     return load_station(
-        "box_on_floor", {"pieces": pieces, "contact.stiffness": stiffness, "sensors": {}, "verdict": bounds}
+        "box_on_floor",
+        {"pieces": pieces, "contact.stiffness": stiffness, "sensors": {}, "verdict": bounds},
     )
 
 
@@ -58,10 +68,14 @@ def test_a_move_that_saturates_is_warned_of(weak):
     worst = weak.verdict["final_error"].worst
     assert (worst.subject, worst.value) == ("joint_2", error[-1])
     assert np.rad2deg(worst.value) > 50
-    assert weak.verdict["torque_time"].worst.value == pytest.approx(np.mean(np.abs(weak["tau.joint_2"]) > 1.998))
+    assert weak.verdict["torque_time"].worst.value == pytest.approx(
+        np.mean(np.abs(weak["tau.joint_2"]) > 1.998)
+    )
     ended = f"joint_2 ended {np.rad2deg(error[-1]):.3g} deg off what was asked (bound 3 deg)"
     assert ended in weak.warnings
-    assert any(warning.startswith("joint_2 was at its limit of torque for ") for warning in weak.warnings)
+    assert any(
+        warning.startswith("joint_2 was at its limit of torque for ") for warning in weak.warnings
+    )
 
 
 def test_a_run_that_does_as_asked_has_no_warnings():
@@ -74,12 +88,22 @@ def test_a_run_that_does_as_asked_has_no_warnings():
 
 def test_a_hinge_without_a_motor_among_others_is_asked_nothing():
     none = {"joint_5": 0.0}
-    loose = {"servo.kp": {**dict.fromkeys(JOINTS, 1e4), **none}, "servo.kd": {**dict.fromkeys(JOINTS, 100.0), **none}}
-    own = {"servo.feedforward": "none", "inputs": [], "reference": {"kind": "hold"}, "duration": 0.5}
+    loose = {
+        "servo.kp": {**dict.fromkeys(JOINTS, 1e4), **none},
+        "servo.kd": {**dict.fromkeys(JOINTS, 100.0), **none},
+    }
+    own = {
+        "servo.feedforward": "none",
+        "inputs": [],
+        "reference": {"kind": "hold"},
+        "duration": 0.5,
+    }
     run = simulate(load_station("irb120_dynamic", {**loose, **own}), progress=False)
     assert np.ptp(run.axes("q")[:, 4]) > 0.1
     assert run.verdict["largest_error"].worst.subject != "joint_5"
-    limp = simulate(load_station("irb120_dynamic", {"servo.kp": 0.0, "servo.kd": 0.0, **own}), progress=False)
+    limp = simulate(
+        load_station("irb120_dynamic", {"servo.kp": 0.0, "servo.kd": 0.0, **own}), progress=False
+    )
     assert limp.verdict["largest_error"].worst.value > 0.1  # a whole robot without servos is told
 
 
@@ -96,13 +120,19 @@ def test_speeds_and_torques_beyond_their_limits_are_warned_of(hasty):
     fastest = np.abs(hasty.axes("v")).max(axis=0)[int(share.max(axis=0).argmax())]
     assert f"{np.rad2deg(fastest):.3g} of " in figure.warning
     assert " deg/s," in figure.warning, "positions are in degrees, too"
-    assert hasty.verdict["torque_share"].warning  # what the motion needs, whether there is a motor for it or not
+    assert hasty.verdict[
+        "torque_share"
+    ].warning  # what the motion needs, whether there is a motor for it or not
     assert "final_error" not in hasty.verdict.summary()["figures"]  # it is where it is asked to be
 
 
 def test_a_tool_below_the_floor_is_warned_of():
     """The tool begins at 0.63 m, its holder is put 0.83 m lower: no contact says so."""
-    sunk = run("irb120_kinematic", {"robot.base": [0, 0, -0.83, 0, 0, 0], "reference": {"kind": "hold"}}, duration=0.1)
+    sunk = run(
+        "irb120_kinematic",
+        {"robot.base": [0, 0, -0.83, 0, 0, 0], "reference": {"kind": "hold"}},
+        duration=0.1,
+    )
     assert sunk.warnings == ["tool load was 200 mm below the floor at 0.00 s (bound 5 mm)"]
 
 
@@ -112,7 +142,9 @@ def test_boxes_that_sink_into_each_other_are_warned_of():
     assert result["piece.box.z"][-1] == pytest.approx(0.202 - 0.010, abs=1e-4)
     worst = result.verdict["penetration"].worst
     assert (worst.subject, worst.unit) == ("board and box", "m")
-    assert worst.value == pytest.approx(0.202 - result["piece.box.z"].min(), abs=2e-5)  # it is level to some mrad
+    assert worst.value == pytest.approx(
+        0.202 - result["piece.box.z"].min(), abs=2e-5
+    )  # it is level to some mrad
     (warning,) = result.warnings
     assert warning.startswith("board and box were ")
     assert result.verdict.contact_rate == 50
@@ -132,7 +164,10 @@ def test_a_station_sets_its_own_bounds():
 def test_a_verdict_changes_nothing():
     runner = Runner("box_on_floor")
     first = runner.run(duration=0.3)
-    signals, forces = first.values.copy(), [c.num_point_pair_contacts() for c in first.contacts_at(first.times)]
+    signals, forces = (
+        first.values.copy(),
+        [c.num_point_pair_contacts() for c in first.contacts_at(first.times)],
+    )
     assert first.verdict["penetration"].worst.value > 0
     assert [c.num_point_pair_contacts() for c in first.contacts_at(first.times)] == forces
     np.testing.assert_array_equal(first.values, signals)
@@ -141,7 +176,9 @@ def test_a_verdict_changes_nothing():
 
 def test_slides_count_from_step_to_step():
     """Two stances: three ways of 1 cm, and after a lift one of 2 cm."""
-    slide = Slide(np.array([0.01, 0.01, 0.01, 0, 0.02, 0]), np.array([1, 1, 1, 0, 1, 1], dtype=bool))
+    slide = Slide(
+        np.array([0.01, 0.01, 0.01, 0, 0.02, 0]), np.array([1, 1, 1, 0, 1, 1], dtype=bool)
+    )
     assert slide.total == pytest.approx(0.05)
     assert slide.longest == (pytest.approx(0.03), 3)
     assert Slide(np.zeros(4), np.zeros(4, dtype=bool)).longest == (0.0, 0)
@@ -153,7 +190,10 @@ def test_runs_that_follow_each_other_are_judged_by_their_worst():
     share = Criterion("torque_time", "1", "", "{of}", lambda run: None, per_time=True)
 
     def verdict(error: float, at: float, part: float) -> Verdict:
-        figures = Measure(largest, (MeasuredValue("a", error, "rad", 0.5, at, 0.0, ""),)), share_of(part)
+        figures = (
+            Measure(largest, (MeasuredValue("a", error, "rad", 0.5, at, 0.0, ""),)),
+            share_of(part),
+        )
         return Verdict(figures, 100.0)
 
     def share_of(part: float) -> Measure:
@@ -172,7 +212,11 @@ def test_strict_runs_raise_and_keep_the_result():
     with pytest.raises(VerdictError, match=r"^irb120_dynamic: .*off what was asked") as caught:
         run("irb120_dynamic", LAME, duration=0.3, strict=True)
     assert caught.value.result.ending == "completed"
-    explicit = {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}
+    explicit = {
+        "solver.scheme": "explicit_euler",
+        "solver.max_step": 0.01,
+        "servo.torque_limit": 1e12,
+    }
     with pytest.raises(VerdictError, match="diverged"):
         run("irb120_dynamic", explicit, strict=True)
     assert run("irb120_dynamic", duration=0.2, strict=True).ending == "completed"

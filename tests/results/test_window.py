@@ -46,7 +46,9 @@ def asked(url, what="", message=None, **headers):
     """Ask for a part of a page, or tell it a message; return the status and what came with it."""
     place = urlsplit(url)
     with closing(http.client.HTTPConnection(place.hostname, place.port, timeout=5)) as line:
-        line.request("GET" if message is None else "POST", place.path + what, body=message, headers=headers)
+        line.request(
+            "GET" if message is None else "POST", place.path + what, body=message, headers=headers
+        )
         answer = line.getresponse()
         return answer.status, b"" if what == "events" else answer.read()
 
@@ -132,15 +134,25 @@ def test_the_last_word_is_told_though_the_board_is_closed_at_once():
     board = Board()
     board.tell("said", ["it fell"])
     board.close()
-    assert [one.partition(b"data:")[2].strip() for one in board.events()] == [b"[]", b'["it fell"]', b""]
+    assert [one.partition(b"data:")[2].strip() for one in board.events()] == [
+        b"[]",
+        b'["it fell"]',
+        b"",
+    ]
 
 
 @pytest.mark.parametrize("incline", [0.0, 10.0])
 def test_the_floor_is_below_a_robot_wherever_it_goes(incline):
     scene = ViewedStation(load_station("zjudancer_walking", {"floor.incline_deg": incline}))
     tilt = scene.station.ground.floor_pose
-    under = {one["path"]: one["matrix"] for one in floor_under(scene, tilt @ np.array([31.26, -7.1, 0.3]))}
-    for path, depth in ((LINES, 0.0), ("/drake/station/floor", -0.01)):  # where that is drawn which is at the origin
+    under = {
+        one["path"]: one["matrix"]
+        for one in floor_under(scene, tilt @ np.array([31.26, -7.1, 0.3]))
+    }
+    for path, depth in (
+        (LINES, 0.0),
+        ("/drake/station/floor", -0.01),
+    ):  # where that is drawn which is at the origin
         place = np.reshape(under[path], (4, 4)).T[:3, 3]
         np.testing.assert_allclose(tilt.inverse() @ place, [31.5, -7.0, depth], atol=1e-6)
 
@@ -160,9 +172,13 @@ def test_no_websocket_is_opened(window):
     """Browsers let any page open one; the handshake is answered as any other question, by no more than a page."""
     key = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: eA==\r\n"
     host = f"Host: {urlsplit(window.url).netloc}\r\n"
-    foreign = said(window.url, f"GET / HTTP/1.1\r\n{host}Origin: http://evil.example\r\n{key}\r\n".encode())
+    foreign = said(
+        window.url, f"GET / HTTP/1.1\r\n{host}Origin: http://evil.example\r\n{key}\r\n".encode()
+    )
     assert foreign.startswith(b"HTTP/1.0 403")
-    assert said(window.url, f"GET / HTTP/1.1\r\n{host}{key}\r\n".encode()).startswith(b"HTTP/1.0 404")
+    assert said(window.url, f"GET / HTTP/1.1\r\n{host}{key}\r\n".encode()).startswith(
+        b"HTTP/1.0 404"
+    )
 
 
 @pytest.mark.parametrize("message", HOSTILE, ids=lambda message: repr(message[:20]))
@@ -204,8 +220,18 @@ def test_no_message_ends_a_run_that_is_watched(capfd):
     view = LiveView(config)
     place = urlsplit(view.url)
     good = f"Host: {place.netloc}\r\n"
-    raw = [b"\x00\xff" * 500, b"\r\n\r\n", b"GET", b"BREW / HTTP/1.1\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 70000]
-    raw += [f"POST {place.path}told HTTP/1.1\r\n{good}Content-Length: {n}\r\n\r\nx".encode() for n in (-1, 9**99, "x")]
+    raw = [
+        b"\x00\xff" * 500,
+        b"\r\n\r\n",
+        b"GET",
+        b"BREW / HTTP/1.1\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"A" * 70000,
+    ]
+    raw += [
+        f"POST {place.path}told HTTP/1.1\r\n{good}Content-Length: {n}\r\n\r\nx".encode()
+        for n in (-1, 9**99, "x")
+    ]
 
     def disturb():
         for message in raw:

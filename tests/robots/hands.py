@@ -8,7 +8,10 @@ BOX = """<collision><origin xyz="{at}" rpy="{turn}"/><geometry><box size="{size}
 JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
   <origin xyz="{at}" rpy="{turn}"/><axis xyz="{axis}"/>
   <limit lower="{low}" upper="{high}" effort="{effort}" velocity="2"/>{more}</joint>"""
-PAD = {"stalk": ("0.02 0.01 0.06", "0 {side}0.013 0.03"), "pad": ("0.02 0.01 0.02", "0 {side}0.005 0.07")}
+PAD = {
+    "stalk": ("0.02 0.01 0.06", "0 {side}0.013 0.03"),
+    "pad": ("0.02 0.01 0.02", "0 {side}0.005 0.07"),
+}
 
 
 def box(size: str, at: str = "0 0 0", turn: str = "0 0 0") -> str:
@@ -36,7 +39,9 @@ def finger(side: str, *, follows: str = "", effort: float = 20, y: str = "") -> 
     shapes = [box(size, at.format(side=sign)) for size, at in PAD.values()]
     more = f'<mimic joint="{follows}"/>' if follows else ""
     moves = {"axis": f"0 {sign}1 0", "low": 0, "high": 0.04, "effort": effort, "more": more}
-    return link(side, *shapes, mass=0.05, com=f"0 {sign}0.01 0.03") + joint(f"{side}_slide", "palm", side, **moves)
+    return link(side, *shapes, mass=0.05, com=f"0 {sign}0.01 0.03") + joint(
+        f"{side}_slide", "palm", side, **moves
+    )
 
 
 def gantry(*fingers: str, turn: str = "3.14159265358979 0 0") -> str:
@@ -52,10 +57,16 @@ def gantry(*fingers: str, turn: str = "3.14159265358979 0 0") -> str:
     return f'<robot name="gantry">{"".join([*parts, *hand])}</robot>'
 
 
-CRANK, HINGE, FACE = 0.06, 0.03, 0.005  # m: of a linkage its cranks, their hinges off the middle, half of a pad
+CRANK, HINGE, FACE = (
+    0.06,
+    0.03,
+    0.005,
+)  # m: of a linkage its cranks, their hinges off the middle, half of a pad
 
 
-def linkage(*, pad_limits: tuple[float, float] = (-0.6, 0.6), effort: float = 100) -> tuple[str, ...]:
+def linkage(
+    *, pad_limits: tuple[float, float] = (-0.6, 0.6), effort: float = 100
+) -> tuple[str, ...]:
     """Return two fingers whose pads stay upright: each a crank that turns, and a pad at its end that turns back.
 
     All follow the left crank, whose angle q brings the faces 2 (HINGE - FACE - CRANK sin q) apart. Pads are 60 to

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, RevoluteJoint, SpatialInertia
+from pydrake.multibody.tree import (
+    JacobianWrtVariable,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+)
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.robots.axis_map import AxisMap, in_a_row
@@ -48,7 +53,11 @@ def test_axes_are_the_joints_in_axis_order_and_sense(plant, joints, axes):
     axes.set_positions(plant, context, wanted)
     joints[1].set_translation_rate(context, 2.0)
     joints[2].set_angular_rate(context, 3.0)
-    assert [joints[0].get_angle(context), joints[1].get_translation(context), joints[2].get_angle(context)] == [
+    assert [
+        joints[0].get_angle(context),
+        joints[1].get_translation(context),
+        joints[2].get_angle(context),
+    ] == [
         -0.3,
         -0.2,
         -0.7,
@@ -90,7 +99,10 @@ def test_what_is_not_an_axis_stays(plant, axes):
 
 def test_samples_go_along(plant, axes):
     rng = np.random.default_rng(2)
-    q, v = rng.normal(size=(4, 5, plant.num_positions())), rng.normal(size=(4, 5, plant.num_velocities()))
+    q, v = (
+        rng.normal(size=(4, 5, plant.num_positions())),
+        rng.normal(size=(4, 5, plant.num_velocities())),
+    )
     assert axes.positions(q).shape == axes.velocities(v).shape == (4, 5, 3)
     assert axes.positions(q)[2, 3] == pytest.approx(axes.positions(q[2, 3]), abs=0)
     assert axes.spread_positions(axes.positions(q), q) == pytest.approx(q, abs=0)
@@ -110,7 +122,9 @@ def test_matrices_are_the_same_maps(plant, axes):
 def test_actuators_get_what_the_axes_are_given(plant, axes):
     effort = np.array([1.0, -2.0, 3.0])
     actuation = axes.actuation_matrix(plant, plant.GetJointByName("lift").model_instance())
-    assert plant.MakeActuationMatrix() @ actuation @ effort == pytest.approx(axes.spread_velocities(effort), abs=0)
+    assert plant.MakeActuationMatrix() @ actuation @ effort == pytest.approx(
+        axes.spread_velocities(effort), abs=0
+    )
 
 
 @pytest.mark.parametrize("signs", [[1, -1], [1, 1, 2], [1, 1, 0.5], [[1, 1, 1]]])

@@ -56,16 +56,22 @@ def test_a_number_is_for_all_axes() -> None:
 
 
 def test_a_list_is_in_axis_order() -> None:
-    np.testing.assert_array_equal(load_robot("irb120").axis_vector([1, 2, 3, 4, 5, 6], "kp"), [1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(
+        load_robot("irb120").axis_vector([1, 2, 3, 4, 5, 6], "kp"), [1, 2, 3, 4, 5, 6]
+    )
 
 
 def test_a_mapping_fills_up_with_the_default() -> None:
-    vector = load_robot("irb120").axis_vector({"joint_5": 90.0, "joint_1": 1.0}, "home_deg", default=7.0)
+    vector = load_robot("irb120").axis_vector(
+        {"joint_5": 90.0, "joint_1": 1.0}, "home_deg", default=7.0
+    )
     np.testing.assert_array_equal(vector, [1, 7, 7, 7, 90, 7])
 
 
 def test_a_mapping_fills_up_with_defaults_axis_by_axis() -> None:
-    vector = load_robot("double_pendulum").axis_vector({"joint_2": 9.0}, "kp", default=np.array([1.0, 2.0]))
+    vector = load_robot("double_pendulum").axis_vector(
+        {"joint_2": 9.0}, "kp", default=np.array([1.0, 2.0])
+    )
     np.testing.assert_array_equal(vector, [1, 9])
 
 
@@ -76,7 +82,9 @@ def test_a_list_of_the_wrong_length_is_an_error(values: list[float]) -> None:
 
 
 def test_a_mapping_with_an_unknown_axis_brings_the_nearest_one_and_its_key() -> None:
-    with pytest.raises(UnknownName, match=r"no axis of irb120 \(under servo\.kp\) 'joint5'; did you mean 'joint_5'"):
+    with pytest.raises(
+        UnknownName, match=r"no axis of irb120 \(under servo\.kp\) 'joint5'; did you mean 'joint_5'"
+    ):
         load_robot("irb120").axis_vector({"joint5": 1.0}, "servo.kp")
 
 
@@ -97,7 +105,9 @@ def test_limits_follow_the_sign_of_the_axis(
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_joint_without_limits_has_none_in_either_sense(write_urdf: Write, one_joint_urdf: str, sign: int) -> None:
+def test_a_joint_without_limits_has_none_in_either_sense(
+    write_urdf: Write, one_joint_urdf: str, sign: int
+) -> None:
     endless = one_joint_urdf.replace("revolute", "continuous").replace('lower="-1" upper="2" ', "")
     robot = described(write_urdf, endless, sign=sign)
     np.testing.assert_array_equal(robot.axis_limits, [[-np.inf], [np.inf]])
@@ -109,7 +119,9 @@ def test_a_sign_is_one_or_minus_one(write_urdf: Write, one_joint_urdf: str, sign
         described(write_urdf, one_joint_urdf, sign=sign)
 
 
-def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(write_urdf: Write, one_joint_urdf: str) -> None:
+def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(
+    write_urdf: Write, one_joint_urdf: str
+) -> None:
     robot = load_robot_from_urdf(write_urdf(one_joint_urdf))
     assert robot.name == "arm"
     assert list(robot.axes) == ["shoulder"]
@@ -122,12 +134,18 @@ def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(write_urdf
 def test_names_of_robots_are_no_paths(write_urdf: Write, one_joint_urdf: str, name: str) -> None:
     path = write_urdf(one_joint_urdf.replace('"arm"', f'"{name}"'))
     assert load_robot_from_urdf(path).name == "arm"  # as the file
-    path.with_name("robot.yaml").write_text(f"name: {name!r}\n{ROBOT_YAML.format(sign=1, urdf='arm.urdf')}")
-    with pytest.raises(InvalidConfig, match=r"robot\.yaml: name: must be a name that a folder could have"):
+    path.with_name("robot.yaml").write_text(
+        f"name: {name!r}\n{ROBOT_YAML.format(sign=1, urdf='arm.urdf')}"
+    )
+    with pytest.raises(
+        InvalidConfig, match=r"robot\.yaml: name: must be a name that a folder could have"
+    ):
         load_robot_from_urdf(path)
 
 
-def test_a_description_of_another_urdf_does_not_count(write_urdf: Write, one_joint_urdf: str) -> None:
+def test_a_description_of_another_urdf_does_not_count(
+    write_urdf: Write, one_joint_urdf: str
+) -> None:
     assert list(described(write_urdf, one_joint_urdf, urdf="other.urdf").axes) == ["shoulder"]
 
 
@@ -138,12 +156,18 @@ def test_a_urdf_in_which_nothing_moves_is_refused(write_urdf: Write, one_joint_u
 
 def test_a_defect_of_a_urdf_is_found_at_the_border(write_urdf: Write, one_joint_urdf: str) -> None:
     with pytest.raises(InvalidModel, match="mass -1 kg is negative"):
-        load_robot_from_urdf(write_urdf(one_joint_urdf.replace('<mass value="1"/>', '<mass value="-1"/>')))
+        load_robot_from_urdf(
+            write_urdf(one_joint_urdf.replace('<mass value="1"/>', '<mass value="-1"/>'))
+        )
 
 
-def test_an_axis_of_a_joint_that_does_not_exist_brings_the_nearest_one(write_urdf: Write, one_joint_urdf: str) -> None:
+def test_an_axis_of_a_joint_that_does_not_exist_brings_the_nearest_one(
+    write_urdf: Write, one_joint_urdf: str
+) -> None:
     robot = described(write_urdf, one_joint_urdf.replace('"shoulder"', '"shoulder_1"'))
-    with pytest.raises(UnknownName, match="there is no joint 'shoulder'; did you mean 'shoulder_1'"):
+    with pytest.raises(
+        UnknownName, match="there is no joint 'shoulder'; did you mean 'shoulder_1'"
+    ):
         _ = robot.axis_limits
 
 

@@ -50,12 +50,16 @@ def station(
 def test_a_tool_on_the_root_is_where_it_is(tmp_path: Path) -> None:
     robot = LeggedRobot(load_station(station(tmp_path)))
     np.testing.assert_allclose(robot.pose("lidar"), [0.1, 0, 0.3, 0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(robot.pose("lidar", [[0.1], [0.2]]), [[0.1, 0, 0.3, 0, 0, 0]] * 2, atol=1e-12)
+    np.testing.assert_allclose(
+        robot.pose("lidar", [[0.1], [0.2]]), [[0.1, 0, 0.3, 0, 0, 0]] * 2, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("root", ["up", "nowhere"])
 def test_a_root_that_is_not_the_urdfs_is_an_error(tmp_path: Path, root: str) -> None:
-    with pytest.raises(SimrobError, match=rf"root is {root}; it must be base, the root link of .*arm\.urdf"):
+    with pytest.raises(
+        SimrobError, match=rf"root is {root}; it must be base, the root link of .*arm\.urdf"
+    ):
         load_station(station(tmp_path, root=root))
 
 
@@ -71,13 +75,20 @@ def test_a_model_with_a_defective_urdf_is_imported_as_a_urdf_is(tmp_path: Path, 
 
 def test_the_row_of_a_table_that_is_wrong_is_told(tmp_path: Path) -> None:
     row = "    - {a: 0.3, effort: 50, limit_deg: "
-    (tmp_path / "arm.yaml").write_text(f"dh:\n  convention: classical\n  rows:\n{row}[-1, 1]}}\n{row}[140, -140]}}\n")
+    (tmp_path / "arm.yaml").write_text(
+        f"dh:\n  convention: classical\n  rows:\n{row}[-1, 1]}}\n{row}[140, -140]}}\n"
+    )
     (tmp_path / "station.yaml").write_text("robot: {model: arm.yaml}\n")
-    with pytest.raises(SimrobError, match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower and a higher number"):
+    with pytest.raises(
+        SimrobError,
+        match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower and a higher number",
+    ):
         load_station(tmp_path / "station.yaml")
 
 
-@pytest.mark.parametrize(("effort", "mass", "doubted"), [(501, 4.9, True), (500, 4.9, False), (501, 5, False)])
+@pytest.mark.parametrize(
+    ("effort", "mass", "doubted"), [(501, 4.9, True), (500, 4.9, False), (501, 5, False)]
+)
 def test_torques_that_light_links_do_not_have_are_doubted(
     tmp_path: Path, effort: float, mass: float, doubted: bool
 ) -> None:

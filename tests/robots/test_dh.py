@@ -46,7 +46,10 @@ def product(dh: DhTable, q: np.ndarray) -> np.ndarray:
         along_z = sliding(2, row.d + (0 * value if turns else value))
         about_x = turning("x", np.full_like(value, np.deg2rad(row.alpha_deg)))
         along_x = sliding(0, np.full_like(value, row.a))
-        before, after = (about_z @ along_z, along_x @ about_x), (about_x @ along_x, about_z @ along_z)
+        before, after = (
+            (about_z @ along_z, along_x @ about_x),
+            (about_x @ along_x, about_z @ along_z),
+        )
         first, second = before if dh.convention == "classical" else after
         result = result @ first @ second
     return result @ transform_from_pose(dh.tool).GetAsMatrix4()
@@ -70,7 +73,9 @@ def plant_of(element: ET.Element, scene_graph: SceneGraph | None = None) -> Mult
     plant = MultibodyPlant(0.0)
     if scene_graph is not None:
         plant.RegisterAsSourceForSceneGraph(scene_graph)
-    instance = add_urdf(plant, element, name="arm", where="table", collision=scene_graph is not None)
+    instance = add_urdf(
+        plant, element, name="arm", where="table", collision=scene_graph is not None
+    )
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link", instance))
     plant.Finalize()
     return plant
@@ -94,7 +99,15 @@ def test_the_urdf_of_a_random_table_multiplies_to_the_same_pose(convention: str,
         kind = SPIN if random.random() < 0.7 else SLIDE
         a, d = random.uniform(-1, 1, 2) * random.integers(0, 2, 2)
         alpha, offset = random.choice([-180.0, -90.0, 0.0, 90.0, 33.3], 2)
-        rows.append({**kind, "a": float(a), "d": float(d), "alpha_deg": float(alpha), "offset_deg": float(offset)})
+        rows.append(
+            {
+                **kind,
+                "a": float(a),
+                "d": float(d),
+                "alpha_deg": float(alpha),
+                "offset_deg": float(offset),
+            }
+        )
     base, tool = (
         [*random.uniform(-1, 1, 3), 0.3, np.pi / 2, 0.2],
         [*random.uniform(-1, 1, 3), *random.uniform(-3, 3, 3)],
@@ -103,7 +116,9 @@ def test_the_urdf_of_a_random_table_multiplies_to_the_same_pose(convention: str,
     postures = random.uniform(-0.5, 0.5, (20, len(rows)))
     element = dh_robot("arm", dh)
     check_urdf(element, Path("table"))
-    np.testing.assert_allclose(tool_poses(plant_of(element), postures), product(dh, postures), atol=1e-12)
+    np.testing.assert_allclose(
+        tool_poses(plant_of(element), postures), product(dh, postures), atol=1e-12
+    )
 
 
 def test_the_table_of_the_irb120_is_its_urdf() -> None:
@@ -114,12 +129,18 @@ def test_the_table_of_the_irb120_is_its_urdf() -> None:
     postures = np.random.default_rng(0).uniform(lower, upper, (10_000, 6))
     by_urdf = tool_poses(plant_of(with_absolute_meshes(model.element, model.folder)), postures)
     np.testing.assert_allclose(by_urdf, product(dh, postures), atol=1e-9)
-    np.testing.assert_allclose(tool_poses(plant_of(dh_robot("arm", dh)), postures), by_urdf, atol=1e-9)
+    np.testing.assert_allclose(
+        tool_poses(plant_of(dh_robot("arm", dh)), postures), by_urdf, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("convention", ["classical", "modified"])
 def test_mass_centre_and_inertia_are_those_of_the_rows_frame(convention: str) -> None:
-    figures = {"mass": 2.0, "com": [0.1, 0.2, 0.3], "inertia": [0.02, 0.03, 0.04, 0.001, -0.002, 0.003]}
+    figures = {
+        "mass": 2.0,
+        "com": [0.1, 0.2, 0.3],
+        "inertia": [0.02, 0.03, 0.04, 0.001, -0.002, 0.003],
+    }
     row = {**SPIN, "a": 0.5, "d": 0.2, "alpha_deg": 70.0, "offset_deg": 40.0}
     dh = table([{**row, **figures}], convention)
     plant = plant_of(dh_robot("arm", dh))
@@ -130,7 +151,9 @@ def test_mass_centre_and_inertia_are_those_of_the_rows_frame(convention: str) ->
     else:  # at its joint
         frame = (turning("z", np.array([np.deg2rad(40.0)])) @ sliding(2, np.array([0.2])))[0]
     assert inertia.get_mass() == 2.0
-    np.testing.assert_allclose(inertia.get_com(), frame[:3, :3] @ figures["com"] + frame[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(
+        inertia.get_com(), frame[:3, :3] @ figures["com"] + frame[:3, 3], atol=1e-12
+    )
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
     own = np.array([[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.04]])
     np.testing.assert_allclose(about_com, frame[:3, :3] @ own @ frame[:3, :3].T, atol=1e-12)
@@ -149,13 +172,23 @@ def test_what_is_not_given_of_an_inertia_is_that_of_the_shape() -> None:
 
 def test_limits_speeds_and_efforts_reach_the_plant() -> None:
     rows = [
-        {"limit_deg": [-90, 45], "velocity_deg": 180, "effort": 12.0, "damping": 0.5, "joint": "waist"},
+        {
+            "limit_deg": [-90, 45],
+            "velocity_deg": 180,
+            "effort": 12.0,
+            "damping": 0.5,
+            "joint": "waist",
+        },
         {"type": "prismatic", "limit": [0.0, 0.3], "velocity": 0.2, "effort": 30.0},
     ]
     plant = plant_of(dh_robot("arm", table(rows)))
     waist, slide = plant.GetJointByName("waist"), plant.GetJointByName("joint_2")
-    np.testing.assert_allclose([waist.position_lower_limit(), waist.position_upper_limit()], np.deg2rad([-90, 45]))
-    np.testing.assert_allclose([slide.position_lower_limit(), slide.position_upper_limit()], [0.0, 0.3])
+    np.testing.assert_allclose(
+        [waist.position_lower_limit(), waist.position_upper_limit()], np.deg2rad([-90, 45])
+    )
+    np.testing.assert_allclose(
+        [slide.position_lower_limit(), slide.position_upper_limit()], [0.0, 0.3]
+    )
     assert waist.velocity_upper_limit() == pytest.approx(np.pi)
     assert slide.velocity_upper_limit() == 0.2
     assert waist.default_damping() == 0.5
@@ -172,8 +205,13 @@ def test_links_have_shapes_that_reach_from_joint_to_joint(convention: str) -> No
     for name in ("link_1", "link_2", "link_3"):
         body = plant.GetBodyByName(name)
         assert len(plant.GetVisualGeometriesForBody(body)) >= 2
-        assert len(plant.GetCollisionGeometriesForBody(body)) == len(plant.GetVisualGeometriesForBody(body))
-    lengths = [float(c.get("length", 0)) for c in element.iterfind("link[@name='link_1']/visual/geometry/cylinder")]
+        assert len(plant.GetCollisionGeometriesForBody(body)) == len(
+            plant.GetVisualGeometriesForBody(body)
+        )
+    lengths = [
+        float(c.get("length", 0))
+        for c in element.iterfind("link[@name='link_1']/visual/geometry/cylinder")
+    ]
     assert 0.3 in [round(length, 12) for length in lengths]
     assert 0.4 in [round(length, 12) for length in lengths]
 
@@ -181,7 +219,9 @@ def test_links_have_shapes_that_reach_from_joint_to_joint(convention: str) -> No
 def test_colours_and_thickness_can_be_chosen() -> None:
     dh = table([{**SPIN, "d": 0.5}], thickness=0.2, colour=[1, 0, 0, 1], joint_colour=[0, 1, 0, 1])
     element = dh_robot("arm", dh)
-    assert max(float(c.get("radius", 0)) for c in element.iter("cylinder")) == pytest.approx(1.8 * 0.2)
+    assert max(float(c.get("radius", 0)) for c in element.iter("cylinder")) == pytest.approx(
+        1.8 * 0.2
+    )
     assert {c.get("rgba") for c in element.iter("color")} >= {"1 0 0 1", "0 1 0 1"}
 
 
@@ -218,7 +258,9 @@ def test_an_arm_at_home_points_its_tool_down(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DH_ROBOTS)
-def test_an_arm_holds_its_home_and_does_a_small_move_within_its_torques(name: str, tmp_path: Path) -> None:
+def test_an_arm_holds_its_home_and_does_a_small_move_within_its_torques(
+    name: str, tmp_path: Path
+) -> None:
     model = load_robot(name)
     home = model.axis_vector(model.home_deg, "home_deg")
     (tmp_path / "arm.yaml").write_text(f"""
@@ -261,17 +303,25 @@ def test_a_robot_of_ones_own_is_one_file(tmp_path: Path) -> None:
     assert station.robots["robot"].model == str(tmp_path / "robots" / "scara.yaml")
     (tmp_path / "resolved").mkdir()
     (tmp_path / "resolved" / "cell.yaml").write_text(station_yaml(station))
-    assert load_station(tmp_path / "resolved" / "cell.yaml", mesh_path=[tmp_path / "robots"]) == station
+    assert (
+        load_station(tmp_path / "resolved" / "cell.yaml", mesh_path=[tmp_path / "robots"])
+        == station
+    )
     result = simulate(station, progress=False)
     assert result.stopped_by is None
     assert result["q.elbow"][-1] == pytest.approx(0.0, abs=1e-6)
-    sag = (1.0 + 0.5 + 1.0) * 9.80665 / 5000  # rod, wrist and gripper hang on the rod, which slides down
+    sag = (
+        (1.0 + 0.5 + 1.0) * 9.80665 / 5000
+    )  # rod, wrist and gripper hang on the rod, which slides down
     assert result["q.joint_3"][-1] == pytest.approx(sag, rel=0.05)
 
 
 def test_a_robot_is_called_as_its_file_or_its_folder(tmp_path: Path) -> None:
     (tmp_path / "crane").mkdir()
-    for file, name in ((tmp_path / "crane" / "robot.yaml", "crane"), (tmp_path / "lift.yaml", "lift")):
+    for file, name in (
+        (tmp_path / "crane" / "robot.yaml", "crane"),
+        (tmp_path / "lift.yaml", "lift"),
+    ):
         file.write_text(SCARA)
         model = load_robot_file(file)
         assert model.name == name
@@ -288,18 +338,42 @@ ROW = "{a: 0.3, limit_deg: [-130, 130], effort: 50}"
 WRONG = [
     ("rows: []", r"dh\.rows: .*at least 1"),
     ("{}", r"dh\.(convention|rows): this key is needed"),
-    (f"convention: classic, rows: [{ROW}]", r"dh\.convention: there is no 'classic'; did you mean 'classical'"),
+    (
+        f"convention: classic, rows: [{ROW}]",
+        r"dh\.convention: there is no 'classic'; did you mean 'classical'",
+    ),
     ("rows: [{limit_deg: [-1, 1]}]", r"dh\.rows\[\d\]\.effort: this key is needed"),
     ("rows: [{limit_deg: [-1, 1], effort: 0}]", r"dh\.rows\[\d\]\.effort: .*greater than 0"),
     ("rows: [{effort: 1}]", r"dh\.rows\[0\]: a revolute joint needs limit_deg"),
-    ("rows: [{type: prismatic, effort: 1, limit_deg: [0, 1]}]", r"dh\.rows\[0\]: a prismatic joint needs limit"),
-    ("rows: [{limit_deg: [0, 1], limit: [0, 1], effort: 1}]", r"a revolute joint has limit_deg and velocity_deg"),
-    ("rows: [{limit_deg: [0, 1], velocity: 1, effort: 1}]", r"a revolute joint has limit_deg and velocity_deg"),
-    ("rows: [{limit_deg: [1, 1], effort: 1}]", r"limit_deg must be a lower and a higher number; it is 1, 1"),
-    ("rows: [{limit_deg: [0, 1], effort: 1, type: helical}]", r"dh\.rows\[\d\]\.type: there is no 'helical'"),
-    ("rows: [{limit_deg: [0, 1], effort: 1, alpha: 90}]", r"dh\.rows\[\d\]\.alpha: unknown key; did you mean .alpha"),
+    (
+        "rows: [{type: prismatic, effort: 1, limit_deg: [0, 1]}]",
+        r"dh\.rows\[0\]: a prismatic joint needs limit",
+    ),
+    (
+        "rows: [{limit_deg: [0, 1], limit: [0, 1], effort: 1}]",
+        r"a revolute joint has limit_deg and velocity_deg",
+    ),
+    (
+        "rows: [{limit_deg: [0, 1], velocity: 1, effort: 1}]",
+        r"a revolute joint has limit_deg and velocity_deg",
+    ),
+    (
+        "rows: [{limit_deg: [1, 1], effort: 1}]",
+        r"limit_deg must be a lower and a higher number; it is 1, 1",
+    ),
+    (
+        "rows: [{limit_deg: [0, 1], effort: 1, type: helical}]",
+        r"dh\.rows\[\d\]\.type: there is no 'helical'",
+    ),
+    (
+        "rows: [{limit_deg: [0, 1], effort: 1, alpha: 90}]",
+        r"dh\.rows\[\d\]\.alpha: unknown key; did you mean .alpha",
+    ),
     ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),
-    ("rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]", r"dh\.rows\[\d\]\.inertia: no body has these"),
+    (
+        "rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]",
+        r"dh\.rows\[\d\]\.inertia: no body has these",
+    ),
     ("rows: [{limit_deg: [0, 1], effort: 1, com: [1]}]", r"dh\.rows\[\d\]\.com: needs 3 values"),
     ("rows: [1]", r"dh\.rows"),
     (f"rows: [{ROW}], thickness: 0", r"dh\.thickness: .*greater than 0"),

@@ -30,7 +30,10 @@ class Plate:
         """Mass [kg], place along the plate from the hole [m] and own moment about the plate's normal [kg m^2]."""
         radius, sheet = WIDTH / 2, self.density * THICKNESS
         middle = sheet * self.length * WIDTH
-        end, off = sheet * np.pi * radius**2 / 2, 4 * radius / (3 * np.pi)  # a half disc and its centroid
+        end, off = (
+            sheet * np.pi * radius**2 / 2,
+            4 * radius / (3 * np.pi),
+        )  # a half disc and its centroid
         about_centroid = end * radius**2 / 2 - end * off**2
         hole = -sheet * np.pi * PEG**2
         peg = self.density * np.pi * PEG**2 * 2 * THICKNESS
@@ -61,8 +64,16 @@ UPPER, LOWER = Plate(length=0.14, density=1000), Plate(length=0.20, density=1200
 def energy(q: np.ndarray, v: np.ndarray) -> tuple[float, float]:
     """Return kinetic and potential energy [J], the latter from the upper joint."""
     (a, b), (w, turn) = q, (v[0], v[0] + v[1])
-    speed2 = (UPPER.length * w) ** 2 + (LOWER.com * turn) ** 2 + 2 * UPPER.length * LOWER.com * w * turn * np.cos(b)
-    kinetic = (UPPER.moment + UPPER.mass * UPPER.com**2) * w**2 + LOWER.moment * turn**2 + LOWER.mass * speed2
+    speed2 = (
+        (UPPER.length * w) ** 2
+        + (LOWER.com * turn) ** 2
+        + 2 * UPPER.length * LOWER.com * w * turn * np.cos(b)
+    )
+    kinetic = (
+        (UPPER.moment + UPPER.mass * UPPER.com**2) * w**2
+        + LOWER.moment * turn**2
+        + LOWER.mass * speed2
+    )
     height = -UPPER.mass * UPPER.com * np.cos(a)
     height -= LOWER.mass * (UPPER.length * np.cos(a) + LOWER.com * np.cos(a + b))
     return kinetic / 2, GRAVITY * height
@@ -81,7 +92,9 @@ def pendulum() -> MultibodyPlant:
 
 
 @pytest.mark.parametrize(("link", "plate"), [("upper_link", UPPER), ("lower_link", LOWER)])
-def test_links_are_plates_with_a_hole_and_a_peg(pendulum: MultibodyPlant, link: str, plate: Plate) -> None:
+def test_links_are_plates_with_a_hole_and_a_peg(
+    pendulum: MultibodyPlant, link: str, plate: Plate
+) -> None:
     inertia = pendulum.GetBodyByName(link).default_spatial_inertia()
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
     # the URDF has seven digits
@@ -108,13 +121,19 @@ def test_energy_is_that_of_two_links(pendulum: MultibodyPlant, seed: int) -> Non
     assert raised == pytest.approx(potential - energy(np.zeros(2), np.zeros(2))[1], rel=1e-5)
 
 
-def test_both_joints_turn_about_minus_y_and_the_links_hang_at_zero(pendulum: MultibodyPlant) -> None:
+def test_both_joints_turn_about_minus_y_and_the_links_hang_at_zero(
+    pendulum: MultibodyPlant,
+) -> None:
     context = pendulum.CreateDefaultContext()
     tip, hinge = pendulum.GetFrameByName("tip"), pendulum.GetFrameByName("upper_link")
-    below = tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
+    below = (
+        tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
+    )
     np.testing.assert_allclose(below[[0, 2]], [0, -0.34], atol=1e-12)
     pendulum.SetPositions(context, [np.pi / 2, 0])
-    beside = tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
+    beside = (
+        tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
+    )
     np.testing.assert_allclose(beside[[0, 2]], [0.34, 0], atol=1e-12)
 
 

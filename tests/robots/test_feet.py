@@ -17,7 +17,11 @@ from simrob_drake.stations.resolve import resolve
 
 # The base pattern of the Simulink models [mm], times the scale of each area; facts of the humanoid.
 PATTERN = np.array([[35, 30], [-35, 30], [-35, -65], [35, -65], [35, -85], [-35, -85]]) / 1000
-AREAS = {"spheres_A": (3.15, -0.01575, 1e4), "spheres_B": (0.945, -0.020475, 1e4), "spheres_C": (1.575, -0.02, 1e5)}
+AREAS = {
+    "spheres_A": (3.15, -0.01575, 1e4),
+    "spheres_B": (0.945, -0.020475, 1e4),
+    "spheres_C": (1.575, -0.02, 1e5),
+}
 
 
 def station(overrides: dict[str, object]) -> tuple[StationPlant, DiagramBuilder]:
@@ -67,7 +71,9 @@ def test_feet_pass_through_each_other_even_where_links_do_not() -> None:
 def test_the_support_points_of_a_sole_are_its_lower_corners() -> None:
     contact = load_robot("humanoid").feet.kind("soles")
     corners = contact.support_points("left_foot")
-    np.testing.assert_allclose(corners[:, 2], -0.02896, atol=1e-12)  # the bottom of the published mesh
+    np.testing.assert_allclose(
+        corners[:, 2], -0.02896, atol=1e-12
+    )  # the bottom of the published mesh
     np.testing.assert_allclose(np.ptp(corners, axis=0), [0.0559, 0.113, 0], atol=1e-12)
 
 
@@ -81,11 +87,20 @@ def test_wrong_feet_are_named() -> None:
 @pytest.mark.parametrize(
     ("feet", "message"),
     [
-        ({"default": "a", "contacts": {"b": {"points": {"foot": [[0, 0, 0]]}}}}, "default 'a' is none of b"),
-        ({"default": "a", "contacts": {"a": {}}}, "either spheres about points, or boxes"),
-        ({"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "radius": 0}}}, "radius"),
         (
-            {"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "others": {"fot": {}}}}},
+            {"default": "a", "contacts": {"b": {"points": {"foot": [[0, 0, 0]]}}}},
+            "default 'a' is none of b",
+        ),
+        ({"default": "a", "contacts": {"a": {}}}, "either spheres about points, or boxes"),
+        (
+            {"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "radius": 0}}},
+            "radius",
+        ),
+        (
+            {
+                "default": "a",
+                "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "others": {"fot": {}}}},
+            },
             "others has fot; the feet are foot",
         ),
     ],
@@ -102,19 +117,33 @@ def test_a_foot_that_is_no_link_is_named() -> None:
 
 
 def test_a_foot_that_differs_is_as_the_rest_in_what_it_leaves_out() -> None:
-    kind = {"points": {"left": ((0, 0, 0),), "right": ((0, 0, 0),)}, "radius": 0.01, "stiffness": 4e4}
+    kind = {
+        "points": {"left": ((0, 0, 0),), "right": ((0, 0, 0),)},
+        "radius": 0.01,
+        "stiffness": 4e4,
+    }
     contact = FootContact(**kind, others={"right": {"radius": 0.03}})
-    assert [(one.radius, one.stiffness) for one in map(contact.surface, kind["points"])] == [(0.01, 4e4), (0.03, 4e4)]
+    assert [(one.radius, one.stiffness) for one in map(contact.surface, kind["points"])] == [
+        (0.01, 4e4),
+        (0.03, 4e4),
+    ]
     assert contact.support_points("right")[0, 2] == -0.03
 
 
 @pytest.mark.parametrize(("kind", "under"), [("spheres_C", 0.01), ("soles", 0.0)])
 def test_the_lowest_points_follow_the_foot(kind: str, under: float) -> None:
     contact = load_robot("humanoid").feet.kind(kind)
-    poses = [RigidTransform(RollPitchYaw(0.2, -0.3, 0.4), [1.0, 2.0, 3.0]), RigidTransform([0.0, 0.0, 0.5])]
+    poses = [
+        RigidTransform(RollPitchYaw(0.2, -0.3, 0.4), [1.0, 2.0, 3.0]),
+        RigidTransform([0.0, 0.0, 0.5]),
+    ]
     found = contact.lowest_points("left_foot", np.array([pose.GetAsMatrix4() for pose in poses]))
-    own = contact.points["left_foot"] if kind == "spheres_C" else contact.support_points("left_foot")
+    own = (
+        contact.points["left_foot"] if kind == "spheres_C" else contact.support_points("left_foot")
+    )
     radius = contact.radius if under else 0.0
     wanted = [[pose @ np.array(point) - [0, 0, radius] for point in own] for pose in poses]
     np.testing.assert_allclose(found, wanted, atol=1e-12)
-    np.testing.assert_allclose(found[1] - np.array([0, 0, 0.5]), contact.support_points("left_foot"), atol=1e-12)
+    np.testing.assert_allclose(
+        found[1] - np.array([0, 0, 0.5]), contact.support_points("left_foot"), atol=1e-12
+    )

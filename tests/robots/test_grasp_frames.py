@@ -19,16 +19,22 @@ def grasp(tmp_path, text):
 def test_pads_that_slide_meet_in_the_middle_of_their_faces(tmp_path):
     palm, pose = grasp(tmp_path, gantry())
     assert palm == "palm"
-    np.testing.assert_allclose(pose.GetAsMatrix34(), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.07]], atol=1e-6)
+    np.testing.assert_allclose(
+        pose.GetAsMatrix34(), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.07]], atol=1e-6
+    )
 
 
 def test_long_faces_grasp_with_the_square_at_their_tips(tmp_path):
     sides = []
     for name, sign in (("left", 1), ("right", -1)):
-        sides.append(link(name, box("0.02 0.01 0.08", f"0 {sign * 0.005} 0.04"), com=f"0 {sign * 0.01} 0.03"))
+        sides.append(
+            link(name, box("0.02 0.01 0.08", f"0 {sign * 0.005} 0.04"), com=f"0 {sign * 0.01} 0.03")
+        )
         sides.append(joint(name, "palm", name, axis=f"0 {sign} 0", low=0, high=0.04))
     _, pose = grasp(tmp_path, gantry(*sides))
-    np.testing.assert_allclose(pose.translation(), [0, 0, 0.07], atol=5e-4)  # within half a line of the grid
+    np.testing.assert_allclose(
+        pose.translation(), [0, 0, 0.07], atol=5e-4
+    )  # within half a line of the grid
 
 
 def test_a_hand_that_closes_along_another_axis_has_its_y_along_that(tmp_path):
@@ -90,7 +96,9 @@ def test_an_import_makes_it_the_first_tool_and_says_so(tmp_path):
 
 
 def test_a_place_that_the_file_names_stays_the_first_tool(tmp_path):
-    own = link("hand_tcp", mass=1e-3) + joint("tcp", "palm", "hand_tcp", kind="fixed", at="0 0 0.065")
+    own = link("hand_tcp", mass=1e-3) + joint(
+        "tcp", "palm", "hand_tcp", kind="fixed", at="0 0 0.065"
+    )
     file = tmp_path / "robot.urdf"
     file.write_text(gantry().replace("</robot>", f"{own}</robot>"))
     assert list(robot_from_file(file).tools)[:3] == ["hand_tcp", "grasp", "palm"]
@@ -98,14 +106,18 @@ def test_a_place_that_the_file_names_stays_the_first_tool(tmp_path):
 
 def test_fingers_press_with_all_they_have_from_a_tenth_of_their_way(tmp_path):
     file = tmp_path / "robot.urdf"
-    file.write_text(gantry(finger("left", effort=60), finger("right", effort=60, follows="left_slide")))
+    file.write_text(
+        gantry(finger("left", effort=60), finger("right", effort=60, follows="left_slide"))
+    )
     kp = robot_from_file(file).servo.kp
     assert kp["left_slide"] * 0.1 * 0.04 == pytest.approx(60, rel=0.01)
 
 
 def test_axes_that_carry_fingers_give_all_they_have_30_deg_off(tmp_path):
     """A wrist that weighs next to nothing about its own axis: the hand will hold more than itself."""
-    wrist = link("wrist", mass=0.01) + joint("turn", "palm", "wrist", kind="revolute", axis="0 0 1", effort=9)
+    wrist = link("wrist", mass=0.01) + joint(
+        "turn", "palm", "wrist", kind="revolute", axis="0 0 1", effort=9
+    )
     text = gantry(finger("left"), finger("right", follows="left_slide")).replace(
         'parent link="palm"', 'parent link="wrist"'
     )

@@ -58,7 +58,9 @@ def tool_pose(plant: MultibodyPlant, q: np.ndarray) -> RigidTransform:
 def dh_product(q: np.ndarray) -> RigidTransform:
     pose = RigidTransform()
     for angle, (offset, d, a, alpha) in zip(q, DH, strict=True):
-        pose = pose @ RigidTransform(RotationMatrix.MakeZRotation(angle + np.deg2rad(offset)), [0, 0, 0])
+        pose = pose @ RigidTransform(
+            RotationMatrix.MakeZRotation(angle + np.deg2rad(offset)), [0, 0, 0]
+        )
         pose = pose @ RigidTransform(RotationMatrix.MakeXRotation(np.deg2rad(alpha)), [a, 0, d])
     return pose
 
@@ -67,7 +69,9 @@ def obj_figures(path: Path) -> tuple[np.ndarray, float]:
     """Return the bounding box [m], shape (2, 3), and the enclosed volume [m^3] of an OBJ file of triangles."""
     rows = [line.split() for line in path.read_text().splitlines()]
     vertices = np.array([[float(x) for x in row[1:]] for row in rows if row[0] == "v"])
-    faces = np.array([[int(corner.split("/")[0]) - 1 for corner in row[1:]] for row in rows if row[0] == "f"])
+    faces = np.array(
+        [[int(corner.split("/")[0]) - 1 for corner in row[1:]] for row in rows if row[0] == "f"]
+    )
     a, b, c = vertices[faces].transpose(1, 0, 2)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
     return np.array([vertices.min(axis=0), vertices.max(axis=0)]), volume
@@ -100,7 +104,9 @@ def test_limits_are_the_published_ones(irb120: MultibodyPlant) -> None:
 def test_at_zero_the_flange_points_forward(irb120: MultibodyPlant) -> None:
     irb120.Finalize()
     expected = [0.374, 0, 0.630, 0, np.pi / 2, 0]
-    np.testing.assert_allclose(pose_from_transform(tool_pose(irb120, np.zeros(6))), expected, atol=1e-7)
+    np.testing.assert_allclose(
+        pose_from_transform(tool_pose(irb120, np.zeros(6))), expected, atol=1e-7
+    )
 
 
 def test_at_home_the_flange_points_down(irb120: MultibodyPlant) -> None:
@@ -127,14 +133,23 @@ def test_the_mass_matrix_at_zero_has_the_known_diagonal(irb120: MultibodyPlant) 
     irb120.Finalize()
     matrix = irb120.CalcMassMatrix(irb120.CreateDefaultContext())
     known = [0.193, 0.790, 0.179, 0.0043, 0.0025, 0.001]
-    np.testing.assert_allclose(np.diag(matrix), known, rtol=0.015)  # the last digit of 0.0043 and 0.0025
+    np.testing.assert_allclose(
+        np.diag(matrix), known, rtol=0.015
+    )  # the last digit of 0.0043 and 0.0025
 
 
 @pytest.mark.parametrize("carried", HOLDING)
 def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) -> None:
     overrides = {"pieces": {}, **{f"pieces.{name}.parent": "robot" for name in carried[:1]}}
     if carried:
-        overrides["pieces.gripper.pose"] = [0, 0, 0, np.pi / 2, 0, 0]  # the gripper is turned by 90 deg
+        overrides["pieces.gripper.pose"] = [
+            0,
+            0,
+            0,
+            np.pi / 2,
+            0,
+            0,
+        ]  # the gripper is turned by 90 deg
     if len(carried) > 1:
         overrides |= {"pieces.load.model": "pencil", "pieces.load.parent": "gripper"}
     station = build_station(load_station("irb120_dynamic", overrides)).ports.plant

@@ -98,7 +98,9 @@ class Pose:
         context = self.plant.CreateDefaultContext()
         for axis, angle in degrees.items():
             entry = list(self.model.axes.values())[self.model.axis_index(axis)]
-            self.plant.GetJointByName(entry.joint).set_angle(context, entry.sign * np.deg2rad(angle))
+            self.plant.GetJointByName(entry.joint).set_angle(
+                context, entry.sign * np.deg2rad(angle)
+            )
         return context
 
     def point(self, context: Context, frame: str, offset: np.ndarray | None = None) -> np.ndarray:
@@ -118,9 +120,19 @@ def poses() -> dict[str, Pose]:
 def test_links_joints_and_mass_are_the_published_ones(poses: dict[str, Pose], name: str) -> None:
     robot = poses[name]
     links, joints, mass = FIGURES[name]
-    assert sum(link.find("inertial") is not None for link in robot.model.element.iterfind("link")) == links
-    assert robot.plant.num_positions() == robot.plant.num_actuators() == len(robot.model.axes) == joints
-    assert robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext()) == pytest.approx(mass, abs=2e-4)
+    assert (
+        sum(link.find("inertial") is not None for link in robot.model.element.iterfind("link"))
+        == links
+    )
+    assert (
+        robot.plant.num_positions()
+        == robot.plant.num_actuators()
+        == len(robot.model.axes)
+        == joints
+    )
+    assert robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext()) == pytest.approx(
+        mass, abs=2e-4
+    )
 
 
 @pytest.mark.parametrize(("name", "frame"), PLACES)
@@ -131,14 +143,17 @@ def test_at_zero_every_frame_is_in_its_place(poses: dict[str, Pose], name: str, 
 
 def test_the_humanoids_centre_of_mass_and_inertia_at_zero(poses: dict[str, Pose]) -> None:
     plant, context = poses["humanoid"].plant, poses["humanoid"].at()
-    np.testing.assert_allclose(plant.CalcCenterOfMassPositionInWorld(context), [0, -0.0015, -0.2179], atol=6e-5)
+    np.testing.assert_allclose(
+        plant.CalcCenterOfMassPositionInWorld(context), [0, -0.0015, -0.2179], atol=6e-5
+    )
     neck = plant.GetJointByName("shoulder_neck").velocity_start()
     # facts: 1.37e-5 of neck, head and cover about the vertical, with the free base, which changes nothing here
     assert plant.CalcMassMatrix(context)[neck, neck] == pytest.approx(1.37e-5, rel=0.005)
 
 
 @pytest.mark.parametrize(
-    ("angle", "height", "shift"), [(0.6, 0.3647, 0.0107), (0.8, 0.3079, 0.0136), (1.0, 0.2388, 0.0159)]
+    ("angle", "height", "shift"),
+    [(0.6, 0.3647, 0.0107), (0.8, 0.3079, 0.0136), (1.0, 0.2388, 0.0159)],
 )
 def test_the_quadruped_stands_as_high_as_its_legs_say(
     poses: dict[str, Pose], angle: float, height: float, shift: float
@@ -161,7 +176,9 @@ def test_the_quadruped_stands_as_high_as_its_legs_say(
 def test_efforts_are_those_of_the_motors(name: str, efforts: dict[str, float]) -> None:
     robot = load_robot(name)
     for axis, effort in zip(robot.axes, robot.efforts, strict=True):
-        assert effort == next(value for part, value in reversed(efforts.items()) if part in axis), axis
+        assert effort == next(value for part, value in reversed(efforts.items()) if part in axis), (
+            axis
+        )
 
 
 @pytest.mark.parametrize("name", LEGGED)
@@ -194,7 +211,9 @@ def test_left_and_right_links_are_mirror_images(poses: dict[str, Pose], name: st
     for link, figures in found.items():
         for start, other in pairs.items():
             if link.startswith(start):
-                np.testing.assert_allclose(found[other + link.removeprefix(start)], flip * figures, atol=2e-5)
+                np.testing.assert_allclose(
+                    found[other + link.removeprefix(start)], flip * figures, atol=2e-5
+                )
                 matched += 1
     assert matched >= 6
 
@@ -203,8 +222,12 @@ def shared_axes(name: str) -> list[str]:
     return [axis for axis in load_robot(name).axes if axis.split("_", 1)[0] in ("left", "right")]
 
 
-@pytest.mark.parametrize(("name", "axis"), [(name, axis) for name in HUMANOIDS for axis in shared_axes(name)])
-def test_a_positive_angle_has_the_same_visible_effect(poses: dict[str, Pose], name: str, axis: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "axis"), [(name, axis) for name in HUMANOIDS for axis in shared_axes(name)]
+)
+def test_a_positive_angle_has_the_same_visible_effect(
+    poses: dict[str, Pose], name: str, axis: str
+) -> None:
     """The tip of the limb goes the same way on every humanoid; tips lie far enough from the joints to tell."""
     robot = poses[name]
     side, motion = axis.split("_", 1)
@@ -227,7 +250,9 @@ def test_heads_and_trunks_turn_left_and_nod_forward(poses: dict[str, Pose], name
     for axis in ("neck_yaw", "torso_yaw"):
         if axis in robot.model.axes:
             nose = 0.03 * robot.forward
-            moved = robot.point(robot.at(**{axis: 20}), head, nose) - robot.point(robot.at(), head, nose)
+            moved = robot.point(robot.at(**{axis: 20}), head, nose) - robot.point(
+                robot.at(), head, nose
+            )
             assert robot.left @ moved > 0.9 * np.linalg.norm(moved) > 0
     if "neck_pitch" in robot.model.axes:
         top = np.array([0, 0, 0.05])
@@ -251,7 +276,10 @@ def test_the_quadrupeds_legs_go_outward_forward_and_fold(poses: dict[str, Pose],
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_every_axis_has_its_simrob_name(name: str) -> None:
     robot = load_robot(name)
-    names = {axis.removeprefix("right_"): alias for axis, (alias,) in ((a, e.aliases) for a, e in robot.axes.items())}
+    names = {
+        axis.removeprefix("right_"): alias
+        for axis, (alias,) in ((a, e.aliases) for a, e in robot.axes.items())
+    }
     known = {
         "shoulder_pitch": "HomDF",
         "hip_pitch": "CadDF",
@@ -278,13 +306,14 @@ def test_the_script_makes_the_urdf_and_every_mesh_is_used(
         == {file.name for file in (folder / "meshes").iterdir()}
         == {f.name for f in (tmp_path / "meshes").iterdir()}
     )
-    for (
-        mesh
-    ) in used:  # boxes, not bytes: convex hulls may list their faces in another order in another version of scipy
+    # Boxes, not bytes: another version of scipy may list the faces of convex hulls in another order.
+    for mesh in used:
         boxes = [bounds(root / "meshes" / mesh) for root in (folder, tmp_path)]
         np.testing.assert_allclose(*boxes, atol=1e-4)
 
 
 def bounds(path: Path) -> np.ndarray:
-    points = np.array([line.split()[1:] for line in path.read_text().splitlines() if line.startswith("v ")], float)
+    points = np.array(
+        [line.split()[1:] for line in path.read_text().splitlines() if line.startswith("v ")], float
+    )
     return np.array([points.min(axis=0), points.max(axis=0)])

@@ -66,7 +66,11 @@ def test_no_number_is_within_no_limits() -> None:
 
 @pytest.mark.parametrize(
     ("value", "limit", "texts"),
-    [(0.04002, 0.04, ("0.04002", "0.04")), (0.0400001, 0.04, ("0.0400001", "0.04")), (400.0, 110.0, ("400", "110"))],
+    [
+        (0.04002, 0.04, ("0.04002", "0.04")),
+        (0.0400001, 0.04, ("0.0400001", "0.04")),
+        (400.0, 110.0, ("400", "110")),
+    ],
 )
 def test_texts_differ_where_numbers_do(value: float, limit: float, texts: tuple[str, str]) -> None:
     assert distinct_texts(value, limit) == texts
@@ -88,7 +92,9 @@ def test_a_finger_beyond_its_limit_is_refused_with_different_numbers() -> None:
     model = load_robot("irb120_gripper")
     finger = list(model.axes).index("left_finger")
     opened = model.axis_limits[1][finger]
-    with pytest.raises(SimrobError, match=rf"left_finger is {opened + 2e-5:g}; it must be within 0 to {opened:g} m"):
+    with pytest.raises(
+        SimrobError, match=rf"left_finger is {opened + 2e-5:g}; it must be within 0 to {opened:g} m"
+    ):
         bare_station("irb120_gripper", {"robot.initial_deg": {"left_finger": opened + 2e-5}})
 
 
@@ -98,7 +104,9 @@ def test_targets_of_moves_share_the_tolerance() -> None:
     rounded = np.rad2deg(upper + 0.5 * ANGLE_TOLERANCE)
     with pytest.warns(ClampedPosition, match="joint_1 is beyond its limit by less than 0.0001 rad"):
         assert targets_on(model, {"joint_1": rounded}, "the target") == {0: upper}
-    with pytest.raises(JointLimitExceeded, match=r"165\.01 deg, 0\.01\d* deg beyond its limit of 165 deg"):
+    with pytest.raises(
+        JointLimitExceeded, match=r"165\.01 deg, 0\.01\d* deg beyond its limit of 165 deg"
+    ):
         targets_on(model, {"joint_1": np.rad2deg(upper) + 0.01}, "the target")
 
 
@@ -106,5 +114,9 @@ def test_targets_of_moves_share_the_tolerance() -> None:
 def test_references_share_the_tolerance(kind: str) -> None:
     upper = float(np.rad2deg(load_robot("irb120").axis_limits[1][0]))
     bare_station("irb120", {"reference": {"kind": kind, "target_deg": {"joint_1": upper + 0.005}}})
-    with pytest.raises(SimrobError, match=r"joint_1 is 165\.01 deg; it must be within .* -165 to 165 deg"):
-        bare_station("irb120", {"reference": {"kind": kind, "target_deg": {"joint_1": upper + 0.01}}})
+    with pytest.raises(
+        SimrobError, match=r"joint_1 is 165\.01 deg; it must be within .* -165 to 165 deg"
+    ):
+        bare_station(
+            "irb120", {"reference": {"kind": kind, "target_deg": {"joint_1": upper + 0.01}}}
+        )

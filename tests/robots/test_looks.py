@@ -24,7 +24,9 @@ def surfaces(station):
         shape = inspector.GetShape(geometry)
         if isinstance(shape, Mesh):
             mesh = trimesh.load(str(shape.source().path()), force="mesh")
-            mesh.apply_transform(query.GetPoseInWorld(geometry).GetAsMatrix4() @ np.diag([*shape.scale3(), 1.0]))
+            mesh.apply_transform(
+                query.GetPoseInWorld(geometry).GetAsMatrix4() @ np.diag([*shape.scale3(), 1.0])
+            )
             points, faces = trimesh.sample.sample_surface(mesh, int(mesh.area / SPACING**2), seed=1)
             colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
             yield points, mesh.face_normals[faces], colour.rgba.tolist()
@@ -33,7 +35,9 @@ def surfaces(station):
 def shared(first, second):
     """Return how many points of one surface lie in a face of the other that looks to the same side."""
     (points, normals, _), (others, facing, _) = first, second
-    close = ((points > others.min(axis=0) - SAME) & (points < others.max(axis=0) + SAME)).all(axis=1)
+    close = ((points > others.min(axis=0) - SAME) & (points < others.max(axis=0) + SAME)).all(
+        axis=1
+    )
     if not close.any():
         return 0
     points, normals = points[close], normals[close]

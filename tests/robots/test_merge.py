@@ -35,7 +35,9 @@ ROBOT = "\n".join(
         link("fore", 0.4),
         link("tip", 0.1),
         joint("j1", "revolute", "base", "upper", 'xyz="0 0 0.3" rpy="0.1 0.2 0.3"'),
-        joint("f2", "fixed", "bracket", "motor", 'xyz="0.1 0 0" rpy="0 1.5707963267948966 0"'),  # before its parent's
+        joint(
+            "f2", "fixed", "bracket", "motor", 'xyz="0.1 0 0" rpy="0 1.5707963267948966 0"'
+        ),  # before its parent's
         joint("f1", "fixed", "upper", "bracket", 'xyz="0 0.2 0.1" rpy="-0.4 0.5 1.1"'),
         joint("f3", "fixed", "motor", "flange", 'xyz="0 0 0.1" rpy="0.7 0 0"'),
         joint("j2", "revolute", "flange", "fore", 'xyz="0.05 0 0.2" rpy="0 0.3 0"'),
@@ -74,8 +76,13 @@ def test_the_dynamics_are_the_same(plants: list[MultibodyPlant]) -> None:
             context = plant.CreateDefaultContext()
             plant.SetPositionsAndVelocities(context, state)
             matrix, bias = plant.CalcMassMatrix(context), plant.CalcBiasTerm(context)
-            gravity, com = plant.CalcGravityGeneralizedForces(context), plant.CalcCenterOfMassPositionInWorld(context)
-            figures.append(np.concatenate([matrix.ravel(), bias, gravity, com, [plant.CalcTotalMass(context)]]))
+            gravity, com = (
+                plant.CalcGravityGeneralizedForces(context),
+                plant.CalcCenterOfMassPositionInWorld(context),
+            )
+            figures.append(
+                np.concatenate([matrix.ravel(), bias, gravity, com, [plant.CalcTotalMass(context)]])
+            )
         np.testing.assert_allclose(figures[1], figures[0], atol=1e-12)
 
 
@@ -85,7 +92,8 @@ def test_every_link_and_frame_keeps_its_pose(plants: list[MultibodyPlant]) -> No
         plant.SetPositions(context, np.array([0.7, -1.1]))
     for name in ("base", "upper", "bracket", "motor", "flange", "fore", "tip", "eye"):
         poses = [
-            plant.GetFrameByName(name).CalcPoseInWorld(context) for plant, context in zip(plants, contexts, strict=True)
+            plant.GetFrameByName(name).CalcPoseInWorld(context)
+            for plant, context in zip(plants, contexts, strict=True)
         ]
         assert poses[0].IsNearlyEqualTo(poses[1], 1e-12), name
 

@@ -11,7 +11,13 @@ from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import transform_from_pose
-from simrob_drake.robots.pieces import PieceModel, described_piece, piece_file, piece_names, solid_inertia
+from simrob_drake.robots.pieces import (
+    PieceModel,
+    described_piece,
+    piece_file,
+    piece_names,
+    solid_inertia,
+)
 from tests.robots.known_pieces import load_piece
 
 PIECES = models_root() / "pieces"
@@ -59,7 +65,10 @@ def outline(piece: PieceModel) -> np.ndarray:
             own = np.array(list(product((-0.5, 0.5), repeat=3))) * shape.box
         elif shape.cylinder is not None:
             radius, length = shape.cylinder
-            rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full_like(turn, length / 2)], axis=1)
+            rim = np.stack(
+                [radius * np.cos(turn), radius * np.sin(turn), np.full_like(turn, length / 2)],
+                axis=1,
+            )
             own = np.vstack([rim, rim * (1, 1, -1)])
         else:
             own = vertices(piece.folder / str(shape.mesh))
@@ -78,7 +87,9 @@ def test_every_piece_has_a_size_here() -> None:
 @pytest.mark.parametrize("name", SIZES)
 def test_a_piece_has_size_and_origin_of_the_original(name: str) -> None:
     points = outline(load_piece(name))
-    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], np.array(SIZES[name]) * 1e-3, atol=1e-3)
+    np.testing.assert_allclose(
+        [points.min(axis=0), points.max(axis=0)], np.array(SIZES[name]) * 1e-3, atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("file", MESHES, ids=lambda file: f"{file.parent.name}-{file.stem}")
@@ -105,10 +116,14 @@ def test_the_meshes_are_what_the_script_makes(tmp_path: Path) -> None:
     assert made == {file.relative_to(PIECES): file.read_bytes() for file in MESHES}
 
 
-@pytest.mark.parametrize("name", [name for name in piece_names() if described_piece(piece_file(name)).density])
+@pytest.mark.parametrize(
+    "name", [name for name in piece_names() if described_piece(piece_file(name)).density]
+)
 def test_a_mass_is_volume_times_density(name: str) -> None:
     described, piece = described_piece(piece_file(name)), load_piece(name)
-    volume = solid_inertia([shape.solid(piece.folder) for shape in piece.shapes], closed=True).volume
+    volume = solid_inertia(
+        [shape.solid(piece.folder) for shape in piece.shapes], closed=True
+    ).volume
     assert described.density is not None
     assert piece.mass == pytest.approx(described.density * volume, rel=1e-12)
     points = outline(piece)
@@ -124,10 +139,22 @@ def test_a_mass_is_volume_times_density(name: str) -> None:
         ("die", 700 * 0.056**3, 0.04),
         ("half_die", 700 * 0.028**3, 0.04),
         ("inclined_table", 700 * 0.5 * 0.5 * 0.4 * 0.1, 1e-4),
-        ("half_sphere", 1100 * (2 / 3 * np.pi * (0.15**3 - 0.144**3) - 17 * np.pi * 0.0155**2 * 0.006), 0.06),
-        ("cylinder", 1100 * (np.pi * (0.125**2 - 0.119**2) * 0.3 - 24 * np.pi * 0.0155**2 * 0.006), 0.06),
+        (
+            "half_sphere",
+            1100 * (2 / 3 * np.pi * (0.15**3 - 0.144**3) - 17 * np.pi * 0.0155**2 * 0.006),
+            0.06,
+        ),
+        (
+            "cylinder",
+            1100 * (np.pi * (0.125**2 - 0.119**2) * 0.3 - 24 * np.pi * 0.0155**2 * 0.006),
+            0.06,
+        ),
         ("chess_board", 700 * (0.45 * 0.45 * 0.022 - 0.4 * 0.4 * 0.002), 1e-4),
-        ("bar_20", 1100 * (0.06 * 0.048 * 0.03 + np.pi * (0.02**2 * 0.006 + 0.015**2 * 0.162)), 1e-6),
+        (
+            "bar_20",
+            1100 * (0.06 * 0.048 * 0.03 + np.pi * (0.02**2 * 0.006 + 0.015**2 * 0.162)),
+            1e-6,
+        ),
         ("bottle", 1000 * np.pi * 0.0433**2 * 0.2958, 0.3),
     ],
 )
@@ -136,12 +163,17 @@ def test_a_mass_is_the_one_of_the_sizes(name: str, mass: float, tolerance: float
 
 
 def test_chess_figures_weigh_what_wood_does() -> None:
-    masses = {name: load_piece(name).mass for name in ("pawn", "rook", "knight", "bishop", "queen", "king")}
+    masses = {
+        name: load_piece(name).mass
+        for name in ("pawn", "rook", "knight", "bishop", "queen", "king")
+    }
     assert min(masses, key=lambda name: masses[name]) == "pawn"
     assert all(0.015 < mass < 0.04 for mass in masses.values())
 
 
-@pytest.mark.parametrize(("name", "count"), [("half_sphere", 17), ("cylinder", 24), ("pencil_holder", 12)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("half_sphere", 17), ("cylinder", 24), ("pencil_holder", 12)]
+)
 def test_holes_are_where_their_frames_say_and_free_for_the_pencil(name: str, count: int) -> None:
     piece = load_piece(name)
     holes = {frame: pose for frame, pose in piece.frame_poses.items() if frame != "tcp"}
@@ -153,7 +185,9 @@ def test_holes_are_where_their_frames_say_and_free_for_the_pencil(name: str, cou
         wall = (abs(z) < 0.02) & (np.hypot(x, y) < 0.017)
         np.testing.assert_allclose(np.hypot(x, y)[wall], 0.0155, atol=2e-6)  # the file's digits
         assert z[wall].min() < -0.005  # the hole goes on inwards
-        assert -0.001 < z[wall].max() < 1e-6  # and ends at its mouth; round a bore the surface falls by up to 1 mm
+        assert (
+            -0.001 < z[wall].max() < 1e-6
+        )  # and ends at its mouth; round a bore the surface falls by up to 1 mm
 
 
 def test_holes_point_outwards() -> None:
@@ -162,7 +196,9 @@ def test_holes_point_outwards() -> None:
             pose = transform_from_pose(values)
             if frame != "tcp":
                 outwards = pose.translation() * ((1, 1, 1) if name == "half_sphere" else (1, 1, 0))
-                np.testing.assert_allclose(pose.rotation().col(2), outwards / np.linalg.norm(outwards), atol=1e-12)
+                np.testing.assert_allclose(
+                    pose.rotation().col(2), outwards / np.linalg.norm(outwards), atol=1e-12
+                )
 
 
 def test_the_holes_of_the_sphere_are_the_frames_of_the_original() -> None:
@@ -185,7 +221,9 @@ def test_squares_of_the_chess_board_are_50_mm_apart() -> None:
 
 def test_figures_stand_on_the_squares() -> None:
     board = outline(load_piece("chess_board"))
-    assert board[:, 2].max() == pytest.approx(0.007 + outline(load_piece("rook"))[:, 2].min(), abs=1e-6)
+    assert board[:, 2].max() == pytest.approx(
+        0.007 + outline(load_piece("rook"))[:, 2].min(), abs=1e-6
+    )
 
 
 def test_the_inclined_table_has_the_frame_of_three_points() -> None:
@@ -193,7 +231,10 @@ def test_the_inclined_table_has_the_frame_of_three_points() -> None:
     np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0.0], atol=1e-12)
     expected = [[-0.5, 0.8365, -0.2241], [-0.8660, -0.4830, 0.1294], [0.0, 0.2588, 0.9659]]
     np.testing.assert_allclose(frame.rotation().matrix(), expected, atol=5e-5)  # facts, section 5
-    for point, corner in (((0.15, -0.3, 0.0), (0.5, 0, 0)), ((0.7232, -0.0536, 0.1), (0, 0.3864, 0))):
+    for point, corner in (
+        ((0.15, -0.3, 0.0), (0.5, 0, 0)),
+        ((0.7232, -0.0536, 0.1), (0, 0.3864, 0)),
+    ):
         np.testing.assert_allclose(frame @ corner, point, atol=1e-4)
     points = frame.inverse() @ outline(load_piece("inclined_table")).T
     assert points[2].max() == pytest.approx(0.0, abs=2e-6)  # the frame lies in the surface

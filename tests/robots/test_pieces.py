@@ -36,8 +36,12 @@ def plant_with(model: PieceModel, *, collision: bool = False) -> tuple[Multibody
     """Return a plant with a piece that stands alone, at POSE, and the scene graph of its shapes."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    instance = add_urdf(plant, piece_robot("tool", model), name="tool", where="piece", collision=collision)
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("tool", instance), transform_from_pose(POSE))
+    instance = add_urdf(
+        plant, piece_robot("tool", model), name="tool", where="piece", collision=collision
+    )
+    plant.WeldFrames(
+        plant.world_frame(), plant.GetFrameByName("tool", instance), transform_from_pose(POSE)
+    )
     plant.Finalize()
     return plant, scene_graph
 
@@ -48,15 +52,26 @@ def test_every_piece_of_the_package_can_be_added(name: str) -> None:
     plant, _ = plant_with(model, collision=True)
     body = plant.GetBodyByName("tool")
     assert body.default_mass() == pytest.approx(model.mass, rel=1e-12)
-    assert len(plant.GetVisualGeometriesForBody(body)) == sum(shape.visible for shape in model.shapes) > 0
-    assert len(plant.GetCollisionGeometriesForBody(body)) == sum(shape.collides for shape in model.shapes)
+    assert (
+        len(plant.GetVisualGeometriesForBody(body))
+        == sum(shape.visible for shape in model.shapes)
+        > 0
+    )
+    assert len(plant.GetCollisionGeometriesForBody(body)) == sum(
+        shape.collides for shape in model.shapes
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "inertia", "reach"), [("gripper", [1e-3, 1e-3, 1e-3], 0.070), ("pencil", [0, 0, 0], 0.148)]
+    ("name", "inertia", "reach"),
+    [("gripper", [1e-3, 1e-3, 1e-3], 0.070), ("pencil", [0, 0, 0], 0.148)],
 )
-def test_tool_and_load_have_the_figures_of_the_original(name: str, inertia: list[float], reach: float) -> None:
-    model = load_piece(name)  # script D30: 1 kg each, the pencil a point mass; centre of mass copied from link_6
+def test_tool_and_load_have_the_figures_of_the_original(
+    name: str, inertia: list[float], reach: float
+) -> None:
+    model = load_piece(
+        name
+    )  # script D30: 1 kg each, the pencil a point mass; centre of mass copied from link_6
     assert model.mass == 1.0
     np.testing.assert_array_equal(model.inertia, inertia)
     np.testing.assert_array_equal(model.com, [-0.00706, -0.00017, -1.32e-6])
@@ -79,7 +94,9 @@ def test_the_tool_centre_point_is_the_pose_times_the_tcp() -> None:
 def test_moments_are_about_the_centre_of_mass() -> None:
     plant, _ = plant_with(piece(mass=2.0, com=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.03)))
     about_origin = plant.GetBodyByName("tool").default_rotational_inertia().CopyToFullMatrix3()
-    np.testing.assert_allclose(np.diag(about_origin), [0.01, 0.02 + 2 * 0.1**2, 0.03 + 2 * 0.1**2], atol=1e-15)
+    np.testing.assert_allclose(
+        np.diag(about_origin), [0.01, 0.02 + 2 * 0.1**2, 0.03 + 2 * 0.1**2], atol=1e-15
+    )
 
 
 def test_without_collision_only_visuals_are_added() -> None:
@@ -96,10 +113,19 @@ def test_a_massless_piece_adds_no_mass() -> None:
 
 @pytest.mark.parametrize(
     ("shape", "kind"),
-    [({"box": [1, 2, 3]}, Box), ({"cylinder": [1, 2]}, Cylinder), ({"sphere": 1}, Sphere), ({"mesh": "a.obj"}, Mesh)],
+    [
+        ({"box": [1, 2, 3]}, Box),
+        ({"cylinder": [1, 2]}, Cylinder),
+        ({"sphere": 1}, Sphere),
+        ({"mesh": "a.obj"}, Mesh),
+    ],
 )
-def test_each_kind_of_shape_is_the_one_of_drake(shape: dict[str, Any], kind: type, tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+def test_each_kind_of_shape_is_the_one_of_drake(
+    shape: dict[str, Any], kind: type, tmp_path: Path
+) -> None:
+    (tmp_path / "a.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    )
     pose = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
     plant, scene_graph = plant_with(piece(folder=tmp_path, shapes=[{**shape, "pose": pose}]))
     (geometry,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("tool"))
@@ -112,7 +138,9 @@ def test_a_piece_can_be_touched_with_the_friction_of_the_library() -> None:
     plant, scene_graph = plant_with(piece(shapes=[{"sphere": 0.1}]), collision=True)
     (geometry,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName("tool"))
     friction = (
-        scene_graph.model_inspector().GetProximityProperties(geometry).GetProperty("material", "coulomb_friction")
+        scene_graph.model_inspector()
+        .GetProximityProperties(geometry)
+        .GetProperty("material", "coulomb_friction")
     )
     assert (friction.static_friction(), friction.dynamic_friction()) == (1.0, 0.9)
 
@@ -160,7 +188,9 @@ def inertia_in_plant(model: PieceModel) -> tuple[float, np.ndarray, np.ndarray]:
 
 def test_a_density_gives_mass_centre_and_inertia_of_the_shapes() -> None:
     pose = (0.1, 0.0, 0.2, 0.3, -0.4, 0.5)
-    model = with_mass_properties(piece(density=500.0, shapes=[{"box": [0.1, 0.2, 0.3], "pose": pose}]))
+    model = with_mass_properties(
+        piece(density=500.0, shapes=[{"box": [0.1, 0.2, 0.3], "pose": pose}])
+    )
     mass, com, moments = inertia_in_plant(model)
     assert mass == model.mass == pytest.approx(3.0)
     np.testing.assert_allclose(com, pose[:3], atol=1e-15)
@@ -185,11 +215,15 @@ def test_a_mesh_weighs_what_its_scale_says() -> None:
     np.testing.assert_allclose(large.inertia, 32 * np.array(rook.inertia), atol=1e-12)
     plant, scene_graph = plant_with(large)
     (geometry,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("tool"))
-    np.testing.assert_array_equal(scene_graph.model_inspector().GetShape(geometry).scale3(), [2.0, 2.0, 2.0])
+    np.testing.assert_array_equal(
+        scene_graph.model_inspector().GetShape(geometry).scale3(), [2.0, 2.0, 2.0]
+    )
 
 
 def test_a_mass_without_an_inertia_fills_the_shapes() -> None:
-    model = with_mass_properties(piece(mass=2.0, shapes=[{"sphere": 0.1, "pose": [0.3, 0, 0, 0, 0, 0]}]))
+    model = with_mass_properties(
+        piece(mass=2.0, shapes=[{"sphere": 0.1, "pose": [0.3, 0, 0, 0, 0, 0]}])
+    )
     np.testing.assert_allclose(model.com, [0.3, 0, 0], atol=1e-15)
     np.testing.assert_allclose(model.inertia, [0.4 * 2.0 * 0.01] * 3 + [0.0] * 3, atol=1e-15)
 
@@ -198,7 +232,11 @@ def test_figures_that_are_given_stay() -> None:
     shapes = [{"sphere": 0.1}]
     point = with_mass_properties(piece(mass=2.0, inertia=(0.0, 0.0, 0.0), shapes=shapes))
     assert (point.mass, point.com, point.inertia) == (2.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert with_mass_properties(piece(mass=2.0, com=(0.0, 0.0, 1.0), shapes=shapes)).com == (0.0, 0.0, 1.0)
+    assert with_mass_properties(piece(mass=2.0, com=(0.0, 0.0, 1.0), shapes=shapes)).com == (
+        0.0,
+        0.0,
+        1.0,
+    )
     assert with_mass_properties(piece(shapes=shapes)).mass == 0.0
 
 
@@ -218,7 +256,11 @@ def test_a_changed_mass_replaces_a_density_and_the_other_way_round() -> None:
     full = with_changes(pencil, {"density": 700.0}, "x")
     assert 0.05 < full.mass < 0.1
     assert full.inertia[0] > 0
-    assert with_changes(pencil, {"mass": 3.0}, "x").inertia == (0.0, 0.0, 0.0)  # a point mass it stays
+    assert with_changes(pencil, {"mass": 3.0}, "x").inertia == (
+        0.0,
+        0.0,
+        0.0,
+    )  # a point mass it stays
 
 
 def test_a_density_needs_shapes_and_no_mass() -> None:
@@ -229,27 +271,43 @@ def test_a_density_needs_shapes_and_no_mass() -> None:
 
 
 def test_an_open_mesh_has_a_hull_but_no_volume(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n")
+    (tmp_path / "a.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n"
+    )
     shapes = [{"mesh": "a.obj"}]
     with pytest.raises(InvalidModel, match=r"a\.obj: .*encloses a volume.*give the mass instead"):
         with_mass_properties(piece(folder=tmp_path, density=1.0, shapes=shapes))
     np.testing.assert_allclose(
-        with_mass_properties(piece(folder=tmp_path, mass=1.0, shapes=shapes)).com, [0.25] * 3, atol=1e-12
+        with_mass_properties(piece(folder=tmp_path, mass=1.0, shapes=shapes)).com,
+        [0.25] * 3,
+        atol=1e-12,
     )
 
 
 def test_each_frame_is_one_of_the_plant() -> None:
-    frames = {"side": [0.1, 0, 0, 0, 0, 1.0], "hole": {"pose": [0.2, 0, 0, 0, 0.3, 0], "series": [SIXTH, UP]}}
+    frames = {
+        "side": [0.1, 0, 0, 0, 0, 1.0],
+        "hole": {"pose": [0.2, 0, 0, 0, 0.3, 0], "series": [SIXTH, UP]},
+    }
     plant, _ = plant_with(piece(frames=frames))
     context = plant.CreateDefaultContext()
     found = plant.GetFrameByName("tool_hole_2_1").CalcPoseInWorld(context)
-    turned = transform_from_pose([0, 0, 0, np.deg2rad(120), 0, 0]) @ transform_from_pose([0.2, 0, 0, 0, 0.3, 0])
+    turned = transform_from_pose([0, 0, 0, np.deg2rad(120), 0, 0]) @ transform_from_pose(
+        [0.2, 0, 0, 0, 0.3, 0]
+    )
     expected = transform_from_pose(POSE) @ transform_from_pose([0, 0, 0.05, 0, 0, 0]) @ turned
     np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-12)
     assert plant.HasFrameNamed("tool_side")
     assert plant.HasFrameNamed("tool_tcp")
     assert (
-        len([index for index in range(plant.num_frames()) if "hole" in plant.get_frame(FrameIndex(index)).name()]) == 12
+        len(
+            [
+                index
+                for index in range(plant.num_frames())
+                if "hole" in plant.get_frame(FrameIndex(index)).name()
+            ]
+        )
+        == 12
     )
 
 
@@ -305,7 +363,9 @@ def test_a_mesh_that_is_deleted_after_its_piece_was_read_is_missing(tmp_path: Pa
         described_piece(file)
 
 
-@pytest.mark.parametrize("text", ["", "garbage", "v 0 0 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"])
+@pytest.mark.parametrize(
+    "text", ["", "garbage", "v 0 0 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"]
+)
 def test_a_mesh_that_drake_cannot_read_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.obj").write_text(text)
     with pytest.raises(InvalidModel, match=r"a\.obj"):

@@ -14,7 +14,9 @@ def robot(*joints: str) -> ET.Element:
     for number, text in enumerate(joints):
         parent, kind, child = text.split()
         links += [name for name in (parent, child) if name not in links]
-        joint = ET.SubElement(root, "joint", name=f"j{number}", type="fixed" if kind == "-" else "revolute")
+        joint = ET.SubElement(
+            root, "joint", name=f"j{number}", type="fixed" if kind == "-" else "revolute"
+        )
         ET.SubElement(joint, "parent", link=parent)
         ET.SubElement(joint, "child", link=child)
     for link in links:

@@ -27,10 +27,19 @@ def link(name: str, size: str, at: str = "0 0 0", mass: float = 1.0) -> str:
     return LINK.format(name=name, size=size, at=at, mass=mass, i=2e-3 * mass)
 
 
-def joint(child: str, parent: str, at: str, axis: str = "0 1 0", span: tuple[float, float] = (-2, 2), effort=100.0):
+def joint(
+    child: str,
+    parent: str,
+    at: str,
+    axis: str = "0 1 0",
+    span: tuple[float, float] = (-2, 2),
+    effort=100.0,
+):
     """URDF of the joint ``<child>_joint``, which turns a link about an axis within a span [rad]."""
     lower, upper = span
-    return JOINT.format(child=child, parent=parent, at=at, axis=axis, lower=lower, upper=upper, effort=effort)
+    return JOINT.format(
+        child=child, parent=parent, at=at, axis=axis, lower=lower, upper=upper, effort=effort
+    )
 
 
 @pytest.fixture
@@ -51,7 +60,9 @@ def robot_of(tmp_path: Path) -> Callable[..., Path]:
 
     def write(*parts: str, **description: Any) -> Path:
         (folder := tmp_path / "robot").mkdir(exist_ok=True)
-        (urdf := folder / "robot.urdf").write_text('<robot name="robot">' + "".join(parts) + "</robot>")
+        (urdf := folder / "robot.urdf").write_text(
+            '<robot name="robot">' + "".join(parts) + "</robot>"
+        )
         if description:
             content = {"urdf": urdf.name, "root": "trunk", **description}
             (folder / "robot.yaml").write_text(yaml.safe_dump(content))

@@ -78,10 +78,14 @@ def test_a_station_reaches_nothing_of_others(places, key, way):
 def test_the_user_may_allow_it(places):
     own, other = places
     (own / "arm.urdf").write_text(URDF.format(mesh=other / "box.obj"))
-    file = station(own, f"robot: {{urdf: arm.urdf}}\nreference: {{kind: table, file: {other}/table.csv}}")
+    file = station(
+        own, f"robot: {{urdf: arm.urdf}}\nreference: {{kind: table, file: {other}/table.csv}}"
+    )
     config = load_station(file, mesh_path=[other])
     assert config.reference.file == other / "table.csv"
-    assert resolve(config).robots["robot"].model.element.find("link/visual/geometry/mesh") is not None
+    assert (
+        resolve(config).robots["robot"].model.element.find("link/visual/geometry/mesh") is not None
+    )
     with granting([other]):
         assert granted_folders() == [other]
         load_station(file)
@@ -123,13 +127,20 @@ def test_other_files_are_held_to_the_same_border(places, tmp_path):
     with pytest.raises(InvalidConfig, match=r"station: .*lies outside of the allowed folders"):
         station_with_absolute_path("../private/station.yaml", own / "program.yaml")
     assert station_with_absolute_path("irb120_dynamic", own / "program.yaml") == "irb120_dynamic"
-    (own / "program.yaml").write_text(f"changes: [{{time: 1, set: {{start: {other}/start.json}}}}]\n")
+    (own / "program.yaml").write_text(
+        f"changes: [{{time: 1, set: {{start: {other}/start.json}}}}]\n"
+    )
     with pytest.raises(InvalidConfig, match=r"program.yaml: start: .*--mesh-path"):
         Program.load(own / "program.yaml")
 
 
 def test_changes_by_dotted_keys_start_at_the_folder_of_their_file(tmp_path):
-    changes = {"robot.urdf": "a.urdf", "pieces": {"p": {"mesh": "b.obj"}}, "servo.kp": 3, "robot.model": "irb120"}
+    changes = {
+        "robot.urdf": "a.urdf",
+        "pieces": {"p": {"mesh": "b.obj"}},
+        "servo.kp": 3,
+        "robot.model": "irb120",
+    }
     assert changes_with_absolute_paths(changes, tmp_path) == {
         **changes,
         "robot.urdf": str(tmp_path / "a.urdf"),
@@ -163,4 +174,6 @@ pieces:
     assert model.folder.is_relative_to(moved)
     assert model.axes == before.robots["robot"].model.axes
     assert model.element.find("link/visual/geometry/mesh") is not None
-    assert all(after.pieces[name].model.mass == before.pieces[name].model.mass for name in ("part", "bin"))
+    assert all(
+        after.pieces[name].model.mass == before.pieces[name].model.mass for name in ("part", "bin")
+    )

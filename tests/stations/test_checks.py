@@ -23,8 +23,16 @@ def text_of(found, subject):
 
 @pytest.mark.long
 def test_a_sound_station_has_no_warnings():
-    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "roid1_balance"):
-        assert [finding for finding in findings(station=station) if finding.level == "warning"] == []
+    for station in (
+        "irb120_dynamic",
+        "irb120_kinematic",
+        "double_pendulum",
+        "two_irb120",
+        "roid1_balance",
+    ):
+        assert [
+            finding for finding in findings(station=station) if finding.level == "warning"
+        ] == []
 
 
 def test_too_weak_a_motor_is_foretold_with_its_figures():
@@ -36,17 +44,31 @@ def test_too_weak_a_motor_is_foretold_with_its_figures():
 
 
 def test_too_fast_a_reference_is_foretold():
-    found = [finding for finding in findings({"reference.duration": 0.1}) if finding.subject == "reference of robot"]
-    told = {finding.text.split()[0]: finding.text for finding in found if finding.level == "warning"}
+    found = [
+        finding
+        for finding in findings({"reference.duration": 0.1})
+        if finding.subject == "reference of robot"
+    ]
+    told = {
+        finding.text.split()[0]: finding.text for finding in found if finding.level == "warning"
+    }
     assert list(told) == ["joint_1", "joint_2", "joint_3"]  # 300 deg/s; the wrist has 320 and 420
-    assert told["joint_1"] == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
+    assert (
+        told["joint_1"]
+        == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
+    )
 
 
 def test_a_reference_that_begins_away_from_the_robot_is_foretold():
-    away = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 90, "joint_1": -20}}
+    away = {
+        "reference": {"kind": "hold", "target_deg": 0},
+        "robot.initial_deg": {"joint_5": 90, "joint_1": -20},
+    }
     (jump,) = [finding for finding in findings(away) if "start of" in finding.subject]
     assert jump.level == "warning"
-    assert jump.text.startswith("joint_5 begins at 90 deg, its reference at 0 deg, and 1 other axis jumps too;")
+    assert jump.text.startswith(
+        "joint_5 begins at 90 deg, its reference at 0 deg, and 1 other axis jumps too;"
+    )
     assert "set robot.initial_deg, or begin the reference where the robot begins" in jump.text
 
 
@@ -64,16 +86,24 @@ def test_too_heavy_a_load_is_foretold():
 def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are_told():
     found = findings({"pieces.load.mass": 60}, "irb120_kinematic")
     assert "the joint will not hold" in text_of(found, "torque of joint_2").text
-    (payload,) = [finding for finding in found if finding.level == "warning" and finding.subject == "payload of robot"]
+    (payload,) = [
+        finding
+        for finding in found
+        if finding.level == "warning" and finding.subject == "payload of robot"
+    ]
     assert payload.text.startswith("it carries 61 kg, and is rated for 3 kg")
-    result = simulate(load_station("irb120_kinematic", {"pieces.load.mass": 8, "duration": 0.1}), progress=False)
+    result = simulate(
+        load_station("irb120_kinematic", {"pieces.load.mass": 8, "duration": 0.1}), progress=False
+    )
     assert "robot carried 300 % of its rated payload, 9 of 3 kg (bound 100 %)" in result.warnings
 
 
 def test_gravity_that_pulls_up_and_a_centre_of_mass_in_millimetres_are_told():
     finding = text_of(findings({"gravity": -9.81}), "implausible number")
     assert finding.text == "gravity: -9.81 m/s² pulls up: 9.81 pulls down, along -z"
-    with pytest.raises(SimrobError, match=r"pieces\.load\.com.*70 m is too far; were these millimetres"):
+    with pytest.raises(
+        SimrobError, match=r"pieces\.load\.com.*70 m is too far; were these millimetres"
+    ):
         load_station("irb120_dynamic", {"pieces.load.com": [0, 0, 70]})
 
 
@@ -84,7 +114,12 @@ def two_dice(tmp_path):
         "a": {"model": "die", "free": True, "pose": [0, 0, 0.1, 0, 0, 0]},
         "b": {"model": "die", "free": True, "pose": [0, 0, 0.2, 0, 0, 0]},
     }
-    station = {"mode": "dynamic", "pieces": pieces, "floor": {"size": 1}, "contact": {"model": "point"}}
+    station = {
+        "mode": "dynamic",
+        "pieces": pieces,
+        "floor": {"size": 1},
+        "contact": {"model": "point"},
+    }
     file = tmp_path / "stack.yaml"
     file.write_text(json.dumps(station))
     return file
@@ -129,7 +164,11 @@ def test_a_tool_that_sags_below_the_floor_is_foretold():
     tool = text_of(found, "tool of robot")
     assert tool.level == "warning"
     assert "once its joints sag, load is 112 mm below the floor (bound 5 mm)" in tool.text
-    assert not [one for one in findings({"servo.kp": 50, "servo.feedforward": "gravity"}) if one.level == "warning"]
+    assert not [
+        one
+        for one in findings({"servo.kp": 50, "servo.feedforward": "gravity"})
+        if one.level == "warning"
+    ]
 
 
 def test_without_a_bound_no_sag_is_judged():
@@ -141,19 +180,28 @@ def test_explicit_servos_with_long_steps_are_foretold():
     finding = text_of(findings({"solver.kind": "discrete", "solver.time_step": 0.01}), "steps")
     assert finding.level == "warning"
     assert "joint_6" in finding.text
-    assert text_of(findings({"solver.kind": "discrete", "solver.time_step": 1e-4}), "steps").level == "ok"
+    assert (
+        text_of(findings({"solver.kind": "discrete", "solver.time_step": 1e-4}), "steps").level
+        == "ok"
+    )
 
 
 def test_the_step_limit_is_where_an_explicit_damper_becomes_unstable():
     """One joint, no spring, explicit Euler: v' = -(kd/M) v is stable up to h = 2 M/kd."""
-    finding = text_of(findings({"solver.scheme": "explicit_euler", "solver.max_step": 1e-5}), "steps")
+    finding = text_of(
+        findings({"solver.scheme": "explicit_euler", "solver.max_step": 1e-5}), "steps"
+    )
     limit = float(finding.text.split("steps of ")[1].split(" s")[0])
     # facts of the arm: M66 = 0.001 kg m² bare; gripper and load add 1e-3 kg m² and their offsets
     assert 2 * 0.001 / 10 < limit < 2 * 0.003 / 10
 
 
 def test_the_damping_of_an_axis_that_slides_is_told_in_its_units():
-    heavy = {"mode": "dynamic", "servo.kd": {"belt": 1e6}, "solver": {"kind": "discrete", "time_step": 0.01}}
+    heavy = {
+        "mode": "dynamic",
+        "servo.kd": {"belt": 1e6},
+        "solver": {"kind": "discrete", "time_step": 0.01},
+    }
     finding = text_of(findings(heavy, "irb120_on_belt"), "steps")
     assert "the damping of belt (kd 1e+06 N·s/m)" in finding.text
 
@@ -175,16 +223,26 @@ def test_bodies_that_penetrate_at_the_start_are_named():
 
 def test_a_check_builds_the_station_twice_with_and_without_shapes(monkeypatch):
     built = []
-    monkeypatch.setattr(plant, "add_robot", lambda *given, **kw: built.append(given) or add_robot(*given, **kw))
+    monkeypatch.setattr(
+        plant, "add_robot", lambda *given, **kw: built.append(given) or add_robot(*given, **kw)
+    )
     findings(station="irb120_force_stop")
     assert len(built) == 2
 
 
 def test_a_check_lists_where_each_piece_hangs():
     found = findings(station="irb120_chess")
-    assert text_of(found, "pieces.gripper").text == "hangs on robot, at tool0, its origin at 0 0 0 m"
-    assert text_of(found, "pieces.pencil").text == "hangs on gripper, at tcp, its origin at 0 0 0 m; robot carries it"
-    assert text_of(found, "pieces.chess_board").text == "hangs on world, its origin at 0.175 -0.2 0.15 m"
+    assert (
+        text_of(found, "pieces.gripper").text == "hangs on robot, at tool0, its origin at 0 0 0 m"
+    )
+    assert (
+        text_of(found, "pieces.pencil").text
+        == "hangs on gripper, at tcp, its origin at 0 0 0 m; robot carries it"
+    )
+    assert (
+        text_of(found, "pieces.chess_board").text
+        == "hangs on world, its origin at 0.175 -0.2 0.15 m"
+    )
     ball = text_of(findings(station="bouncing_ball"), "pieces.ball")
     assert ball.text == "hangs on nothing: gravity and contact move it"
     assert {finding.level for finding in found if finding.subject.startswith("pieces.")} == {"note"}
@@ -198,7 +256,8 @@ def test_nothing_is_in_order_that_was_not_looked_at():
     assert text_of(findings(), "contact").level == "note"
     ok = text_of(findings(), "reference of robot")
     assert (
-        ok.text == "within the joints' limits at 501 times from 0 to 3 s, at most 12% of their speed"
+        ok.text
+        == "within the joints' limits at 501 times from 0 to 3 s, at most 12% of their speed"
     )  # 30 of 250 deg/s
 
 
@@ -239,7 +298,9 @@ def test_links_that_run_into_each_other_are_foretold():
 
 def test_a_robot_in_a_piece_is_foretold():
     box = {"model": "box", "parent": "world", "pose": [0.2, 0, 0.63, 0, 0, 0]}
-    finding = text_of(findings({"pieces": {"box": box}, "reference.kind": "hold"}), "robots and pieces")
+    finding = text_of(
+        findings({"pieces": {"box": box}, "reference.kind": "hold"}), "robots and pieces"
+    )
     assert finding.level == "warning"
     assert finding.text.startswith("box and link_")
     away = {**box, "pose": [2, 0, 0.63, 0, 0, 0]}
@@ -254,13 +315,28 @@ def test_rigid_bodies_that_would_meet_in_points_are_named(one_joint_urdf, write_
     text = one_joint_urdf.replace('<link name="tip"/>', f'<link name="tip">{RIGID}')
     arm = {"urdf": str(write_urdf(text))}
     contact = {"model": "hydroelastic_with_fallback"}
-    overrides = {"robots": {"left": arm, "right": {**arm, "base": [1, 0, 0, 0, 0, 0]}}, "contact": contact}
-    (file := tmp_path / "two.yaml").write_text(json.dumps({**overrides, "reference": {"kind": "hold"}}))
-    (warning,) = [f.text for f in check_station(load_station(file)) if f.level == "warning" and f.subject == "contact"]
+    overrides = {
+        "robots": {"left": arm, "right": {**arm, "base": [1, 0, 0, 0, 0, 0]}},
+        "contact": contact,
+    }
+    (file := tmp_path / "two.yaml").write_text(
+        json.dumps({**overrides, "reference": {"kind": "hold"}})
+    )
+    (warning,) = [
+        f.text
+        for f in check_station(load_station(file))
+        if f.level == "warning" and f.subject == "contact"
+    ]
     assert "so left::arm::upper and right::arm::upper meet in points" in warning
 
 
 def test_a_solver_that_knows_no_dissipation_says_so():
     overrides = {"solver.kind": "discrete", "solver.scheme": "sap"}
-    warnings = [f.text for f in check_station(load_station("bouncing_ball", overrides)) if f.level == "warning"]
-    assert warnings == ["the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"]
+    warnings = [
+        f.text
+        for f in check_station(load_station("bouncing_ball", overrides))
+        if f.level == "warning"
+    ]
+    assert warnings == [
+        "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+    ]

@@ -56,7 +56,9 @@ def test_a_posture_is_found_that_weak_motors_hold(robot_of, clearance_of):
     start = start_of(clearance_of(urdf), torque=True)
     for angle in (start.posture[0], start.target[0]):
         assert weight * np.cos(angle) < 0.9 * 0.7 * weight
-    assert any("Not at home, where it is too heavy for its motors" in remark for remark in start.remarks)
+    assert any(
+        "Not at home, where it is too heavy for its motors" in remark for remark in start.remarks
+    )
 
 
 @pytest.mark.long
@@ -68,7 +70,9 @@ def test_many_weak_motors_are_eased_one_after_the_other(robot_of, clearance_of):
         joint(name, "base", f"0 {0.2 * place} 1", span=(-1.1, 1.1), effort=0.7 * weight)
         for place, name in enumerate(names)
     ]
-    start = start_of(clearance_of(robot_of(BASE, *(link(name, *BAR) for name in names), *hinges)), torque=True)
+    start = start_of(
+        clearance_of(robot_of(BASE, *(link(name, *BAR) for name in names), *hinges)), torque=True
+    )
     for posture in (start.posture, start.target):
         assert (weight * np.cos(posture) <= 0.9 * 0.7 * weight).all()
     assert not any("No start" in remark for remark in start.remarks)
@@ -76,7 +80,11 @@ def test_many_weak_motors_are_eased_one_after_the_other(robot_of, clearance_of):
 
 def test_without_a_posture_that_holds_the_draft_says_what_is_lacking(robot_of, clearance_of):
     weight = GRAVITY * 0.2
-    urdf = robot_of(BASE, link("bar", *BAR), joint("bar", "base", "0 0 0.6", span=(-0.1, 0.1), effort=0.5 * weight))
+    urdf = robot_of(
+        BASE,
+        link("bar", *BAR),
+        joint("bar", "base", "0 0 0.6", span=(-0.1, 0.1), effort=0.5 * weight),
+    )
     start = start_of(clearance_of(urdf), torque=True)
     np.testing.assert_array_equal(start.target, start.posture)
     (remark,) = [remark for remark in start.remarks if "No start was found" in remark]
@@ -109,7 +117,9 @@ def test_links_that_cannot_all_be_high_are_just_over_the_floor(robot_of, clearan
 
 def test_what_hangs_is_held_over_the_floor(robot_of, clearance_of):
     urdf = robot_of(
-        link("base", "0.1 0.1 0.1"), link("rod", "0.03 0.03 0.6", "0 0 -0.3"), joint("rod", "base", "0 0 0")
+        link("base", "0.1 0.1 0.1"),
+        link("rod", "0.03 0.03 0.6", "0 0 -0.3"),
+        joint("rod", "base", "0 0 0"),
     )
     start = start_of(clearance_of(urdf))
     assert start.height > 0.6
@@ -121,7 +131,9 @@ FINGERS = [link(name, "0.02 0.02 0.2", "0 0 0.1") for name in ("one", "two")]
 
 def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
     """Their joints are 15 mm apart, and they are 20 mm thick: 5 mm deep in each other unless one is turned away."""
-    hinges = [joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in (("one", 0.0), ("two", 0.013))]
+    hinges = [
+        joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in (("one", 0.0), ("two", 0.013))
+    ]
     clearance = clearance_of(robot_of(BASE, *FINGERS, *hinges))
     (overlap,) = clearance.overlaps()
     assert (overlap.bodies, overlap.robot) == (("one", "two"), "robot")
@@ -138,7 +150,9 @@ def test_sockets_do_not_count(robot_of, clearance_of):
     """A ball overlaps its socket, two joints before it, in all postures, and so is no collision."""
     ball = link("ball", "0.06 0.06 0.06")
     ring = link("ring", "0.001 0.001 0.001", mass=0.1)
-    urdf = robot_of(BASE, ring, ball, joint("ring", "base", "0 0 0.15", "0 0 1"), joint("ball", "ring", "0 0 0"))
+    urdf = robot_of(
+        BASE, ring, ball, joint("ring", "base", "0 0 0.15", "0 0 1"), joint("ball", "ring", "0 0 0")
+    )
     clearance = clearance_of(urdf)
     assert clearance.policy.permanent_overlaps == {("ball", "base"): "robot"}
     assert clearance.overlaps() == []
@@ -146,7 +160,9 @@ def test_sockets_do_not_count(robot_of, clearance_of):
 
 def test_of_a_robot_without_shapes_nothing_is_said_to_be_clear(robot_of, clearance_of):
     bare = [part.partition("<collision>")[0] + "</link>" for part in (BASE, link("bar", *BAR))]
-    remarks = start_of(clearance_of(robot_of(*bare, joint("bar", "base", "0 0 0.2"))), torque=True).remarks
+    remarks = start_of(
+        clearance_of(robot_of(*bare, joint("bar", "base", "0 0 0.2"))), torque=True
+    ).remarks
     assert remarks[0] == "Not looked at whether it is clear: it has no shapes that collide."
     assert not any("clear of" in remark for remark in remarks)
     assert "its motors hold it with" in remarks[-1]

@@ -66,7 +66,9 @@ def plane_point(length: float, angle: float) -> complex:
     return length * np.exp(-1j * angle)
 
 
-def rocker_angles(crank: float, *, start: complex, pivot: complex, rod: float, rocker: float) -> tuple[float, float]:
+def rocker_angles(
+    crank: float, *, start: complex, pivot: complex, rod: float, rocker: float
+) -> tuple[float, float]:
     """Both angles of a rocker about y for a crank's end, by the triangle of rod and rocker.
 
     Angles count from the x axis.

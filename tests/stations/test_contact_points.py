@@ -68,9 +68,22 @@ def test_a_pushed_crate_slides_as_coulombs_law_says(write_station, solver, side)
     push_force = 15
     push_time = 0.8
     crate = {"box": [0.3, 0.2, 0.15], "mass": mass, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
-    push = {"kind": "push", "at": "crate", "start": 0.1, "duration": push_time, "force": [side * push_force, 0, 0]}
+    push = {
+        "kind": "push",
+        "at": "crate",
+        "start": 0.1,
+        "duration": push_time,
+        "force": [side * push_force, 0, 0],
+    }
 
-    result = run(write_station, {"crate": crate}, solver, friction=friction, forces={"shove": push}, duration=1.8)
+    result = run(
+        write_station,
+        {"crate": crate},
+        solver,
+        friction=friction,
+        forces={"shove": push},
+        duration=1.8,
+    )
 
     speed = (push_force / mass - friction * G) * push_time
     distance = speed * push_time / 2 + speed**2 / (2 * friction * G)
@@ -81,7 +94,9 @@ def test_a_pushed_crate_slides_as_coulombs_law_says(write_station, solver, side)
 @every_solver
 def test_a_box_at_rest_presses_with_its_weight(write_station, solver):
     box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.1, 0, 0, 0]}
-    result = run(write_station, {"box": box}, solver, sensors={"felt": {"kind": "force", "body": "box"}})
+    result = run(
+        write_station, {"box": box}, solver, sensors={"felt": {"kind": "force", "body": "box"}}
+    )
     late = result.times > 0.5
     assert result["force.felt.z"][late] == pytest.approx(3 * G, rel=0.001)
     assert np.abs(result["force.felt.x"]).max() < 0.1
@@ -133,9 +148,19 @@ def test_turned_boxes_stack_and_crossed_beams_carry_each_other(write_station, so
     """No corner of the turned box lies on the other one: edges carry it."""
     boxes = {
         "low": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.1, 0, 0, 0]},
-        "high": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0.03, 0, 0.3, 0.3, 0, 0]},
+        "high": {
+            "box": [0.2, 0.2, 0.2],
+            "mass": 3,
+            "free": True,
+            "pose": [0.03, 0, 0.3, 0.3, 0, 0],
+        },
         "beam": {"box": [0.4, 0.05, 0.05], "mass": 1, "free": True, "pose": [1, 0, 0.025, 0, 0, 0]},
-        "cross": {"box": [0.4, 0.05, 0.05], "mass": 1, "free": True, "pose": [1, 0, 0.075, np.pi / 2, 0, 0]},
+        "cross": {
+            "box": [0.4, 0.05, 0.05],
+            "mass": 1,
+            "free": True,
+            "pose": [1, 0, 0.075, np.pi / 2, 0, 0],
+        },
     }
     sensors = {name: {"kind": "force", "body": name} for name in ("high", "cross")}
     sensors["floor"] = {"kind": "force", "body": "low", "other": "floor"}
@@ -157,7 +182,13 @@ def test_a_pushed_box_slides_on_a_table(write_station, solver):
     push_time = 0.3
     table = {"box": [1.6, 0.6, 0.1], "parent": "world", "pose": [0, 0, 0.4, 0, 0, 0]}
     box = {"box": CUBE, "mass": mass, "free": True, "pose": [0, 0, 0.55, 0, 0, 0]}
-    push = {"kind": "push", "at": "box", "start": 0.1, "duration": push_time, "force": [-push_force, 0, 0]}
+    push = {
+        "kind": "push",
+        "at": "box",
+        "start": 0.1,
+        "duration": push_time,
+        "force": [-push_force, 0, 0],
+    }
 
     result = run(write_station, {"table": table, "box": box}, solver, forces={"shove": push})
 
@@ -173,7 +204,9 @@ def test_a_cylinder_rolls_down_a_slope(write_station, solver):
     position = on_slope(CUBE, slope_deg)[:3]  # the cylinder is as wide as the cube
     roller = {"cylinder": [0.1, 0.4], "mass": 3, "free": True, "pose": [*position, 0, 0, np.pi / 2]}
 
-    result = run(write_station, {"roller": roller}, solver, floor={"size": 20, "incline_deg": slope_deg})
+    result = run(
+        write_station, {"roller": roller}, solver, floor={"size": 20, "incline_deg": slope_deg}
+    )
 
     acceleration = 2 / 3 * G * np.sin(np.deg2rad(slope_deg))
     assert way(result, "roller") == pytest.approx(acceleration / 2, rel=0.01)
@@ -186,7 +219,10 @@ def test_a_single_point_is_still_to_be_had_and_its_verdict_says_what_is_wrong(wr
     result = run(write_station, {"crate": crate}, "lagged", contact=contact, forces={"shove": push})
     assert abs(result["piece.crate.x"][-1]) < 0.01  # it sticks, against Coulomb's law
     assert any("set contact.corners to true" in warning for warning in result.warnings)
-    assert any(warning.startswith("the friction between crate and floor is 1") for warning in result.warnings)
+    assert any(
+        warning.startswith("the friction between crate and floor is 1")
+        for warning in result.warnings
+    )
 
 
 def shapes_of(overrides, name):
@@ -194,7 +230,11 @@ def shapes_of(overrides, name):
     station = add_plant(DiagramBuilder(), resolve(load_station("box_on_floor", overrides)))
     inspector = station.scene_graph.model_inspector()
     pairs = inspector.GetCollisionCandidates()
-    shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if name in inspector.GetName(shape)]
+    shapes = [
+        shape
+        for shape in inspector.GetAllGeometryIds(Role.kProximity)
+        if name in inspector.GetName(shape)
+    ]
     return inspector, shapes, pairs
 
 
@@ -312,12 +352,18 @@ def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):
         "low": {"box": [0.2, 0.2, 0.2], "parent": "world", "pose": [0, 0, 0.1, 0, 0, 0]},
         "high": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.26, 0, 0, 0]},
     }
-    with pytest.raises(InvalidParameter, match=r"overlap of high and low is 40\.0 mm; it must be at most 10 mm"):
+    with pytest.raises(
+        InvalidParameter, match=r"overlap of high and low is 40\.0 mm; it must be at most 10 mm"
+    ):
         run(write_station, pieces, "radau3")
-    config = load_station(write_station({"pieces": pieces, "floor": {"size": 1}, "contact": {}, "duration": 1.0}))
+    config = load_station(
+        write_station({"pieces": pieces, "floor": {"size": 1}, "contact": {}, "duration": 1.0})
+    )
     (finding,) = [one for one in check_station(config) if one.subject == "contact"]
     assert finding.level == "warning"
-    assert finding.text.startswith("high and low are 40.0 mm deep in each other at the start, and a run does not begin")
+    assert finding.text.startswith(
+        "high and low are 40.0 mm deep in each other at the start, and a run does not begin"
+    )
     pieces["high"]["pose"][2] = 0.299
     assert run(write_station, pieces, "cenic", duration=0.1).ending == "completed"
 

@@ -54,7 +54,10 @@ def gear(*, total=None, **ratios):
 @pytest.mark.parametrize("asked", ["a", "b"])
 def test_either_axis_of_a_pair_moves_the_other(tmp_path, asked):
     couplings = {"mesh": gear(a=2, b=1)}
-    result = simulate(station(tmp_path, "ab", couplings=couplings, reference=moving(**{asked: 20})), progress=False)
+    result = simulate(
+        station(tmp_path, "ab", couplings=couplings, reference=moving(**{asked: 20})),
+        progress=False,
+    )
     np.testing.assert_allclose(2 * result["q_ref.a"] + result["q_ref.b"], 0.0, atol=1e-12)
     np.testing.assert_allclose(2 * result["q.a"] + result["q.b"], 0.0, atol=1e-5)
     assert result[f"q.{asked}"][-1] == pytest.approx(np.deg2rad(20), abs=2e-3)
@@ -67,7 +70,11 @@ def test_two_motors_no_longer_press_against_each_other(tmp_path):
     couplings = {"mesh": gear(slide_r=1, slide_l=-1)}
     start = {"initial_deg": {"slide_l": 0.04, "slide_r": 0.04}}
     config = station(
-        tmp_path, ["slide_l", "slide_r"], couplings=couplings, reference=moving(slide_l=0.0), **{"": start}
+        tmp_path,
+        ["slide_l", "slide_r"],
+        couplings=couplings,
+        reference=moving(slide_l=0.0),
+        **{"": start},
     )
     result = simulate(config, progress=False)
     np.testing.assert_allclose(result.axes("q")[-1], 0.0, atol=1e-3)
@@ -76,7 +83,9 @@ def test_two_motors_no_longer_press_against_each_other(tmp_path):
 
 def test_two_leaders_move_independently(tmp_path):
     couplings = {"left": gear(b=1, a=-1), "right": gear(d=1, c=2)}
-    config = station(tmp_path, "abcd", mode="kinematic", couplings=couplings, reference=moving(a=20, c=10))
+    config = station(
+        tmp_path, "abcd", mode="kinematic", couplings=couplings, reference=moving(a=20, c=10)
+    )
     end = simulate(config, progress=False).axes("q")[-1]
     np.testing.assert_allclose(np.rad2deg(end), [20, 20, 10, -20], atol=1e-9)
 
@@ -84,14 +93,22 @@ def test_two_leaders_move_independently(tmp_path):
 @pytest.mark.skipif(not TENDONS.is_there, reason="older Drake couples two axes at most")
 def test_a_planetary_gear_needs_two_of_three(tmp_path):
     couplings = {"planets": gear(sun=1, ring=2, carrier=-3)}
-    with pytest.raises(SimrobError, match=r"no value for carrier and ring.*couplings.planets moves either"):
-        simulate(station(tmp_path, ["sun", "ring", "carrier"], couplings=couplings, reference=moving(sun=30)))
+    with pytest.raises(
+        SimrobError, match=r"no value for carrier and ring.*couplings.planets moves either"
+    ):
+        simulate(
+            station(
+                tmp_path, ["sun", "ring", "carrier"], couplings=couplings, reference=moving(sun=30)
+            )
+        )
     both = moving(sun=30, ring=-9)
     config = station(tmp_path, ["sun", "ring", "carrier"], couplings=couplings, reference=both)
     result = simulate(config, progress=False)
     np.testing.assert_allclose(np.rad2deg(result.axes("q_ref")[-1]), [30, -9, 4], atol=1e-9)
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), [30, -9, 4], atol=0.1)
-    with pytest.raises(SimrobError, match=r"reference of carrier is 10 deg .* be 4 deg, to which couplings.planets"):
+    with pytest.raises(
+        SimrobError, match=r"reference of carrier is 10 deg .* be 4 deg, to which couplings.planets"
+    ):
         simulate(station(tmp_path, ["sun", "ring", "carrier"], couplings=couplings,
                          reference=moving(sun=30, ring=-9, carrier=10)))  # fmt: skip
 
@@ -109,7 +126,10 @@ def test_an_axis_of_another_robot_follows_in_time(tmp_path):
 def test_an_axis_without_a_motor_gives_way(tmp_path):
     couplings = {"mesh": gear(a=2, b=1)}
     servo = {"realization": "implicit", "kp": {"a": 200}, "kd": {"a": 20}}
-    servo = {key: {"a": value["a"], "b": 0} if isinstance(value, dict) else value for key, value in servo.items()}
+    servo = {
+        key: {"a": value["a"], "b": 0} if isinstance(value, dict) else value
+        for key, value in servo.items()
+    }
     config = station(tmp_path, "ab", couplings=couplings, servo=servo, reference=moving(a=20, b=0))
     result = simulate(config, progress=False)
     assert np.ptp(result["q_ref.b"]) == 0  # nobody heeds it
@@ -121,7 +141,9 @@ def test_an_axis_without_a_motor_gives_way(tmp_path):
 
 def test_couplings_that_contradict_each_other_are_refused(tmp_path):
     couplings = {"one": gear(a=1, b=-1, total=0), "other": gear(a=1, b=-1, total=0.5)}
-    with pytest.raises(SimrobError, match=r"couplings\.other is in contradiction to couplings\.one"):
+    with pytest.raises(
+        SimrobError, match=r"couplings\.other is in contradiction to couplings\.one"
+    ):
         station(tmp_path, "ab", couplings=couplings)
 
 
@@ -184,7 +206,9 @@ def test_polynomials_are_combined_exactly(order):
 
     assert isinstance(combination, PiecewisePolynomial)
     times = np.linspace(-0.2, 1.3, 301)
-    stacked = [reference_values(reference, times, order) for reference in (smooth_move, straight_ramp)]
+    stacked = [
+        reference_values(reference, times, order) for reference in (smooth_move, straight_ramp)
+    ]
     expected = np.hstack(stacked) @ matrix.T
     if order == 0:
         expected += offset
@@ -219,7 +243,9 @@ def test_sines_are_combined_exactly():
 
 def test_sines_of_two_frequencies_are_not_combined():
     """The sum of two sines of different frequencies is no sine."""
-    other = SineReference(centre=np.zeros(1), amplitude=np.ones(1), frequency=0.7, phase=np.zeros(1))
+    other = SineReference(
+        centre=np.zeros(1), amplitude=np.ones(1), frequency=0.7, phase=np.zeros(1)
+    )
 
     with pytest.raises(SimrobError, match="one frequency"):
         combine_references([SINE, other], np.eye(3), np.zeros(3))

@@ -25,14 +25,24 @@ def station(folder, parts, **sections):
         links += [JOINT.format(name=name, type=kind, at=at, axis=axis)]
     (folder / "robot.urdf").write_text(f"<robot name='pair'>{''.join(links)}</robot>")
     robot = {"urdf": str(folder / "robot.urdf"), **sections.pop("robot", {})}
-    content = {"robot": robot, "servo": FREE, "duration": 1.0, "gravity": 9.81, "solver": TIGHT, **sections}
+    content = {
+        "robot": robot,
+        "servo": FREE,
+        "duration": 1.0,
+        "gravity": 9.81,
+        "solver": TIGHT,
+        **sections,
+    }
     import yaml
 
     (folder / "station.yaml").write_text(yaml.safe_dump(content))
     return load_station(folder / "station.yaml")
 
 
-ARM, WHEEL = ("revolute", "0 0 0", "0 1 0", 2.0, "0.3 0 0", 0.05), ("revolute", "1 0 0", "0 1 0", 1.0, "0 0 0", 0.02)
+ARM, WHEEL = (
+    ("revolute", "0 0 0", "0 1 0", 2.0, "0.3 0 0", 0.05),
+    ("revolute", "1 0 0", "0 1 0", 1.0, "0 0 0", 0.02),
+)
 
 
 CENIC = {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-4, "max_step": 1e-3}
@@ -57,15 +67,21 @@ def test_a_geared_pair_turns_as_one_inertia(tmp_path, solver, within):
 def test_a_gear_keeps_the_posture_in_which_it_starts(tmp_path):
     gears = {"gear": {"ratios": {"arm_joint": 1, "wheel_joint": 1}}}
     start = {"initial_deg": {"arm_joint": 90, "wheel_joint": 30}}
-    config = station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings=gears, robot=start, duration=0.2)
+    config = station(
+        tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings=gears, robot=start, duration=0.2
+    )
     result = simulate(config, progress=False)
-    assert result["q.arm_joint"] + result["q.wheel_joint"] == pytest.approx(np.full(21, np.deg2rad(120)), abs=1e-5)
+    assert result["q.arm_joint"] + result["q.wheel_joint"] == pytest.approx(
+        np.full(21, np.deg2rad(120)), abs=1e-5
+    )
 
 
 SLIDER = ("prismatic", "0 0 1", "0 0 1", 1.0, "0 0 0", 0.01)
 
 
-@pytest.mark.parametrize("solver", [TIGHT, {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}])
+@pytest.mark.parametrize(
+    "solver", [TIGHT, {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}]
+)
 def test_two_bodies_on_a_spring(tmp_path, solver):
     """Two masses with a spring and a damper between them are pulled together by k (x - l) + d x' of the distance x."""
     length = 0.8  # [m]
@@ -73,7 +89,13 @@ def test_two_bodies_on_a_spring(tmp_path, solver):
     damping = 3.0  # [N·s/m]
     low_mass, high_mass = 2.0, 1.0  # [kg]
     distance_at_zero = 1.0  # [m]
-    spring = {"body": "low", "other": "high", "length": length, "stiffness": stiffness, "damping": damping}
+    spring = {
+        "body": "low",
+        "other": "high",
+        "length": length,
+        "stiffness": stiffness,
+        "damping": damping,
+    }
     low = ("prismatic", "0 0 0", "0 0 1", low_mass, "0 0 0", 0.01)
     parts = {"low": low, "high": SLIDER}
     config = station(tmp_path, parts, couplings={"spring": spring}, gravity=0.0, solver=solver)
@@ -90,7 +112,9 @@ def test_two_bodies_on_a_spring(tmp_path, solver):
     expected = solve_ivp(motion, (0, 1), [0.0] * 4, rtol=1e-10, atol=1e-12, t_eval=result.times).y
     np.testing.assert_allclose(result["q.low_joint"], expected[0], atol=2e-4)
     np.testing.assert_allclose(result["q.high_joint"], expected[1], atol=2e-4)
-    assert "coupling_gap" not in {measure.criterion.name for measure in result.verdict.measures}  # it may be any length
+    assert "coupling_gap" not in {
+        measure.criterion.name for measure in result.verdict.measures
+    }  # it may be any length
 
 
 @pytest.mark.long
@@ -118,8 +142,20 @@ def test_rods_and_welds_hold(tmp_path):
     "held",
     [
         {"kind": "ball", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0]},
-        {"kind": "ball", "body": "world", "point": [0.3, 0, 0], "other": "arm", "other_point": [0.3, 0, 0]},
-        {"kind": "rod", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0.5], "length": 0.5},
+        {
+            "kind": "ball",
+            "body": "world",
+            "point": [0.3, 0, 0],
+            "other": "arm",
+            "other_point": [0.3, 0, 0],
+        },
+        {
+            "kind": "rod",
+            "body": "arm",
+            "point": [0.3, 0, 0],
+            "other_point": [0.3, 0, 0.5],
+            "length": 0.5,
+        },
         {"kind": "weld", "body": "arm"},
         {"kind": "hinge", "body": "arm"},
     ],
@@ -129,7 +165,9 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
     """An arm that would fall hangs on the world."""
     if held["kind"] in ("rod", "ball") and solver is STIFF:
         pytest.skip("rods and balls are held by discrete solvers alone")
-    config = station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": held}, solver=solver, duration=0.2)
+    config = station(
+        tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": held}, solver=solver, duration=0.2
+    )
     result = simulate(config, progress=False)
     np.testing.assert_allclose(result["q.arm_joint"], 0.0, atol=1e-3)
 
@@ -150,7 +188,10 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
 )  # fmt: skip
 def test_couplings_that_cannot_be(tmp_path, coupling, more, told):
     with pytest.raises(SimrobError, match=told):
-        simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": coupling}, **more), duration=0.01)
+        simulate(
+            station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": coupling}, **more),
+            duration=0.01,
+        )
 
 
 @pytest.mark.parametrize(("gravity", "warned"), [(9.81, False), (1e4, True)])
@@ -162,7 +203,12 @@ def test_a_coupling_that_its_load_opens_is_told(tmp_path, gravity, warned):
     worst = result.verdict["coupling_gap"].worst
     assert worst.subject == "tie"
     assert worst.value == pytest.approx(gravity / 2000.0**2, rel=0.1)
-    assert any(f"tie was {1e3 * worst.value:.3g} mm (or mrad) open" in told for told in result.warnings) == warned
+    assert (
+        any(
+            f"tie was {1e3 * worst.value:.3g} mm (or mrad) open" in told for told in result.warnings
+        )
+        == warned
+    )
 
 
 @pytest.mark.parametrize(
@@ -176,5 +222,7 @@ def test_a_coupling_that_its_load_opens_is_told(tmp_path, gravity, warned):
     ],
 )
 def test_a_coupling_says_what_it_is(section, words):
-    made = KINDS.model(section["kind"]).model_validate({"body": "slider", "other": "wheel", **section})
+    made = KINDS.model(section["kind"]).model_validate(
+        {"body": "slider", "other": "wheel", **section}
+    )
     assert made.caption() == words

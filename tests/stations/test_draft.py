@@ -37,7 +37,9 @@ def test_an_arm_follows_its_first_move(tmp_path):
 
 @pytest.mark.long
 def test_a_floating_robot_stands_on_the_floor(tmp_path):
-    config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
+    config = drafted(
+        tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating")
+    )
     assert config.contact is not None
     result = simulate(config, duration=1.0, progress=False)
     assert result.ending == "completed"
@@ -47,7 +49,10 @@ def test_a_floating_robot_stands_on_the_floor(tmp_path):
 
 
 def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, write_urdf):
-    start, end = one_joint_urdf.index("<inertial>"), one_joint_urdf.index("</inertial>") + len("</inertial>")
+    start, end = (
+        one_joint_urdf.index("<inertial>"),
+        one_joint_urdf.index("</inertial>") + len("</inertial>"),
+    )
     urdf = write_urdf(one_joint_urdf[:start] + one_joint_urdf[end:])
     config = drafted(tmp_path, urdf)
     assert config.mode == "kinematic"
@@ -61,20 +66,31 @@ def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, 
 def test_a_description_with_a_floating_base_needs_shapes(one_joint_urdf, write_urdf):
     """A floating robot that a YAML file describes is refused in words if nothing of it can stand on the floor."""
     collision_end = one_joint_urdf.index("</collision>") + len("</collision>")
-    without_shapes = one_joint_urdf[: one_joint_urdf.index("<collision>")] + one_joint_urdf[collision_end:]
+    without_shapes = (
+        one_joint_urdf[: one_joint_urdf.index("<collision>")] + one_joint_urdf[collision_end:]
+    )
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
     urdf = write_urdf(without_shapes.replace('<link name="base">', f'<link name="base">{inertial}'))
     description = urdf.with_name("floating.yaml")
-    description.write_text(f"urdf: {urdf.name}\nroot: base\nbase: floating\naxes: [shoulder]\ntools: {{}}\n")
+    description.write_text(
+        f"urdf: {urdf.name}\nroot: base\nbase: floating\naxes: [shoulder]\ntools: {{}}\n"
+    )
 
-    with pytest.raises(Unsuitable, match=r"floating\.yaml: base: it is floating, but no link has a collision shape"):
+    with pytest.raises(
+        Unsuitable, match=r"floating\.yaml: base: it is floating, but no link has a collision shape"
+    ):
         draft_station(description)
 
 
-def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(tmp_path, one_joint_urdf, write_urdf):
+def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(
+    tmp_path, one_joint_urdf, write_urdf
+):
     config = drafted(tmp_path, write_urdf(one_joint_urdf))  # whose base alone has one
     (finding,) = [one for one in check_station(config) if one.subject.startswith("floor and")]
-    assert (finding.level, finding.text) == ("note", "not looked at: no link that moves has a shape to touch with")
+    assert (finding.level, finding.text) == (
+        "note",
+        "not looked at: no link that moves has a shape to touch with",
+    )
 
 
 def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urdf):
@@ -84,14 +100,24 @@ def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urd
     assert result["q.shoulder"][-1] == pytest.approx(0.05, abs=0.005)
 
 
-@pytest.mark.parametrize("options", [None, ImportOptions(base="fixed")], ids=["as it is", "imported"])
-@pytest.mark.parametrize(("kind", "middle"), [("prismatic", 0.3), ("revolute", np.deg2rad(17.1887))])
-def test_an_axis_that_cannot_be_at_zero_starts_midway(tmp_path, one_joint_urdf, write_urdf, kind, middle, options):
+@pytest.mark.parametrize(
+    "options", [None, ImportOptions(base="fixed")], ids=["as it is", "imported"]
+)
+@pytest.mark.parametrize(
+    ("kind", "middle"), [("prismatic", 0.3), ("revolute", np.deg2rad(17.1887))]
+)
+def test_an_axis_that_cannot_be_at_zero_starts_midway(
+    tmp_path, one_joint_urdf, write_urdf, kind, middle, options
+):
     urdf = write_urdf(
-        one_joint_urdf.replace("revolute", kind).replace('lower="-1" upper="2"', 'lower="0.1" upper="0.5"')
+        one_joint_urdf.replace("revolute", kind).replace(
+            'lower="-1" upper="2"', 'lower="0.1" upper="0.5"'
+        )
     )
     config = drafted(tmp_path, urdf, options)
-    assert simulate(config, duration=0.1, progress=False)["q.shoulder"][0] == pytest.approx(middle, abs=1e-6)
+    assert simulate(config, duration=0.1, progress=False)["q.shoulder"][0] == pytest.approx(
+        middle, abs=1e-6
+    )
 
 
 def test_paths_are_relative_to_the_station_where_that_is_near(tmp_path, one_joint_urdf, write_urdf):
@@ -134,7 +160,9 @@ def gripper_alone(left, right):
     return f'<robot name="two">{palm}{slides}</robot>'
 
 
-@pytest.mark.parametrize(("names", "is_gripper"), [(("left_finger", "right_finger"), True), (("a", "b"), False)])
+@pytest.mark.parametrize(
+    ("names", "is_gripper"), [(("left_finger", "right_finger"), True), (("a", "b"), False)]
+)
 def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path, names, is_gripper):
     """Its file has no joint that moves the palm. Two nameless slides may be a machine's."""
     urdf = tmp_path / "two.urdf"
@@ -146,7 +174,9 @@ def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path,
 def test_a_gripper_closes_and_opens_its_fingers(tmp_path):
     """A first station shows what its fingers do, and names the moves that take a piece."""
     file = tmp_path / "first.yaml"
-    file.write_text(draft_station(models_root() / "irb120_gripper" / "irb120_gripper.urdf", folder=tmp_path))
+    file.write_text(
+        draft_station(models_root() / "irb120_gripper" / "irb120_gripper.urdf", folder=tmp_path)
+    )
     text = file.read_text()
     assert "`grip: {force: 20}`" in text
     assert "metres: left_finger, right_finger" in text

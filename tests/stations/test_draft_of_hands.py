@@ -10,7 +10,9 @@ from simrob_drake.stations.draft import draft_station
 from tests.robots.hands import box, gantry, joint, link
 
 CUBE = {"pieces.cube": {"model": "cube", "free": True, "pose": [0, 0, 0.02, 0, 0, 0]}}
-DOWN = 0.4 - 0.07 - 0.02  # m: from the carriage to where the middle of a cube of 40 mm on the floor is between the pads
+DOWN = (
+    0.4 - 0.07 - 0.02
+)  # m: from the carriage to where the middle of a cube of 40 mm on the floor is between the pads
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,11 @@ def test_it_says_what_holds_by_friction_and_check_agrees(station):
     assert content["contact"]["model"] == "hydroelastic"
     assert content["robot"]["initial_deg"]["left_slide"] == 0.04
     assert content["couplings"] == {
-        "right_slide_follows": {"kind": "gear", "ratios": {"right_slide": 1.0, "left_slide": -1.0}, "total": 0.0}
+        "right_slide_follows": {
+            "kind": "gear",
+            "ratios": {"right_slide": 1.0, "left_slide": -1.0},
+            "total": 0.0,
+        }
     }
     found = check_station(load_station(station, CUBE))
     assert [finding for finding in found if "gripper" in finding.subject] == []
@@ -72,7 +78,9 @@ def test_links_that_are_in_each_other_all_the_way_are_not_in_the_way(tmp_path):
     """Hulls of fingers that are closed overlap by 4 mm: half of what links of one robot may would be 2.5 mm."""
     sides = []
     for name, sign in (("left", 1), ("right", -1)):
-        sides.append(link(name, box("0.02 0.01 0.02", f"0 {sign * 0.003} 0.07"), com=f"0 {sign * 0.01} 0.03"))
+        sides.append(
+            link(name, box("0.02 0.01 0.02", f"0 {sign * 0.003} 0.07"), com=f"0 {sign * 0.01} 0.03")
+        )
         sides.append(joint(name, "palm", name, axis=f"0 {sign} 0", low=0, high=0.04))
     (tmp_path / "gantry.urdf").write_text(gantry(*sides))
     (tmp_path / "s.yaml").write_text("{robot: {urdf: gantry.urdf}, mode: kinematic}")

@@ -26,7 +26,9 @@ PACKAGE = Path(simrob_drake.__file__).parent
 def test_each_scheme_of_the_schema_has_its_answers():
     assert set(CONTINUOUS_SCHEMES) == set(get_args(ContinuousScheme))
     assert set(DISCRETE_SCHEMES) == set(get_args(DiscreteScheme))
-    assert all(engine.name == name for name, engine in (CONTINUOUS_SCHEMES | DISCRETE_SCHEMES).items())
+    assert all(
+        engine.name == name for name, engine in (CONTINUOUS_SCHEMES | DISCRETE_SCHEMES).items()
+    )
 
 
 @pytest.mark.parametrize("scheme", sorted(set(CONTINUOUS_SCHEMES) - {"cenic", "radau1"}))
@@ -48,8 +50,16 @@ def test_steps_are_those_of_the_section():
     free = ContinuousSolver(kind="continuous", scheme="radau3", max_step=0.02)
     fixed = ContinuousSolver(kind="continuous", scheme="radau3", max_step=0.02, error_control=False)
     discrete = DiscreteSolver(kind="discrete", time_step=0.004)
-    assert [solver.engine.has_fixed_steps for solver in (free, fixed, discrete)] == [False, True, True]
-    assert [solver.engine.has_discrete_states for solver in (free, fixed, discrete)] == [False, False, True]
+    assert [solver.engine.has_fixed_steps for solver in (free, fixed, discrete)] == [
+        False,
+        True,
+        True,
+    ]
+    assert [solver.engine.has_discrete_states for solver in (free, fixed, discrete)] == [
+        False,
+        False,
+        True,
+    ]
     assert [solver.step for solver in (free, fixed, discrete)] == [0.02, 0.02, 0.004]
     assert discrete.tighter().engine.time_step == pytest.approx(0.0004)
 
@@ -74,7 +84,10 @@ def test_no_module_compares_names_of_modes_and_schemes():
                 continue
             asked = {part.attr for part in ast.walk(node) if isinstance(part, ast.Attribute)}
             values = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
-            if asked & {"mode", "scheme", "kind"} and {value for value in values if isinstance(value, str)} & names:
+            if (
+                asked & {"mode", "scheme", "kind"}
+                and {value for value in values if isinstance(value, str)} & names
+            ):
                 found.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
     assert [place.partition(":")[0] for place in found] == ["stations/config.py"]
 
@@ -82,7 +95,9 @@ def test_no_module_compares_names_of_modes_and_schemes():
 @pytest.mark.parametrize("scheme", sorted(CONTINUOUS_SCHEMES))
 def test_explicit_schemes_are_those_that_a_stiff_spring_makes_unstable(scheme):
     """A decay with the rate 1000/s, in steps of 10 ms: h λ = 10 is beyond the stable range of every explicit scheme."""
-    if scheme == "cenic":  # it steps plants alone; it is convex and implicit in their contacts and actuators
+    if (
+        scheme == "cenic"
+    ):  # it steps plants alone; it is convex and implicit in their contacts and actuators
         assert not CONTINUOUS_SCHEMES[scheme].is_explicit
         return
     decay = LinearSystem(A=[[-1000.0]], B=np.zeros((1, 0)), C=[[1.0]], D=np.zeros((1, 0)))

@@ -44,7 +44,11 @@ def sled(tmp_path: Path) -> Path:
         (RADAU, "per_joint", 2e-4),
         (RADAU, "implicit", 2e-4),
         ({"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4}, "per_joint", 2e-4),
-        (CENIC, "per_joint", 5e-3),  # of first order: a part of omega h / 2 of the way is lost at each
+        (
+            CENIC,
+            "per_joint",
+            5e-3,
+        ),  # of first order: a part of omega h / 2 of the way is lost at each
         pytest.param(CENIC, "implicit", 5e-3, marks=pytest.mark.long),
         (DISCRETE, "implicit", 5e-3),
         pytest.param({**DISCRETE, "scheme": "lagged"}, "per_joint", 5e-3, marks=pytest.mark.long),
@@ -72,7 +76,9 @@ def test_a_sled_on_a_spring_loses_the_same_at_every_turn(
     # The motor's torque is that of its servo alone, without friction.
     is_first_swing = (result.times > 0.01) & (result.times < half_period)
     spring = STIFFNESS * (result["q_ref.joint_1"] - result["q.joint_1"])
-    np.testing.assert_allclose(result["tau.joint_1"][is_first_swing], spring[is_first_swing], rtol=0, atol=0.5)
+    np.testing.assert_allclose(
+        result["tau.joint_1"][is_first_swing], spring[is_first_swing], rtol=0, atol=0.5
+    )
     assert station_dot(config)  # every block has its place in the picture
     assert not [finding for finding in check_station(config) if finding.level == "warning"]
 
@@ -99,7 +105,9 @@ def test_a_kinematic_station_tells_what_motors_give_against_it(sled: Path) -> No
 
 def test_a_station_changes_friction(sled: Path) -> None:
     """A sled without friction goes on swinging to the same place."""
-    result = simulate(load_station(sled, {"robot.drives.friction": 0, "solver": RADAU}), progress=False)
+    result = simulate(
+        load_station(sled, {"robot.drives.friction": 0, "solver": RADAU}), progress=False
+    )
     way = result["q.joint_1"] - 0.5
     assert np.abs(way[find_peaks(way)[0]]) == pytest.approx(0.5, abs=1e-3)
 

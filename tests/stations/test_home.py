@@ -60,7 +60,9 @@ def test_home_of_a_table_is_the_start(tmp_path: Path) -> None:
     file = described(tmp_path, "home_deg: {joint_2: -90}\n")
     station = tmp_path / "station.yaml"
     station.write_text(f"mode: kinematic\nrobot: {{model: {file.name}}}\n")
-    np.testing.assert_allclose(np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [0, -90])
+    np.testing.assert_allclose(
+        np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [0, -90]
+    )
 
 
 @pytest.mark.parametrize("home", ["", "home_deg: 0\n", "home_deg: {joint_1: 20}\n"])
@@ -73,7 +75,12 @@ def test_an_axis_that_excludes_zero_begins_midway(tmp_path: Path, home: str) -> 
 
 def test_another_robot_begins_at_its_own_home(urdf: Path) -> None:
     """The file of irb120_kinematic gives 0 for the axes of the irb120, which holds for no other robot."""
-    changes = {"robot.urdf": str(urdf), "reference": {"kind": "hold"}, "pieces.gripper": None, "pieces.load": None}
+    changes = {
+        "robot.urdf": str(urdf),
+        "reference": {"kind": "hold"},
+        "pieces.gripper": None,
+        "pieces.load": None,
+    }
     robot = resolve(load_station("irb120_kinematic", overrides=changes)).robots["robot"]
     np.testing.assert_allclose(robot.initial, [-2.0], atol=1e-5)
 
@@ -86,15 +93,21 @@ def test_a_start_goes_with_the_robot_that_it_is_given_for(urdf: Path) -> None:
 
 
 def test_axes_that_a_mapping_leaves_out_are_at_zero_if_they_can(tmp_path: Path) -> None:
-    np.testing.assert_allclose(start_of("irb120", robot__initial_deg={"joint_1": 30}), [30, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(
+        start_of("irb120", robot__initial_deg={"joint_1": 30}), [30, 0, 0, 0, 0, 0]
+    )
     station = tmp_path / "station.yaml"
     described(tmp_path, "home_deg: {joint_1: 10, joint_2: -45}\n")
     station.write_text("mode: kinematic\nrobot: {model: arm.yaml, initial_deg: {joint_1: 5}}\n")
-    np.testing.assert_allclose(np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [5, -45])
+    np.testing.assert_allclose(
+        np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [5, -45]
+    )
 
 
 def test_zero_that_is_asked_for_is_refused_where_it_cannot_be(urdf: Path) -> None:
-    with pytest.raises(SimrobError, match=r"initial_deg of bend is 0; it must be within -171\.89 to -57\.296 deg"):
+    with pytest.raises(
+        SimrobError, match=r"initial_deg of bend is 0; it must be within -171\.89 to -57\.296 deg"
+    ):
         bare_station(str(urdf), {"robot.initial_deg": 0})
 
 
@@ -105,4 +118,6 @@ def test_shipped_stations_keep_their_start(name: str) -> None:
 
 
 def test_a_robot_of_the_package_begins_at_home() -> None:
-    np.testing.assert_array_equal(resolve(bare_station("irb120")).robots["robot"].initial, load_robot("irb120").home)
+    np.testing.assert_array_equal(
+        resolve(bare_station("irb120")).robots["robot"].initial, load_robot("irb120").home
+    )

@@ -10,7 +10,9 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.stations.checks import check_station
 
 DISCRETE = {"kind": "discrete", "time_step": 0.001}
-SAP_WARNING = "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+SAP_WARNING = (
+    "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+)
 
 
 def warnings_of_check(config):
@@ -32,7 +34,14 @@ def test_a_ball_that_cannot_bounce_is_reported_by_the_result(tmp_path):
 @pytest.mark.usefixtures("no_plots")
 def test_strict_ends_with_4(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    args = ["run", "bouncing_ball", "--set", "solver={kind: discrete, time_step: 0.001}", "--duration", "0.2"]
+    args = [
+        "run",
+        "bouncing_ball",
+        "--set",
+        "solver={kind: discrete, time_step: 0.001}",
+        "--duration",
+        "0.2",
+    ]
     assert run_command([*args, "--strict", "--out", "strict"]) == 4
     assert run_command([*args, "--out", "lenient"]) == 0
 
@@ -85,7 +94,11 @@ def test_continuous_schemes_hold_by_static_friction(write_station, scheme, step)
 @pytest.mark.parametrize(
     ("station", "overrides", "key"),
     [
-        ("bouncing_ball", {"contact.hydroelastic_modulus": 1e6}, "ignores contact.hydroelastic_modulus"),
+        (
+            "bouncing_ball",
+            {"contact.hydroelastic_modulus": 1e6},
+            "ignores contact.hydroelastic_modulus",
+        ),
         (
             "bouncing_ball",
             {"contact.model": "hydroelastic", "contact.stiffness": 1e4},
@@ -98,7 +111,11 @@ def test_continuous_schemes_hold_by_static_friction(write_station, scheme, step)
         ),
         (
             "irb120_dynamic",
-            {"joint_stops.stiffness": 1e4, "solver": {"kind": "discrete"}, "servo.realization": "implicit"},
+            {
+                "joint_stops.stiffness": 1e4,
+                "solver": {"kind": "discrete"},
+                "servo.realization": "implicit",
+            },
             "stops joints at their limits by itself and ignores joint_stops",
         ),
     ],
@@ -120,4 +137,6 @@ def test_a_latency_that_is_no_whole_sample_is_noted(latency, note):
     bus = {"servo.bus": {"rate": 50, "latency": latency}}
     findings = check_station(load_station("irb120_dynamic", {"servo.feedforward": "none", **bus}))
     found = [finding for finding in findings if finding.subject == "servo.bus.latency"]
-    assert [(finding.level, finding.text) for finding in found] == ([("note", note)] if note else [])
+    assert [(finding.level, finding.text) for finding in found] == (
+        [("note", note)] if note else []
+    )

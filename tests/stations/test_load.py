@@ -32,11 +32,15 @@ def test_an_empty_mapping_takes_everything_away():
 
 def test_a_new_kind_begins_from_its_defaults_and_names_what_was_given_for_the_old_one():
     """A target to which a ramp goes must not become the posture at which a hold stands."""
-    with pytest.warns(KeysLeftOut, match="reference.kind is hold in place of ramp.*without.*target_deg"):
+    with pytest.warns(
+        KeysLeftOut, match="reference.kind is hold in place of ramp.*without.*target_deg"
+    ):
         config = load_station("irb120_dynamic", {"reference.kind": "hold"})
     assert config.reference == Hold(kind="hold")
     with pytest.warns(KeysLeftOut, match="solver.*accuracy.*max_step"):
-        config = load_station("irb120_dynamic", {"solver.time_step": 0.002, "solver.kind": "discrete"})
+        config = load_station(
+            "irb120_dynamic", {"solver.time_step": 0.002, "solver.kind": "discrete"}
+        )
     assert config.solver.model_dump() == {"kind": "discrete", "scheme": "sap", "time_step": 0.002}
 
 
@@ -53,8 +57,22 @@ def test_the_arm_with_force_control_holds_its_start():
     ("station", "sections", "key", "changes", "left", "kept"),
     [
         ("irb120_dynamic", {}, "reference", {"kind": "hold"}, ["target_deg"], {"target_deg": None}),
-        ("irb120_dynamic", {}, "reference", {"kind": "hold", "target_deg": 5}, ["target_deg"], {"target_deg": 5.0}),
-        ("two_irb120", {}, "robots.left.reference", {"kind": "hold"}, ["target_deg"], {"target_deg": None}),
+        (
+            "irb120_dynamic",
+            {},
+            "reference",
+            {"kind": "hold", "target_deg": 5},
+            ["target_deg"],
+            {"target_deg": 5.0},
+        ),
+        (
+            "two_irb120",
+            {},
+            "robots.left.reference",
+            {"kind": "hold"},
+            ["target_deg"],
+            {"target_deg": None},
+        ),
         (
             "irb120_dynamic",
             {"solver.accuracy": 1e-3, "solver.max_step": 0.01},
@@ -73,7 +91,11 @@ def test_the_arm_with_force_control_holds_its_start():
         ),
         (
             "irb120_dynamic",
-            {"forces": {"hand": {"kind": "sine", "at": "link_6", "amplitude": [1, 0, 0], "frequency": 2}}},
+            {
+                "forces": {
+                    "hand": {"kind": "sine", "at": "link_6", "amplitude": [1, 0, 0], "frequency": 2}
+                }
+            },
             "forces.hand",
             {"kind": "push", "force": [1, 0, 0]},
             ["at", "amplitude", "frequency"],
@@ -97,7 +119,9 @@ def test_the_arm_with_force_control_holds_its_start():
         ),
     ],
 )
-def test_no_section_keeps_keys_of_another_kind(station, sections, key, changes, left, kept, tmp_path):
+def test_no_section_keeps_keys_of_another_kind(
+    station, sections, key, changes, left, kept, tmp_path
+):
     """Neither from a station's file nor from a configuration that is there already."""
     if "mujoco" in f"{sections} {changes}":
         pytest.importorskip("simrob_drake.extensions.mujoco")
@@ -137,15 +161,22 @@ def test_a_kind_that_stays_keeps_all_keys(recwarn):
 def test_settings_that_come_later_take_back_those_of_another_kind():
     """As in the pendant, and in the changes of a program."""
     before = {"reference.kind": "move", "reference.target_deg": 30, "servo.kp": 500}
-    assert settings_with(before, {"reference.kind": "hold"}) == {"reference.kind": "hold", "servo.kp": 500}
+    assert settings_with(before, {"reference.kind": "hold"}) == {
+        "reference.kind": "hold",
+        "servo.kp": 500,
+    }
     both = settings_with(before, {"reference.kind": "hold", "reference.target_deg": 5})
     assert both["reference.target_deg"] == 5
     assert settings_with(before, {"reference.kind": "move"}) == before
-    assert settings_with({"sensors.a.rate": 5}, {"sensors.a": {"kind": "imu"}}) == {"sensors.a": {"kind": "imu"}}
+    assert settings_with({"sensors.a.rate": 5}, {"sensors.a": {"kind": "imu"}}) == {
+        "sensors.a": {"kind": "imu"}
+    }
 
 
 def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
-    held = load_station("irb120_dynamic", {"reference": {"kind": "hold"}})  # and not at the ramp's 30 degrees
+    held = load_station(
+        "irb120_dynamic", {"reference": {"kind": "hold"}}
+    )  # and not at the ramp's 30 degrees
     assert held.reference == Hold(kind="hold")
     of_robot = load_station("two_irb120", {"robots": {"left": {"reference": {"kind": "hold"}}}})
     assert of_robot.robots["left"].reference == Hold(kind="hold")
@@ -153,11 +184,15 @@ def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
     sine = {"kind": "sine", "amplitude": [0, 0, 1], "frequency": 1}
     push = {"kind": "push", "start": 1, "force": [0, 0, 1]}
     assert load_station("irb120_cobot", {"forces": {"hand": push}}).forces["hand"].kind == "push"
-    both = load_station("irb120_cobot", {"forces": {"hand": {**sine, "frequency": 2}}}).forces["hand"]
+    both = load_station("irb120_cobot", {"forces": {"hand": {**sine, "frequency": 2}}}).forces[
+        "hand"
+    ]
     assert (both.kind, both.frequency) == ("sine", 2)
     same = load_station("irb120_dynamic", {"reference": {"kind": "ramp", "duration": 2}}).reference
     assert (same.target_deg, same.duration) == (30, 2)
-    named = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}}, "monitors.settled.kind": "settled"})
+    named = load_station(
+        "irb120_dynamic", {"monitors": {"settled": {"hold": 1}}, "monitors.settled.kind": "settled"}
+    )
     assert named.monitors["settled"].hold == 1
 
 
@@ -183,13 +218,17 @@ def test_none_takes_out_a_piece(overrides):
 
 
 def test_a_monitor_named_as_its_kind_needs_no_kind():
-    config = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}, "early": {"kind": "joint_limit"}}})
+    config = load_station(
+        "irb120_dynamic", {"monitors": {"settled": {"hold": 1}, "early": {"kind": "joint_limit"}}}
+    )
     assert config.monitors["settled"].hold == 1
     assert config.monitors["early"].kind == "joint_limit"
 
 
 def test_paths_start_at_the_file_that_names_them(tmp_path, monkeypatch):
-    (tmp_path / "own.yaml").write_text("robot: {model: irb120}\nreference: {kind: table, file: move.csv}\n")
+    (tmp_path / "own.yaml").write_text(
+        "robot: {model: irb120}\nreference: {kind: table, file: move.csv}\n"
+    )
     monkeypatch.chdir(tmp_path.parent)
     assert load_station(tmp_path / "own.yaml").reference.file == tmp_path / "move.csv"
     config = load_station(tmp_path / "own.yaml", {"reference.file": "other.csv"})
@@ -206,7 +245,10 @@ WRONG = [
     ({"servo.kd": [1, 2]}, r"servo\.kd is \[1\.0, 2\.0\]; it must be one number, or 6"),
     ({"servo.torque_limit": 0}, r"servo\.torque_limit: a torque limit must be positive"),
     ({"servo.torque_limit": [1, 2, 3, -4, 5, 6]}, r"torque limit must be positive"),
-    ({"servo.realization": "vectr"}, r"servo\.realization: there is no 'vectr'; did you mean 'vector'\?"),
+    (
+        {"servo.realization": "vectr"},
+        r"servo\.realization: there is no 'vectr'; did you mean 'vector'\?",
+    ),
     ({"solver.scheme": "rada"}, r"solver\.scheme: there is no 'rada'; did you mean 'radau3'\?"),
     ({"solver.kind": "discrete", "solver.accuracy": 1}, r"solver\.accuracy: unknown key"),
     ({"solver.max_step": 0}, r"solver\.max_step: .*greater than 0"),
@@ -214,21 +256,35 @@ WRONG = [
     ({"reference.target_deg": {"joint_7": 1}}, r"no axis of irb120 .* 'joint_7'; did you mean"),
     ({"reference.kind": "sequence"}, r"reference\.targets: this key is needed"),
     (
-        {"reference": {"kind": "sequence", "targets": [{"time": 2, "target_deg": 1}, {"time": 1, "target_deg": 2}]}},
+        {
+            "reference": {
+                "kind": "sequence",
+                "targets": [{"time": 2, "target_deg": 1}, {"time": 1, "target_deg": 2}],
+            }
+        },
         r"times of a sequence rise",
     ),
     ({"robot.model": "irb12"}, r"no robot 'irb12'; did you mean 'irb120'\?"),
     ({"robot.modell": "x"}, r"robot\.modell: unknown key; did you mean 'model'\?"),
     ({"robot.urdf": "x.urdf"}, r"x\.urdf.*there is no such file"),
     ({"robot.base": [0, 0, 0]}, r"robot\.base: needs 6 values"),
-    ({"robot.initial_deg": {"joint_2": 400}}, r"initial_deg of joint_2 is 400; it must be within -110 to 110 deg"),
+    (
+        {"robot.initial_deg": {"joint_2": 400}},
+        r"initial_deg of joint_2 is 400; it must be within -110 to 110 deg",
+    ),
     ({"robot.tcp": "lod"}, r"no tool of robot 'lod'; did you mean 'load'\?"),
     ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*at least 0"),
     ({"pieces.load.model": "pencl"}, r"no piece 'pencl'; did you mean 'pencil'\?"),
-    ({"pieces.load.parent": "griper"}, r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?"),
+    (
+        {"pieces.load.parent": "griper"},
+        r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?",
+    ),
     ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
     ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body has these moments"),
-    ({"monitors.a.kind": "settle"}, r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?"),
+    (
+        {"monitors.a.kind": "settle"},
+        r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?",
+    ),
     ({"monitors.settled.hld": 1}, r"monitors\.settled\.hld: unknown key; did you mean 'hold'\?"),
     ({"monitors.settled.robot": "arm"}, r"no robot for monitors\.settled 'arm'"),
     ({"pieces.load.density": 0}, r"pieces\.load\.density: .*greater than 0"),
@@ -249,24 +305,37 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("overrides", "message"), WRONG, ids=[str(next(iter(case[0]))) for case in WRONG])
+@pytest.mark.parametrize(
+    ("overrides", "message"), WRONG, ids=[str(next(iter(case[0]))) for case in WRONG]
+)
 def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
     with pytest.raises(SimrobError, match=message) as caught:
         load_station("irb120_dynamic", overrides)
-    assert str(caught.value).startswith(tuple(f"override {key}" for key in overrides))  # nobody touched the file
+    assert str(caught.value).startswith(
+        tuple(f"override {key}" for key in overrides)
+    )  # nobody touched the file
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
 
 
 BLAMED = [
     ({"duration": 2, "servo.kp": -1}, "override servo.kp: a gain is of 0"),
-    ({"reference.kind": "sequence", "reference.targets": 3}, "override reference.targets: must be a list"),
+    (
+        {"reference.kind": "sequence", "reference.targets": 3},
+        "override reference.targets: must be a list",
+    ),
     ({"servo": {"kp": 1, "kpp": 1}}, "override servo: servo.kpp: unknown key"),
     ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
-    ({"contact": {}, "contact.friction": 0.01}, "override contact.friction: must be .* keys of: static, dynamic"),
+    (
+        {"contact": {}, "contact.friction": 0.01},
+        "override contact.friction: must be .* keys of: static, dynamic",
+    ),
     ({"servo": 3}, "override servo: must be a section with keys of: realization, law, .*it is 3"),
     ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
-    ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
+    (
+        {"monitors.fal": {}},
+        "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall",
+    ),
     (
         {"mode": "kinematic", "forces.push": {"force": [1, 0, 0]}},
         "override mode, override forces.push: forces.push: a kinematic station has no forces; leave it out",
@@ -307,7 +376,8 @@ def test_samples_are_not_more_than_fit():
     with pytest.raises(SimrobError, match=r"^override sample_rate: must be at most 10000"):
         load_station("irb120_dynamic", {"sample_rate": 1e9})
     with pytest.raises(
-        SimrobError, match=r"duration is 1e.09 s; it must be at most 10000 s at a sample_rate of 100 Hz"
+        SimrobError,
+        match=r"duration is 1e.09 s; it must be at most 10000 s at a sample_rate of 100 Hz",
     ):
         load_station("irb120_dynamic", {"duration": 1e9})
     assert load_station("irb120_dynamic", {"duration": 100, "sample_rate": 1e4}).sample_rate == 1e4
@@ -322,7 +392,10 @@ def test_samples_are_not_more_than_fit():
         ("description: nothing else", "robots is empty; .*something that moves"),
         ("robots: {}", "robots is empty; .*something that moves"),
         ("robots: {two words: {model: irb120}}", "no plain name"),
-        ("name: ../../../tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be a name that a folder could have"),
+        (
+            "name: ../../../tmp/x\nrobot: {model: irb120}",
+            r"bad\.yaml: name: must be a name that a folder could have",
+        ),
         ("name: /tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be .* \(it is '/tmp/x'\)"),
         ("name: ..\nrobot: {model: irb120}", "name: must be a name"),
         ("name: ''\nrobot: {model: irb120}", "name: must be a name"),
@@ -354,7 +427,10 @@ def test_an_unknown_station_is_named_with_the_nearest():
 def test_a_piece_says_what_it_hangs_on(station, piece, choices):
     match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}; or say free: true$"
     with pytest.raises(SimrobError, match=match):
-        load_station(station, {f"pieces.{piece}": {"model": "box", "parent": None, "pose": [0, 0, 0.1, 0, 0, 0]}})
+        load_station(
+            station,
+            {f"pieces.{piece}": {"model": "box", "parent": None, "pose": [0, 0, 0.1, 0, 0, 0]}},
+        )
 
 
 def test_numbers_in_exponents_are_numbers(tmp_path):

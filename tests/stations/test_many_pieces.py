@@ -12,9 +12,13 @@ from simrob_drake.base.frames import rotation_of
 def pieces_file(folder, free, fixed=0):
     """Write a station of small boxes in a row, and return its file."""
     box = {"box": [0.01, 0.02, 0.03], "density": 500}
-    pieces = {f"free_{index}": {**box, "free": True, "pose": [0.1 * index, 0, 1, 0, 0, 0]} for index in range(free)}
+    pieces = {
+        f"free_{index}": {**box, "free": True, "pose": [0.1 * index, 0, 1, 0, 0, 0]}
+        for index in range(free)
+    }
     pieces |= {
-        f"fixed_{index}": {**box, "parent": "world", "pose": [0, 0.1 * index, 0, 0, 0, 0]} for index in range(fixed)
+        f"fixed_{index}": {**box, "parent": "world", "pose": [0, 0.1 * index, 0, 0, 0, 0]}
+        for index in range(fixed)
     }
     file = folder / "pieces.yaml"
     file.write_text(yaml.safe_dump({"pieces": pieces}))
@@ -71,4 +75,6 @@ def test_outputs_of_free_pieces_are_poses_and_velocities_of_the_plant(tmp_path):
         np.testing.assert_allclose(pose, port_pose, atol=1e-12)
         transform = plant.EvalBodyPoseInWorld(plant_context, body)
         np.testing.assert_allclose(pose[:3], transform.translation(), atol=1e-12)
-        np.testing.assert_allclose(rotation_of(pose[3:]).matrix(), transform.rotation().matrix(), atol=1e-12)
+        np.testing.assert_allclose(
+            rotation_of(pose[3:]).matrix(), transform.rotation().matrix(), atol=1e-12
+        )

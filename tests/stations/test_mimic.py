@@ -68,7 +68,9 @@ def test_a_chain_of_mimics_is_held_under_load(tmp_path, solver):
     if solver == "mujoco":
         pytest.importorskip("mujoco")
     move = {"kind": "move", "target_deg": {"a": 30}, "duration": 0.4}
-    result = simulate(station(tmp_path, CHAIN, solver=SOLVERS[solver], reference=move), progress=False)
+    result = simulate(
+        station(tmp_path, CHAIN, solver=SOLVERS[solver], reference=move), progress=False
+    )
     assert result.ending == "completed"
     assert result["q.a"][-1] > np.deg2rad(10)
     assert_chain_is_held(result, within=2e-3)
@@ -101,7 +103,9 @@ def test_a_scheme_that_holds_no_coupling_is_told(tmp_path):
     ],
 )  # fmt: skip
 def test_in_a_kinematic_station_any_axis_moves_its_partners(tmp_path, reference, a_at_end):
-    result = simulate(station(tmp_path, CHAIN, mode="kinematic", reference=reference), progress=False)
+    result = simulate(
+        station(tmp_path, CHAIN, mode="kinematic", reference=reference), progress=False
+    )
     assert_chain_is_held(result, within=1e-9)
     if a_at_end is not None:
         assert result["q.a"][-1] == pytest.approx(a_at_end, abs=1e-9)
@@ -121,7 +125,9 @@ def test_a_contradiction_names_both_with_the_right_value(tmp_path):
     with pytest.raises(SimrobError, match="reference of b"):
         check_station(config)
     agreeing = {"kind": "move", "target_deg": {"a": 20, "b": float(right)}, "duration": 0.4}
-    assert_chain_is_held(simulate(config.model_copy(update={"reference": type(config.reference)(**agreeing)})), 1e-5)
+    assert_chain_is_held(
+        simulate(config.model_copy(update={"reference": type(config.reference)(**agreeing)})), 1e-5
+    )
 
 
 def test_samples_that_contradict_are_refused(tmp_path):
@@ -136,17 +142,28 @@ def test_samples_that_contradict_are_refused(tmp_path):
 
 def test_the_start_obeys_couplings_or_is_refused(tmp_path):
     initial = resolve(station(tmp_path, CHAIN)).robots["robot"].initial
-    np.testing.assert_allclose(initial, [-0.3, 0, 0.2, 0, 0], atol=1e-12)  # in the order c, a, b, d, e
-    by_d = resolve(station(tmp_path, CHAIN, robot={"initial_deg": {"d": 0.03}})).robots["robot"].initial
+    np.testing.assert_allclose(
+        initial, [-0.3, 0, 0.2, 0, 0], atol=1e-12
+    )  # in the order c, a, b, d, e
+    by_d = (
+        resolve(station(tmp_path, CHAIN, robot={"initial_deg": {"d": 0.03}}))
+        .robots["robot"]
+        .initial
+    )
     np.testing.assert_allclose(by_d, [-0.2, -0.1, 0.15, 0.03, 0], atol=1e-12)
-    with pytest.raises(SimrobError, match=r"initial_deg of b is 0 deg; it must be 14.32\d? deg.*couplings.b_follows"):
+    with pytest.raises(
+        SimrobError,
+        match=r"initial_deg of b is 0 deg; it must be 14.32\d? deg.*couplings.b_follows",
+    ):
         station(tmp_path, CHAIN, robot={"initial_deg": {"a": 5.7295779513, "b": 0}})
 
 
 def test_mimics_can_be_left_out_or_replaced(tmp_path):
     assert not resolve(station(tmp_path, CHAIN, robot={"mimic": False})).config.couplings
     own = {"mine": {"kind": "gear", "ratios": {"b": 1, "a": -1}}}
-    couplings = resolve(station(tmp_path, CHAIN, couplings=own, solver=SOLVERS["sap"])).config.couplings
+    couplings = resolve(
+        station(tmp_path, CHAIN, couplings=own, solver=SOLVERS["sap"])
+    ).config.couplings
     assert [*couplings] == ["mine", "c_follows", "d_follows"]
 
 
@@ -225,9 +242,14 @@ def test_losses_of_an_import_are_told_by_every_command(tmp_path):
     joints = {"a": ("revolute", "base", ""), "b": ("revolute", "a_link", '<mimic joint="nobody"/>')}
     file = urdf(tmp_path, joints)
     text = draft_station(file, folder=tmp_path)
-    assert "# Warning: lost in the import of robot.urdf: joint 'b': mimics 'nobody', which is no joint" in text
+    assert (
+        "# Warning: lost in the import of robot.urdf: joint 'b': mimics 'nobody', which is no joint"
+        in text
+    )
     (tmp_path / "first.yaml").write_text(text)
-    config = load_station(tmp_path / "first.yaml", {"duration": 0.01, "reference": {"kind": "hold"}})
+    config = load_station(
+        tmp_path / "first.yaml", {"duration": 0.01, "reference": {"kind": "hold"}}
+    )
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
     result = simulate(config, progress=False)
     for told in (checked, result.warnings):
@@ -246,6 +268,8 @@ def test_friction_is_a_loss_unless_the_station_brings_it_back(tmp_path):
     without_friction = simulate(load_station(station_file), progress=False)
     with_friction = simulate(load_station(station_file, friction), progress=False)
 
-    assert any("joint friction" in text and "a 0.5 N·m" in text for text in without_friction.warnings)
+    assert any(
+        "joint friction" in text and "a 0.5 N·m" in text for text in without_friction.warnings
+    )
     assert any("--set robot.drives.friction.a=0.5" in text for text in without_friction.warnings)
     assert not any("friction" in text for text in with_friction.warnings)

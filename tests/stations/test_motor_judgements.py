@@ -60,7 +60,9 @@ def test_a_plan_is_judged_as_its_run_is(station: Path):
     arm = arm_of(station)
     arm.cell.record()
 
-    with pytest.warns(TorqueShortage, match=r"joint_1 would need .* N·m at the speed that it has there") as caught:
+    with pytest.warns(
+        TorqueShortage, match=r"joint_1 would need .* N·m at the speed that it has there"
+    ) as caught:
         arm.move_abs_j([2.0], duration=0.7)
     proposed = float(str(caught[0].message).rpartition("a duration of ")[2].split()[0])
 
@@ -85,7 +87,9 @@ def test_the_fastest_move_keeps_to_the_line_of_its_motor(station: Path):
     plan = arm.plan.move_abs_j([2.0], profile="time_optimal")
 
     motion = plan.motion(np.linspace(0.0, plan.duration, 400))
-    shares = arm.cell.robot(arm.name).gains.torque_shares(INERTIA * motion.accelerations, motion.velocities)
+    shares = arm.cell.robot(arm.name).gains.torque_shares(
+        INERTIA * motion.accelerations, motion.velocities
+    )
     assert shares.max() < 1.01
 
 
@@ -95,13 +99,19 @@ def test_moves_keep_to_the_no_load_speed(station: Path):
     with pytest.raises(SpeedLimitExceeded):
         arm.plan.move_abs_j([2.0], duration=2.0 * 1.875 / (1.05 * FASTEST))
     too_fast = {"kind": "trapezoid", "target_deg": 30, "speed_deg": 340, "acceleration_deg": 300}
-    with pytest.raises(InvalidParameter, match=r"speed_deg .* is 340 deg/s; it must be at most 330\.02"):
+    with pytest.raises(
+        InvalidParameter, match=r"speed_deg .* is 340 deg/s; it must be at most 330\.02"
+    ):
         simulate(config_of(station, reference=too_fast), progress=False)
 
 
 def test_a_stall_torque_below_the_limit_holds_no_more(station: Path):
     """A limit of 100 N·m does not let a motor with 10 N·m hold a load of 15 N·m."""
-    changes = {"gravity": 50.0, "servo.torque_limit": 100.0, "robot.base": [0, 0, 1, 0, 0, np.pi / 2]}
+    changes = {
+        "gravity": 50.0,
+        "servo.torque_limit": 100.0,
+        "robot.base": [0, 0, 1, 0, 0, np.pi / 2],
+    }
     arm = arm_of(station, **changes)
 
     with pytest.raises(TorqueLimitExceeded, match=r"the limit of its motor is 10 N·m"):

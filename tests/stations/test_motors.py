@@ -110,7 +110,9 @@ def needs_mujoco(solver: dict[str, Any]) -> None:
         (discrete(1e-3, "mujoco"), "per_joint", 3e-3),
     ],
 )
-def test_a_joint_goes_as_its_motor_can(joint: Path, solver: dict[str, Any], realization: str, tolerance: float) -> None:
+def test_a_joint_goes_as_its_motor_can(
+    joint: Path, solver: dict[str, Any], realization: str, tolerance: float
+) -> None:
     """The joint reaches the no-load speed and no more, with the motor at its line for many samples.
 
     Tolerances are the errors of first order of the steps [rad].
@@ -134,7 +136,11 @@ def test_a_joint_goes_as_its_motor_can(joint: Path, solver: dict[str, Any], real
 
 @pytest.mark.parametrize(
     ("solver", "realization", "tolerance"),
-    [(RADAU, "per_joint", 2e-3), (discrete(1e-3), "vector", 3e-3), (discrete(1e-3, "mujoco"), "implicit", 1.5e-2)],
+    [
+        (RADAU, "per_joint", 2e-3),
+        (discrete(1e-3), "vector", 3e-3),
+        (discrete(1e-3, "mujoco"), "implicit", 1.5e-2),
+    ],
 )
 def test_a_current_bounds_it_at_low_speed(
     joint: Path, solver: dict[str, Any], realization: str, tolerance: float
@@ -162,7 +168,10 @@ def test_a_current_bounds_it_at_low_speed(
         ({"servo.motor": {"stall_torque": 3, "no_load_speed": 5, "supply": 11}}, "voltage"),
         ({"servo.motor": {"stall": 3, "no_load_speed": 5}}, "stall_torque"),
         ({"servo.motor": "urdf"}, "effort and velocity"),
-        ({"servo.realization": "implicit", "solver": cenic(1e-3), **PEAK}, "peak_torque.*joint_1 is 6.*10 or more"),
+        (
+            {"servo.realization": "implicit", "solver": cenic(1e-3), **PEAK},
+            "peak_torque.*joint_1 is 6.*10 or more",
+        ),
         (
             {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "servo.kd": 1},
             "servo.kd of joint_1 is 1.*1.74",
@@ -198,7 +207,10 @@ def test_a_ratio_without_an_inertia_leaves_that_of_the_urdf_as_it_is(joint: Path
         return found.rotor_inertia, found.gear_ratio
 
     assert drives(**{"servo.motor": "mx_28"}) == (None, None)
-    assert drives(**{"servo.motor": {"model": "mx_28", "rotor_inertia": 1e-7}}) == ({"joint_1": 1e-7}, {"joint_1": 193})
+    assert drives(**{"servo.motor": {"model": "mx_28", "rotor_inertia": 1e-7}}) == (
+        {"joint_1": 1e-7},
+        {"joint_1": 193},
+    )
     own = {"robot.drives": {"rotor_inertia": 2e-7}, "servo.motor": "mx_28"}
     assert drives(**own) == (2e-7, {"joint_1": 193})
 
@@ -207,7 +219,9 @@ def test_encoders_are_as_fine_as_those_of_motors(joint: Path) -> None:
     changes = {"servo.motor": "mx_28", "sensors.encoders": {"rate": 100}, "duration": 0.2}
     told = simulate(load_station(joint, changes))["position.encoders.joint_1"]
     assert told.any()
-    np.testing.assert_allclose(told / np.deg2rad(0.088), np.round(told / np.deg2rad(0.088)), atol=1e-9)
+    np.testing.assert_allclose(
+        told / np.deg2rad(0.088), np.round(told / np.deg2rad(0.088)), atol=1e-9
+    )
 
 
 def test_peaks_and_heat_are_told(joint: Path) -> None:
@@ -232,17 +246,25 @@ def test_peaks_and_heat_are_told(joint: Path) -> None:
 
 
 def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
-    config = load_station(joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"})
+    config = load_station(
+        joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"}
+    )
     found = "\n".join(f"{finding.subject}: {finding.text}" for finding in check_station(config))
-    assert "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously (" in found
+    assert (
+        "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously ("
+        in found
+    )
     assert "its motor gets too warm: it may give 0.62 N·m continuously" in found
 
 
 @pytest.mark.parametrize(
-    ("realization", "solver"), [("per_joint", RADAU), ("per_joint", cenic(1e-3)), ("implicit", cenic(1e-3))]
+    ("realization", "solver"),
+    [("per_joint", RADAU), ("per_joint", cenic(1e-3)), ("implicit", cenic(1e-3))],
 )
 def test_motors_are_drawn(joint: Path, realization: str, solver: dict[str, Any]) -> None:
-    drawn = station_dot(load_station(joint, {**MOTOR, "servo.realization": realization, "solver": solver}))
+    drawn = station_dot(
+        load_station(joint, {**MOTOR, "servo.realization": realization, "solver": solver})
+    )
     assert "applied_and_state" not in drawn
     assert "drives" not in drawn
     assert ("at rest" in drawn) == (realization == "per_joint")
@@ -274,7 +296,9 @@ WAYS = [
 
 
 @pytest.mark.parametrize(("solver", "realization"), WAYS)
-def test_a_supply_falls_with_the_current(joint: Path, solver: dict[str, Any], realization: str) -> None:
+def test_a_supply_falls_with_the_current(
+    joint: Path, solver: dict[str, Any], realization: str
+) -> None:
     """U - R I on a winding of U / I_s gives the stall torque of a winding of R + U / I_s; the no-load speed stays."""
     needs_mujoco(solver)
     voltage = 12.0  # [V]
@@ -302,7 +326,9 @@ def test_a_supply_falls_with_the_current(joint: Path, solver: dict[str, Any], re
 
 
 def test_a_supply_that_falls_needs_the_current(joint: Path) -> None:
-    with pytest.raises(SimrobError, match=r"servo\.motor\.supply_resistance is 0\.5.*voltage and stall_current"):
+    with pytest.raises(
+        SimrobError, match=r"servo\.motor\.supply_resistance is 0\.5.*voltage and stall_current"
+    ):
         resolve(load_station(joint, {"servo.motor": {**FIGURES, "supply_resistance": 0.5}}))
 
 
@@ -313,7 +339,13 @@ def test_a_bus_is_late_and_rounds(joint: Path, solver: dict[str, Any], realizati
     latency = 0.05  # [s]
     target_deg = 7.3
     jump = {"kind": "ramp", "start": 0.1, "duration": 1e-3, "target_deg": target_deg}
-    changes = {"solver": solver, "servo.realization": realization, "reference": jump, "duration": 1.4, **MOTOR}
+    changes = {
+        "solver": solver,
+        "servo.realization": realization,
+        "reference": jump,
+        "duration": 1.4,
+        **MOTOR,
+    }
     buses = {"late": {"latency": latency}, "quick": {}, "coarse": {"resolution_deg": 3}}
 
     runs = {}
@@ -335,8 +367,14 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
     rounds = {"servo.bus": {}, "servo.motor": {**FIGURES, "resolution_deg": 2.0}, "gravity": 0}
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
-    with pytest.raises(SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"):
-        simulate(load_station(joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}))
+    with pytest.raises(
+        SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"
+    ):
+        simulate(
+            load_station(
+                joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}
+            )
+        )
 
 
 def test_a_bus_is_drawn(joint: Path) -> None:

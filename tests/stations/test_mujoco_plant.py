@@ -21,7 +21,9 @@ TURN = {"kind": "move", "duration": 0.1, "target_deg": {"left_elbow": 40, "left_
 
 def in_both(station, overrides, **changes):
     """Return the run of a station as it is, and in MuJoCo."""
-    return [simulate(load_station(station, {**overrides, **own}), **changes) for own in ({}, MUJOCO)]
+    return [
+        simulate(load_station(station, {**overrides, **own}), **changes) for own in ({}, MUJOCO)
+    ]
 
 
 def test_motors_give_what_their_law_says_at_the_end_of_each_step_and_no_more_than_their_limit():
@@ -29,7 +31,10 @@ def test_motors_give_what_their_law_says_at_the_end_of_each_step_and_no_more_tha
     overrides = {**EACH_STEP, "servo.torque_limit": 0.8, "reference": TURN}
     result = simulate(load_station("humanoid_dynamic", overrides), duration=0.3)
     gains = result.plant.robots["robot"].gains
-    law = gains.kp * (result.axes("q_ref")[:-1] - result.axes("q")[1:]) - gains.kd * result.axes("v")[1:]
+    law = (
+        gains.kp * (result.axes("q_ref")[:-1] - result.axes("q")[1:])
+        - gains.kd * result.axes("v")[1:]
+    )
     np.testing.assert_allclose(result.axes("tau")[1:], np.clip(law, -0.8, 0.8), atol=1e-6)
     assert (np.abs(law) > 0.8).sum() > 20
     assert not any("torque" in text and "chatter" in text for text in result.warnings)
@@ -39,13 +44,17 @@ def test_contacts_stay_as_stiff_while_servos_are_at_their_limits():
     """MuJoCo softens a contact by what its bodies feel of servos: of a saturated ankle that would be nothing."""
     limits = {"torque_limit": {"left_ankle_pitch": 0.02, "right_ankle_pitch": 0.02}}
     drake, mujoco = in_both(
-        "humanoid_dynamic", {"servo": {"kp": 100, "kd": 100, "realization": "implicit", **limits}}, duration=0.3
+        "humanoid_dynamic",
+        {"servo": {"kp": 100, "kd": 100, "realization": "implicit", **limits}},
+        duration=0.3,
     )
     np.testing.assert_allclose(mujoco["base.z"], drake["base.z"], atol=2e-4)
 
 
 def test_a_push_gives_a_free_box_its_impulse_and_moment_of_momentum():
-    push = {"push": {"kind": "push", "at": "box", "force": [3, 0, 0], "start": 0.1, "duration": 0.1}}
+    push = {
+        "push": {"kind": "push", "at": "box", "force": [3, 0, 0], "start": 0.1, "duration": 0.1}
+    }
     overrides = {
         **MUJOCO,
         "gravity": 0,
@@ -65,7 +74,9 @@ def test_a_force_sensor_feels_the_weight_that_rests_on_it():
     sensor = {"sensors": {"sole": {"kind": "force", "body": "box"}}}
     for result in in_both("box_on_floor", sensor, duration=1.0):
         weight = result.plant.free_pieces["box"].default_mass() * 9.80665
-        np.testing.assert_allclose(result.vector("force.sole")[-1], [0, 0, weight], rtol=1e-3, atol=0.01)
+        np.testing.assert_allclose(
+            result.vector("force.sole")[-1], [0, 0, weight], rtol=1e-3, atol=0.01
+        )
 
 
 @pytest.mark.long
@@ -118,7 +129,11 @@ def test_a_monitor_ends_a_run():
             {},
             "solver.time_step is 0.002 s; it must be at most 0.00025 s, or servo.realization implicit",
         ),
-        ("humanoid_dynamic", {"contact.model": "hydroelastic"}, "contact.model is hydroelastic; it must be point"),
+        (
+            "humanoid_dynamic",
+            {"contact.model": "hydroelastic"},
+            "contact.model is hydroelastic; it must be point",
+        ),
         ("irb120_dynamic", {"sensors.t.kind": "joint_torque"}, "left out under mujoco"),
     ],
 )

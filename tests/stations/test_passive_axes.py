@@ -77,7 +77,11 @@ def pendulum(tmp_path: Path) -> WriteStation:
             "duration": 1.0,
         }
         for key, value in changes.items():
-            content[key] = {**content.get(key, {}), **value} if isinstance(value, dict) and key != "solver" else value
+            content[key] = (
+                {**content.get(key, {}), **value}
+                if isinstance(value, dict) and key != "solver"
+                else value
+            )
         file = tmp_path / "station.yaml"
         file.write_text(yaml.safe_dump(content))
         return file
@@ -85,7 +89,9 @@ def pendulum(tmp_path: Path) -> WriteStation:
     return write
 
 
-def drake_positions(model: Path, times: np.ndarray, *, kp: float, kd: float, limit: float) -> np.ndarray:
+def drake_positions(
+    model: Path, times: np.ndarray, *, kp: float, kd: float, limit: float
+) -> np.ndarray:
     """Simulate a model in plain Drake, with a servo in the elbow's actuator.
 
     Args:
@@ -103,7 +109,9 @@ def drake_positions(model: Path, times: np.ndarray, *, kp: float, kd: float, lim
     plant, _ = AddMultibodyPlant(config, builder)
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -STANDARD_GRAVITY])
     Parser(plant).AddModels(str(model))
-    if not plant.HasBodyNamed("base_link"):  # Drake's Acrobot is welded to the world by its own file
+    if not plant.HasBodyNamed(
+        "base_link"
+    ):  # Drake's Acrobot is welded to the world by its own file
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     actuator = plant.get_joint_actuator(JointActuatorIndex(0))
     assert actuator.joint().name() == "elbow"
@@ -125,13 +133,17 @@ def drake_positions(model: Path, times: np.ndarray, *, kp: float, kd: float, lim
 
 @pytest.mark.parametrize(("kp", "kd"), [(0.0, 0.0), (KP, KD)], ids=["free swing", "elbow held"])
 @pytest.mark.parametrize("robot", [None, ACROBOT], ids=["pendulum", "Acrobot of Drake"])
-def test_it_moves_as_in_plain_drake(pendulum: WriteStation, robot: Path | None, kp: float, kd: float) -> None:
+def test_it_moves_as_in_plain_drake(
+    pendulum: WriteStation, robot: Path | None, kp: float, kd: float
+) -> None:
     if robot is not None and not robot.exists():
         pytest.skip("this Drake has no example files")
     servo = {"kp": {"elbow": kp}, "kd": {"elbow": kd}, "torque_limit": {"elbow": 20.0}}
     station = pendulum(robot, servo=servo)
     result = simulate(station)
-    expected = drake_positions(station.parent / "robot.urdf", result.times, kp=kp, kd=kd, limit=20.0)
+    expected = drake_positions(
+        station.parent / "robot.urdf", result.times, kp=kp, kd=kd, limit=20.0
+    )
     found = np.column_stack([result["q.shoulder"], result["q.elbow"]])
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert np.ptp(found[:, 0]) > 0.5  # the shoulder swings
@@ -139,10 +151,14 @@ def test_it_moves_as_in_plain_drake(pendulum: WriteStation, robot: Path | None, 
 
 @pytest.mark.parametrize("realization", ["implicit", "per_joint", "vector"])
 @pytest.mark.parametrize("feedforward", ["gravity", "inverse_dynamics"])
-def test_its_torque_is_zero_with_feedforward(pendulum: WriteStation, realization: str, feedforward: str) -> None:
+def test_its_torque_is_zero_with_feedforward(
+    pendulum: WriteStation, realization: str, feedforward: str
+) -> None:
     servo = {"realization": realization, "feedforward": feedforward}
     solver = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.01}
-    result = simulate(pendulum(servo=servo, solver=SAP if realization == "implicit" else solver, duration=0.3))
+    result = simulate(
+        pendulum(servo=servo, solver=SAP if realization == "implicit" else solver, duration=0.3)
+    )
     assert not result["tau.shoulder"].any()
     assert np.abs(result["tau.elbow"]).max() > 1.0
     assert np.ptp(result["q.shoulder"]) > 0.1
@@ -165,7 +181,13 @@ def test_a_robot_without_any_motor_swings(pendulum: WriteStation) -> None:
 
 
 def test_a_station_gives_it_a_motor_that_holds(pendulum: WriteStation) -> None:
-    servo = {"passive": [], "kp": 2000.0, "kd": 200.0, "torque_limit": {"shoulder": 50.0}, "feedforward": "gravity"}
+    servo = {
+        "passive": [],
+        "kp": 2000.0,
+        "kd": 200.0,
+        "torque_limit": {"shoulder": 50.0},
+        "feedforward": "gravity",
+    }
     result = simulate(pendulum(servo=servo))
     np.testing.assert_allclose(result["q.shoulder"], START[0], atol=1e-6)
     # At rest the shoulder carries both rods: g (0.5 sin a + 1.0 sin a + 0.5 sin(a + b)), each of 1 kg.
@@ -175,18 +197,32 @@ def test_a_station_gives_it_a_motor_that_holds(pendulum: WriteStation) -> None:
 
 
 REFUSED = [
-    pytest.param({"servo": {"law": "cascade", "realization": "vector"}}, r"servo\.law: .*shoulder", id="cascade"),
+    pytest.param(
+        {"servo": {"law": "cascade", "realization": "vector"}},
+        r"servo\.law: .*shoulder",
+        id="cascade",
+    ),
     pytest.param(
         {"servo": {"law": "computed_torque", "realization": "vector", "kp": 100.0, "kd": 20.0}},
         r"servo\.law: computed_torque needs a motor on every axis; passive: shoulder",
         id="computed torque",
     ),
     pytest.param(
-        {"servo": {"admittance_gain": 1.0, "realization": "vector"}}, r"servo\.admittance_gain: ", id="admittance"
+        {"servo": {"admittance_gain": 1.0, "realization": "vector"}},
+        r"servo\.admittance_gain: ",
+        id="admittance",
     ),
-    pytest.param({"servo": {"kp": {"shoulder": 3.0}}}, r"servo\.kp\.shoulder: shoulder is passive", id="gain"),
-    pytest.param({"servo": {"torque_limit": {"shoulder": 3.0}}}, r"servo\.torque_limit\.shoulder: ", id="limit"),
-    pytest.param({"servo": {"torque_limit": {"shoulder": 0.0}}}, r"servo\.passive lists axes", id="limit 0"),
+    pytest.param(
+        {"servo": {"kp": {"shoulder": 3.0}}}, r"servo\.kp\.shoulder: shoulder is passive", id="gain"
+    ),
+    pytest.param(
+        {"servo": {"torque_limit": {"shoulder": 3.0}}},
+        r"servo\.torque_limit\.shoulder: ",
+        id="limit",
+    ),
+    pytest.param(
+        {"servo": {"torque_limit": {"shoulder": 0.0}}}, r"servo\.passive lists axes", id="limit 0"
+    ),
     pytest.param(
         {"servo": {"motor": {"shoulder": {"stall_torque": 3.0, "no_load_speed": 4.0}}}},
         r"servo\.motor\.shoulder: shoulder is passive",
@@ -197,9 +233,15 @@ REFUSED = [
         r"servo\.torque_limit: servo\.passive gives shoulder a motor; give shoulder a torque limit",
         id="motor without limit",
     ),
-    pytest.param({"servo": {"passive": ["sholder"]}}, r"under servo\.passive.*did you mean 'shoulder'", id="typo"),
     pytest.param(
-        {"robot": {"drives": {"rotor_inertia": {"shoulder": 0.1}}}}, r"drives\.rotor_inertia\.shoulder: ", id="rotor"
+        {"servo": {"passive": ["sholder"]}},
+        r"under servo\.passive.*did you mean 'shoulder'",
+        id="typo",
+    ),
+    pytest.param(
+        {"robot": {"drives": {"rotor_inertia": {"shoulder": 0.1}}}},
+        r"drives\.rotor_inertia\.shoulder: ",
+        id="rotor",
     ),
     pytest.param(
         {"reference": {"kind": "move", "target_deg": {"shoulder": 10.0}, "duration": 1.0}},
@@ -215,7 +257,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("changes", "words"), REFUSED)
-def test_a_key_that_needs_its_motor_is_refused(pendulum: WriteStation, changes: dict[str, Any], words: str) -> None:
+def test_a_key_that_needs_its_motor_is_refused(
+    pendulum: WriteStation, changes: dict[str, Any], words: str
+) -> None:
     with pytest.raises(SimrobError, match=words) as problem:
         simulate(pendulum(**changes))
     assert "\n" not in str(problem.value)
@@ -249,8 +293,12 @@ def test_check_says_that_no_motor_holds_it(pendulum: WriteStation) -> None:
 
 
 def test_the_block_picture_shows_it_without_a_motor(pendulum: WriteStation) -> None:
-    assert "shoulder: no motor" in station_dot(load_station(pendulum(servo={"realization": "per_joint"})))
-    assert "no motor: shoulder" in station_dot(load_station(pendulum(servo={"realization": "vector"})))
+    assert "shoulder: no motor" in station_dot(
+        load_station(pendulum(servo={"realization": "per_joint"}))
+    )
+    assert "no motor: shoulder" in station_dot(
+        load_station(pendulum(servo={"realization": "vector"}))
+    )
     assert "no motor: shoulder" in station_dot(load_station(pendulum()))
 
 
@@ -267,12 +315,19 @@ def test_a_first_station_names_it_and_runs(pendulum: WriteStation, tmp_path: Pat
     assert not result["tau.shoulder"].any()
 
 
-GRAVITY_TERM = 0.5 * STANDARD_GRAVITY  # of a rod: mass times distance of its centre of mass times g [N·m]
+GRAVITY_TERM = (
+    0.5 * STANDARD_GRAVITY
+)  # of a rod: mass times distance of its centre of mass times g [N·m]
 
 
 def test_its_linear_model_is_the_closed_form(pendulum: WriteStation) -> None:
     """Upright, M q'' = -H q - d q' + (0, 1) u, with the mass matrix M and the second derivatives H of the potential."""
-    servo = {"realization": "vector", "kp": {"elbow": 0.0}, "kd": {"elbow": 0.0}, "torque_limit": {"elbow": 20.0}}
+    servo = {
+        "realization": "vector",
+        "kp": {"elbow": 0.0},
+        "kd": {"elbow": 0.0},
+        "torque_limit": {"elbow": 20.0},
+    }
     config = load_station(pendulum(servo=servo, inputs=["feedforward"]))
 
     model = linearize(config, [np.pi, 0.0])
@@ -296,7 +351,10 @@ def test_its_linear_model_is_the_closed_form(pendulum: WriteStation) -> None:
 
 
 def test_it_cannot_be_linearised_where_it_does_not_rest(pendulum: WriteStation) -> None:
-    with pytest.raises(SimrobError, match=r"does not rest there: shoulder has no motor, and would take \d+\.\d+ N·m"):
+    with pytest.raises(
+        SimrobError,
+        match=r"does not rest there: shoulder has no motor, and would take \d+\.\d+ N·m",
+    ):
         linearize(load_station(pendulum()), [0.5, 0.0])
 
 
@@ -307,7 +365,9 @@ def test_mujoco_moves_it_as_drake_does(pendulum: WriteStation) -> None:
     assert not mujoco["tau.shoulder"].any()
 
 
-def test_it_is_passive_again_after_a_way_through_mjcf(pendulum: WriteStation, tmp_path: Path) -> None:
+def test_it_is_passive_again_after_a_way_through_mjcf(
+    pendulum: WriteStation, tmp_path: Path
+) -> None:
     mjcf = tmp_path / "mjcf" / "pendulum.xml"
     assert run_command(["export", str(pendulum()), "--mjcf", str(mjcf)]) == 0
     model = import_robot(mjcf, tmp_path / "again", isolated=False, apart=False).model
@@ -315,10 +375,14 @@ def test_it_is_passive_again_after_a_way_through_mjcf(pendulum: WriteStation, tm
     assert model.efforts[1] == 20.0
 
 
-def test_a_program_cannot_move_it(pendulum: WriteStation, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_program_cannot_move_it(
+    pendulum: WriteStation, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     program = {"moves": [{"target_deg": {"shoulder": 10.0}, "duration": 0.5}]}
     assert run_command(["run", str(pendulum(program=program)), "--out", str(tmp_path / "out")]) == 2
-    assert "target_deg.shoulder: shoulder is passive: no motor moves it" in " ".join(capsys.readouterr().err.split())
+    assert "target_deg.shoulder: shoulder is passive: no motor moves it" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_a_monitor_of_torques_does_not_watch_it(pendulum: WriteStation) -> None:

@@ -43,8 +43,14 @@ def box_file(folder: Path, name: str, scale: float = 1.0) -> Path:
 
 def station(folder: Path, pieces: str, overrides: dict[str, Any] | None = None) -> StationConfig:
     """Return a station whose robot carries a piece, unless that says otherwise."""
-    hung = pieces if "parent" in pieces or "free" in pieces else pieces.replace("{", "{parent: robot, ", 1)
-    (folder / "own.yaml").write_text(f"robot: {{model: double_pendulum}}\npieces:\n  part: {hung}\n")
+    hung = (
+        pieces
+        if "parent" in pieces or "free" in pieces
+        else pieces.replace("{", "{parent: robot, ", 1)
+    )
+    (folder / "own.yaml").write_text(
+        f"robot: {{model: double_pendulum}}\npieces:\n  part: {hung}\n"
+    )
     return load_station(folder / "own.yaml", overrides)
 
 
@@ -60,7 +66,9 @@ def part(folder: Path, section: str) -> PieceModel:
 def test_a_mesh_of_every_format_becomes_a_piece(tmp_path: Path, kind: str) -> None:
     box_file(tmp_path, f"box{kind}")
     model = part(tmp_path, f"{{mesh: box{kind}, density: 1000, colour: [1, 0, 0, 1]}}")
-    assert model.mass == pytest.approx(1000 * SIDES.prod(), rel=1e-5)  # glTF and STL hold single precision
+    assert model.mass == pytest.approx(
+        1000 * SIDES.prod(), rel=1e-5
+    )  # glTF and STL hold single precision
     np.testing.assert_allclose(model.com, SIDES / 2, atol=1e-6)
     moments = model.mass / 12 * (SIDES @ SIDES - SIDES**2)
     np.testing.assert_allclose(model.inertia, [*moments, 0, 0, 0], atol=1e-6)
@@ -96,9 +104,13 @@ def test_a_mesh_that_is_only_seen_weighs_nothing(tmp_path: Path) -> None:
         ("{sphere: 0.1, free: true}", ""),
     ],
 )
-def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry: str, seen: str) -> None:
+def test_what_a_robot_carries_or_falls_says_what_it_weighs(
+    tmp_path: Path, entry: str, seen: str
+) -> None:
     box_file(tmp_path, "box.stl")
-    with pytest.raises(SimrobError, match=rf"pieces\.part\.mass is None; .* a mass \[kg\]{seen}; or give a density"):
+    with pytest.raises(
+        SimrobError, match=rf"pieces\.part\.mass is None; .* a mass \[kg\]{seen}; or give a density"
+    ):
         station(tmp_path, entry)
 
 
@@ -126,7 +138,9 @@ def test_a_ball_has_the_inertia_of_its_mass(tmp_path: Path) -> None:
 
 def test_several_shapes_have_one_centre_of_mass(tmp_path: Path) -> None:
     """Two equal balls have their centre of mass in the middle between them."""
-    two_balls = part(tmp_path, "{shapes: [{sphere: 0.1, pose: [1, 0, 0, 0, 0, 0]}, {sphere: 0.1}], mass: 2}")
+    two_balls = part(
+        tmp_path, "{shapes: [{sphere: 0.1, pose: [1, 0, 0, 0, 0, 0]}, {sphere: 0.1}], mass: 2}"
+    )
 
     np.testing.assert_allclose(two_balls.com, [0.5, 0, 0], atol=1e-12)
 
@@ -148,24 +162,34 @@ def test_a_piece_is_one_thing(tmp_path: Path, entry: str, message: str) -> None:
 def test_a_mesh_without_unit_and_scale_is_no_mountain(tmp_path: Path) -> None:
     for name in ("box.stl", "box.obj", "box.ply", "box.off"):
         box_file(tmp_path, name, scale=150)
-        with pytest.raises(SimrobError, match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if it is"):
+        with pytest.raises(
+            SimrobError,
+            match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if it is",
+        ):
             station(tmp_path, f"{{mesh: {name}, density: 2700}}")
     assert part(tmp_path, "{mesh: box.stl, scale: 0.001, density: 2700}").mass < 0.1
     assert part(tmp_path, "{mesh: box.stl, scale: 1, density: 2700}").mass > 1e6
     box_file(tmp_path, "box.glb", scale=10)  # glTF is in metres
-    assert part(tmp_path, "{mesh: box.glb, density: 1}").mass == pytest.approx(1000 * SIDES.prod(), rel=1e-5)
+    assert part(tmp_path, "{mesh: box.glb, density: 1}").mass == pytest.approx(
+        1000 * SIDES.prod(), rel=1e-5
+    )
 
 
 def test_figures_of_the_station_replace_those_of_the_mesh(tmp_path: Path) -> None:
     box_file(tmp_path, "box.stl")
-    model = part(tmp_path, "{mesh: box.stl, mass: 2, com: [0, 0, 1], inertia: [1, 1, 1], tcp: [0, 0, 0.3, 0, 0, 0]}")
+    model = part(
+        tmp_path,
+        "{mesh: box.stl, mass: 2, com: [0, 0, 1], inertia: [1, 1, 1], tcp: [0, 0, 0.3, 0, 0, 0]}",
+    )
     assert (model.mass, model.com, model.inertia) == (2, (0, 0, 1), (1, 1, 1))
     assert model.frame_poses["tcp"] == (0, 0, 0.3, 0, 0, 0)
 
 
 def test_the_piece_stands_in_the_plant(tmp_path: Path) -> None:
     box_file(tmp_path, "box.stl")
-    config = station(tmp_path, "{mesh: box.stl, density: 1000, parent: world, pose: [1, 0, 0, 0, 0, 0]}")
+    config = station(
+        tmp_path, "{mesh: box.stl, density: 1000, parent: world, pose: [1, 0, 0, 0, 0, 0]}"
+    )
     plant = build_station(config).GetSubsystemByName("plant")
     assert plant.GetBodyByName("part").default_mass() == pytest.approx(6.0, rel=1e-5)
 
@@ -185,7 +209,9 @@ def test_a_mesh_is_converted_once_for_its_content(tmp_path: Path, cache: Path) -
 def test_a_mesh_that_is_too_large_is_not_even_read(tmp_path: Path, large: str) -> None:
     file = box_file(tmp_path, "box.gltf")
     os.truncate(tmp_path / large, 1_000_000_000)  # a hole, which takes no room on the disk
-    with pytest.raises(InvalidModel, match=r"box\.gltf: cannot be read \(it is larger than 100 MB\)"):
+    with pytest.raises(
+        InvalidModel, match=r"box\.gltf: cannot be read \(it is larger than 100 MB\)"
+    ):
         drake_mesh(file)
 
 
@@ -223,7 +249,9 @@ pieces:
     board = transform_from_pose([0.3, -0.1, 0.1, 0.5, 0, 0])
     found = plant.GetFrameByName("rook").CalcPoseInWorld(context)
     np.testing.assert_allclose(found.translation(), board @ [0.075, 0.075, 0.007], atol=1e-12)
-    pin, side = (plant.GetFrameByName(name).CalcPoseInWorld(context) for name in ("pin", "ball_side"))
+    pin, side = (
+        plant.GetFrameByName(name).CalcPoseInWorld(context) for name in ("pin", "ball_side")
+    )
     np.testing.assert_allclose(pin.GetAsMatrix4(), side.GetAsMatrix4(), atol=1e-12)
 
 
@@ -242,7 +270,10 @@ WRONG = [
     ("{mesh: .}", r"is no mesh that a piece can have"),
     ("{mesh: notes.txt}", r"notes\.txt: is no mesh that a piece can have; \.stl, "),
     ("{mesh: empty.stl}", r"empty\.stl: (is |holds no triangles)"),
-    *((f"{{mesh: garbage{kind}}}", rf"garbage\{kind}: (is |holds no triangles)") for kind in MESH_FORMATS),
+    *(
+        (f"{{mesh: garbage{kind}}}", rf"garbage\{kind}: (is |holds no triangles)")
+        for kind in MESH_FORMATS
+    ),
     ("{mesh: huge.stl}", r"pieces\.part\.scale is 1\.0; .*now 300 m long.*for millimetres 0\.001"),
     ("{mesh: box.stl, scale: 1e-6}", r"pieces\.part\.scale is 1e-06"),
     ("{mesh: box.stl, scale: -1}", r"pieces\.part\.scale: .*greater than 0"),
@@ -251,7 +282,10 @@ WRONG = [
     ("{mesh: box.stl, model: rook}", r"pieces\.part: .*one of model and mesh, not several"),
     ("{model: rook, scale: 2}", r"pieces\.part: .*a scale goes with a mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
-    ("{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}", r"pieces\.part: .*'tcp' stands twice"),
+    (
+        "{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}",
+        r"pieces\.part: .*'tcp' stands twice",
+    ),
     ("{model: rok}", r"there is no piece 'rok'; did you mean 'rook'"),
     ("{model: none/piece.yaml}", r"none/piece\.yaml: cannot be read"),
     ("{model: bad.yaml}", r"bad\.yaml: mas: unknown key; did you mean 'mass'"),

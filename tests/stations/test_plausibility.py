@@ -11,7 +11,12 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.robots.catalog import load_robot, robot_names
-from simrob_drake.robots.plausibility import MassProperties, doubts_by_shapes, payload_doubt, robot_doubts
+from simrob_drake.robots.plausibility import (
+    MassProperties,
+    doubts_by_shapes,
+    payload_doubt,
+    robot_doubts,
+)
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import station_names
@@ -48,7 +53,8 @@ def doubts(file):
 
 
 @pytest.mark.parametrize(
-    ("text", "name"), [(URDF, "flap.urdf"), (SDF, "flap.sdf"), (MJCF, "flap.xml"), (DH, "flap/robot.yaml")]
+    ("text", "name"),
+    [(URDF, "flap.urdf"), (SDF, "flap.sdf"), (MJCF, "flap.xml"), (DH, "flap/robot.yaml")],
 )
 @pytest.mark.parametrize(
     ("wrong", "told"),
@@ -60,7 +66,11 @@ def test_all_formats_pass_the_same_list(tmp_path, text, name, wrong, told):
     file = tmp_path / name
     file.parent.mkdir(exist_ok=True)
     file.write_text(text.format(**{**GOOD, **wrong}, shape=""))
-    found = [doubt for doubt in doubts(file) if "in mm?" in doubt or "moments are" in doubt or "kg mm²" in doubt]
+    found = [
+        doubt
+        for doubt in doubts(file)
+        if "in mm?" in doubt or "moments are" in doubt or "kg mm²" in doubt
+    ]
     assert any(told in doubt for doubt in found) if told else not found, found
 
 
@@ -71,7 +81,9 @@ def test_a_centre_of_mass_in_millimetres_is_told_by_every_command(tmp_path, shap
     text = draft_station(file, folder=tmp_path)
     assert "link 'rod' <inertial>: its centre of mass lies 200 m from" in text
     (tmp_path / "first.yaml").write_text(text)
-    config = load_station(tmp_path / "first.yaml", {"duration": 0.01, "solver": {"kind": "discrete"}})
+    config = load_station(
+        tmp_path / "first.yaml", {"duration": 0.01, "solver": {"kind": "discrete"}}
+    )
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
     for told in (checked, simulate(config, progress=False).warnings):
         assert any("its centre of mass lies 200 m from" in each for each in told), told
@@ -82,14 +94,20 @@ def test_bodies_against_their_shapes():
     cube = MassProperties(1e-3, np.zeros(3), 3e-3 * 0.01 / 6)
     steel = MassProperties(7.85, np.zeros(3), 7.85 * 3 * 0.01 / 6)
     assert doubts_by_shapes(steel, cube) == []
-    assert "grams" in doubts_by_shapes(steel._replace(mass=7850.0, trace=7850 * 3 * 0.01 / 6), cube)[0]
-    assert "middle of its shapes" in doubts_by_shapes(steel._replace(centre=np.array([0, -50.0, 0])), cube)[0]
+    assert (
+        "grams" in doubts_by_shapes(steel._replace(mass=7850.0, trace=7850 * 3 * 0.01 / 6), cube)[0]
+    )
+    assert (
+        "middle of its shapes"
+        in doubts_by_shapes(steel._replace(centre=np.array([0, -50.0, 0])), cube)[0]
+    )
     assert "1e+06 times" in doubts_by_shapes(steel._replace(trace=steel.trace * 1e6), cube)[0]
     assert doubts_by_shapes(steel._replace(trace=0.0), cube) == []  # a point mass is meant
 
 
 @pytest.mark.parametrize(
-    ("payload", "mass", "told"), [(0.0, 20, "do not hold"), (7620.0, 25, "305 times"), (30, 25, ""), (90, 1, "")]
+    ("payload", "mass", "told"),
+    [(0.0, 20, "do not hold"), (7620.0, 25, "305 times"), (30, 25, ""), (90, 1, "")],
 )
 def test_payloads(payload, mass, told):
     assert (told in payload_doubt(payload, mass)) if told else payload_doubt(payload, mass) == ""
@@ -97,14 +115,25 @@ def test_payloads(payload, mass, told):
 
 def box(**keys):
     return {
-        "pieces": {"crate": {"free": True, "mass": 2.0, "box": [0.2, 0.2, 0.2], "pose": [0, 0, 0.1, 0, 0, 0], **keys}}
+        "pieces": {
+            "crate": {
+                "free": True,
+                "mass": 2.0,
+                "box": [0.2, 0.2, 0.2],
+                "pose": [0, 0, 0.1, 0, 0, 0],
+                **keys,
+            }
+        }
     }
 
 
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (box(box=[100, 100, 100], mass=1e9), "pieces.crate: a side of 100 m; were millimetres meant?"),
+        (
+            box(box=[100, 100, 100], mass=1e9),
+            "pieces.crate: a side of 100 m; were millimetres meant?",
+        ),
         (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: 500 m from where it is measured"),
         (
             box(pose=[0, 0, 0.1, 90, 0, 0]),
@@ -117,10 +146,19 @@ def box(**keys):
         (box(inertia=[0.01e6] * 3), "moments are .* times"),
         ({**box(), "gravity": -9.81}, "gravity: -9.81 m/s² pulls up"),
         ({**box(), "gravity": 9810}, "gravity: 9810 m/s² is 1e.03 times"),
-        ({**box(), "contact": {"friction": {"static": 50, "dynamic": 40}}}, "friction.static: a coefficient .* of 50"),
-        ({"robot": {"model": "irb120", "base": [0, 0, 0, 180, 0, 0]}}, r"robots.robot.base: an angle of 180 rad"),
+        (
+            {**box(), "contact": {"friction": {"static": 50, "dynamic": 40}}},
+            "friction.static: a coefficient .* of 50",
+        ),
+        (
+            {"robot": {"model": "irb120", "base": [0, 0, 0, 180, 0, 0]}},
+            r"robots.robot.base: an angle of 180 rad",
+        ),
         ({"robot": {"model": "irb120", "tcp_offset": [0, 0, 120, 0, 0, 0]}}, "tcp_offset: 120 m"),
-        ({"robot": {"model": "irb120", "mass_factors": {"link_1": 50}}}, "mass_factors.link_1: the mass is 50 times"),
+        (
+            {"robot": {"model": "irb120", "mass_factors": {"link_1": 50}}},
+            "mass_factors.link_1: the mass is 50 times",
+        ),
     ],
 )
 def test_a_stations_own_keys_are_doubted(tmp_path, content, told):
@@ -139,7 +177,9 @@ def test_a_stations_own_keys_are_doubted(tmp_path, content, told):
 def test_meshes_are_judged_by_the_sizes_of_boxes(tmp_path, ending):
     """A mesh of 40 m is doubted as a box of 40 m is, although its scale was given."""
     trimesh.creation.box([40.0, 20.0, 10.0]).export(tmp_path / f"large{ending}")
-    content = {"pieces": {"crate": {"mesh": f"large{ending}", "scale": 1, "mass": 8e6, "parent": "world"}}}
+    content = {
+        "pieces": {"crate": {"mesh": f"large{ending}", "scale": 1, "mass": 8e6, "parent": "world"}}
+    }
     content["robot"] = {"model": "irb120"}
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
 
@@ -160,7 +200,9 @@ def test_meshes_are_judged_by_the_sizes_of_boxes(tmp_path, ending):
 def test_targets_beyond_limits_are_refused_though_no_run_reaches_them(tmp_path, reference):
     content = {"robot": {"model": "irb120"}, "reference": reference, "duration": 0.1}
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises(SimrobError, match=r"reference of joint_1 is -?400 deg; .* limits of -165 to 165 deg"):
+    with pytest.raises(
+        SimrobError, match=r"reference of joint_1 is -?400 deg; .* limits of -165 to 165 deg"
+    ):
         load_station(tmp_path / "station.yaml")
 
 
@@ -177,7 +219,15 @@ def test_no_shipped_station_is_doubted():
 
 
 def test_a_warning_names_its_subject_once(tmp_path):
-    content = {"solver": {"kind": "discrete"}, "duration": 0.01, **box(box=[100, 100, 100], mass=1e9)}
+    content = {
+        "solver": {"kind": "discrete"},
+        "duration": 0.01,
+        **box(box=[100, 100, 100], mass=1e9),
+    }
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
-    (finding,) = (one for one in check_station(load_station(tmp_path / "station.yaml")) if "a side of" in one.text)
+    (finding,) = (
+        one
+        for one in check_station(load_station(tmp_path / "station.yaml"))
+        if "a side of" in one.text
+    )
     assert f"{finding.subject}: {finding.text}".count("pieces.crate") == 1

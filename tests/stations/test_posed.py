@@ -15,7 +15,9 @@ def assert_shapes_are_at(posed: PosedStation, robot: StationRobot, posture: np.n
     """Check that the shapes of a robot's last link are where forward kinematics puts them in a posture (n,) [rad]."""
     plant = posed.plant
     body = robot.tools[robot.tcp].body()
-    chain = Chain.of_plant(plant, joints=robot.joints, base=plant.world_frame(), tool=body.body_frame())
+    chain = Chain.of_plant(
+        plant, joints=robot.joints, base=plant.world_frame(), tool=body.body_frame()
+    )
     pose = posed.query().GetPoseInWorld(plant.GetBodyFrameIdOrThrow(body.index()))
     np.testing.assert_allclose(pose.GetAsMatrix4(), chain.forward(posture)[0], atol=1e-12)
 

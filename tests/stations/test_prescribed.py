@@ -50,7 +50,11 @@ def second(time, state):
     """Equation of the second rod's angle from the horizontal, by Lagrange."""
     (angle, speed, push), (own, rate) = first(time), state
     bent = own - angle
-    moment = MASS * MIDDLE * (LENGTH * (push * np.cos(bent) + speed**2 * np.sin(bent)) + GRAVITY * np.cos(own))
+    moment = (
+        MASS
+        * MIDDLE
+        * (LENGTH * (push * np.cos(bent) + speed**2 * np.sin(bent)) + GRAVITY * np.cos(own))
+    )
     return [rate, -moment / (INERTIA + MASS * MIDDLE**2)]
 
 
@@ -85,11 +89,16 @@ def errors(result, exact):
         ({}, (1e-8, 1e-8, 5e-4)),
         ({"solver.scheme": "radau3", "solver.accuracy": 1e-6}, (1e-7, 1e-5, 5e-3)),
         ({"solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}}, (1e-3, 2e-3, 0.05)),
-        ({"solver.scheme": "cenic", "solver.accuracy": 1e-3, "solver.max_step": 2e-3}, (8e-3, 4e-2, 0.4)),
+        (
+            {"solver.scheme": "cenic", "solver.accuracy": 1e-3, "solver.max_step": 2e-3},
+            (8e-3, 4e-2, 0.4),
+        ),
     ],
     ids=["runge_kutta3", "radau3", "sap", "cenic"],
 )
-def test_a_prescribed_joint_moves_as_it_is_told_and_its_torque_is_what_that_takes(station, exact, solver, bounds):
+def test_a_prescribed_joint_moves_as_it_is_told_and_its_torque_is_what_that_takes(
+    station, exact, solver, bounds
+):
     """Of up to 29 N·m; the continuous schemes are limited by their own accuracy, the others by their step."""
     result = simulate(load_station(station, solver), progress=False)
     found = errors(result, exact)
@@ -98,15 +107,21 @@ def test_a_prescribed_joint_moves_as_it_is_told_and_its_torque_is_what_that_take
 
 def test_a_servo_moves_its_joint_while_another_is_prescribed(station):
     """The servo holds the elbow in the world's gravity; the shoulder goes on its way all the same."""
-    result = simulate(load_station(station, {"servo.kp": 4000, "servo.kd": 200}), duration=1.0, progress=False)
+    result = simulate(
+        load_station(station, {"servo.kp": 4000, "servo.kd": 200}), duration=1.0, progress=False
+    )
     np.testing.assert_allclose(result["q.joint_1"], first(result.times)[0], atol=1e-7)
     assert np.abs(result["q.joint_2"] + 1.0).max() < 0.01
-    assert result["q_ref.joint_1"].tolist() == pytest.approx(first(result.times)[0].tolist(), abs=1e-12)
+    assert result["q_ref.joint_1"].tolist() == pytest.approx(
+        first(result.times)[0].tolist(), abs=1e-12
+    )
 
 
 def test_a_run_begins_on_the_course(station):
     """A sine of a phase begins away from the initial posture, and at its speed; so does a run that goes on."""
-    config = load_station(station, {"prescribed.joint_1": {"kind": "sine", "frequency": 0.5, "phase_deg": 45}})
+    config = load_station(
+        station, {"prescribed.joint_1": {"kind": "sine", "frequency": 0.5, "phase_deg": 45}}
+    )
     result = simulate(config, duration=0.1, progress=False)
     again = simulate(config, duration=0.1, start=result.final_state, progress=False)
     for run in (result, again):
@@ -119,10 +134,19 @@ def test_a_run_begins_on_the_course(station):
     [
         ({"prescribed": {"joint_9": {"kind": "hold"}}}, "no axis of two.*joint_9"),
         ({"mode": "kinematic"}, "prescribed.*the reference of a kinematic station moves all"),
-        ({"servo": {"realization": "implicit", "kp": 1}}, "servo.realization.*a prescribed joint has no servo"),
+        (
+            {"servo": {"realization": "implicit", "kp": 1}},
+            "servo.realization.*a prescribed joint has no servo",
+        ),
         ({"servo.feedforward": "gravity"}, "knows the robot's model"),
         ({"prescribed.joint_1": {"kind": "sine", "amplitude_deg": {"joint_2": 3}}}, "joint_2"),
-        ({"solver": {"kind": "continuous", "max_step": 0.1}, "prescribed": {"joint_1": {"kind": "spin"}}}, "spin"),
+        (
+            {
+                "solver": {"kind": "continuous", "max_step": 0.1},
+                "prescribed": {"joint_1": {"kind": "spin"}},
+            },
+            "spin",
+        ),
     ],
 )
 def test_what_cannot_be_prescribed(station, changes, message):

@@ -76,7 +76,9 @@ def carried(
     """
     urdf = URDF.format(kind=kind, axis=axis, pitch=pitch, dynamics=dynamics)
     (folder / "carrier.urdf").write_text(urdf)
-    turned = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+    turned = np.array(
+        [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    )
     feet = [{"sphere": FOOT, "pose": [x, y, FOOT - 0.1, 0, 0, 0]} for x, y in CORNERS]
     crate = {
         "mass": CRATE,
@@ -114,7 +116,9 @@ def test_a_crate_that_rides_along_takes_no_force(tmp_path: Path, solver: dict[st
     """Friction brings the crate to the carriage's speed; then nothing accelerates."""
     speed = 0.5  # [m/s]
     friction = 0.5
-    run = carried(tmp_path, solver, at_constant_speed(tmp_path, speed), friction=friction, sample_rate=1000.0)
+    run = carried(
+        tmp_path, solver, at_constant_speed(tmp_path, speed), friction=friction, sample_rate=1000.0
+    )
     force = run["tau.belt"]
     riding = run.times > 0.2  # 0.102 s are needed, more where the crate hops at first
     weight = CRATE * GRAVITY
@@ -138,9 +142,15 @@ def test_a_crate_that_slips_takes_its_friction(tmp_path: Path, solver: dict[str,
 
 
 @pytest.mark.parametrize("solver", DISCRETE, ids=by_scheme)
-def test_under_discrete_solvers_the_force_is_that_of_the_momenta(tmp_path: Path, solver: dict[str, Any]) -> None:
+def test_under_discrete_solvers_the_force_is_that_of_the_momenta(
+    tmp_path: Path, solver: dict[str, Any]
+) -> None:
     """Step by step, with slip and with hops: what the crate gains in momentum comes from the carriage."""
-    swing = {"kind": "sine", "amplitude_deg": 0.3, "frequency": 1.0}  # m: deg of a joint that slides
+    swing = {
+        "kind": "sine",
+        "amplitude_deg": 0.3,
+        "frequency": 1.0,
+    }  # m: deg of a joint that slides
     run = carried(tmp_path, solver, swing, friction=0.2, sample_rate=1000.0, duration=0.4)
     step = 1e-3
     # Velocities at step ends: positions advance with the velocity of the step's end.
@@ -154,7 +164,9 @@ def test_under_discrete_solvers_the_force_is_that_of_the_momenta(tmp_path: Path,
 
 
 @pytest.mark.parametrize("solver", [SAP, LAGGED, SIMILAR, RADAU3], ids=by_scheme)
-def test_a_crate_that_sticks_is_accelerated_like_the_carriage(tmp_path: Path, solver: dict[str, Any]) -> None:
+def test_a_crate_that_sticks_is_accelerated_like_the_carriage(
+    tmp_path: Path, solver: dict[str, Any]
+) -> None:
     """The motor accelerates carriage and crate, (M + m) a; the 2 kg of the crate are 2.4 N of it."""
     run = carried(tmp_path, solver, SWING, friction=1.0)
 
@@ -200,7 +212,13 @@ def test_a_turntable_turns_what_stands_on_it(tmp_path: Path, solver: dict[str, A
 def test_a_crate_on_a_lever_is_lifted(tmp_path: Path, solver: dict[str, Any]) -> None:
     """About a level axis: at rest the crate's weight has the lever r, and the arm is balanced."""
     run = carried(
-        tmp_path, solver, {"kind": "hold"}, friction=1.0, kind="revolute", axis="0 -1 0", place=(0.8, 0.0, 0.15)
+        tmp_path,
+        solver,
+        {"kind": "hold"},
+        friction=1.0,
+        kind="revolute",
+        axis="0 -1 0",
+        place=(0.8, 0.0, 0.15),
     )
     late = run.times > 0.25
     np.testing.assert_allclose(run["tau.belt"][late], CRATE * GRAVITY * 0.8, rtol=0.02)
@@ -210,7 +228,9 @@ def test_a_crate_on_a_lever_is_lifted(tmp_path: Path, solver: dict[str, Any]) ->
 def test_the_motor_overcomes_what_rubs_in_the_joint(tmp_path: Path, solver: dict[str, Any]) -> None:
     """Damping 7 N·s/m and Coulomb friction of 3 N in the joint, at 0.5 m/s, below a crate that rides along."""
     dynamics = '<dynamics damping="7" friction="3"/>'
-    run = carried(tmp_path, solver, at_constant_speed(tmp_path, 0.5), friction=0.5, dynamics=dynamics)
+    run = carried(
+        tmp_path, solver, at_constant_speed(tmp_path, 0.5), friction=0.5, dynamics=dynamics
+    )
     late = run.times > 0.25
     np.testing.assert_allclose(run["tau.belt"][late], 7 * 0.5 + 3, atol=0.5)
 
@@ -218,14 +238,25 @@ def test_the_motor_overcomes_what_rubs_in_the_joint(tmp_path: Path, solver: dict
 @pytest.mark.parametrize("solver", DISCRETE, ids=by_scheme)
 def test_of_couplings_with_contact_the_run_warns(tmp_path: Path, solver: dict[str, Any]) -> None:
     """Drake's forces in joints are without those of constraints."""
-    strut = {"kind": "weld", "body": "crate", "other": "carriage", "other_pose": [0, 0, 0.15, 0, 0, 0]}
-    run = carried(tmp_path, solver, {"kind": "hold"}, friction=0.5, couplings={"strut": strut}, duration=0.02)
-    assert any("prescribed joints belt" in warning and "strut" in warning for warning in run.warnings)
+    strut = {
+        "kind": "weld",
+        "body": "crate",
+        "other": "carriage",
+        "other_pose": [0, 0, 0.15, 0, 0, 0],
+    }
+    run = carried(
+        tmp_path, solver, {"kind": "hold"}, friction=0.5, couplings={"strut": strut}, duration=0.02
+    )
+    assert any(
+        "prescribed joints belt" in warning and "strut" in warning for warning in run.warnings
+    )
 
 
 def test_of_loads_that_stick_the_run_warns_under_cenic(tmp_path: Path) -> None:
     """Drake computes the friction of a recorded state by another law than cenic steps with."""
     run = carried(tmp_path, CENIC, {"kind": "hold"}, friction=0.5, duration=0.02)
-    assert any("prescribed joints belt" in warning and "cenic" in warning for warning in run.warnings)
+    assert any(
+        "prescribed joints belt" in warning and "cenic" in warning for warning in run.warnings
+    )
     without = carried(tmp_path, RADAU3, {"kind": "hold"}, friction=0.5, duration=0.02)
     assert not [warning for warning in without.warnings if "prescribed" in warning]

@@ -18,7 +18,9 @@ OWN = {"hand": "hand_frame", "camera": "camera_frame"}
         ({}, [], None, ""),
     ],
 )
-def test_the_tool_in_use_is_the_named_one_else_the_outermost_piece_else_the_first(own, carried, tcp, used) -> None:
+def test_the_tool_in_use_is_the_named_one_else_the_outermost_piece_else_the_first(
+    own, carried, tcp, used
+) -> None:
     assert tool_in_use(own, carried, tcp) == used
 
 

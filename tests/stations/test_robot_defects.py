@@ -62,7 +62,10 @@ def test_a_warning_before_the_run_is_not_repeated_after_it(tmp_path, capfd):
 def test_a_key_of_a_robot_outside_of_it_is_refused_with_its_place(tmp_path, key):
     file = lifting_file(tmp_path, [{"wait": 0.1}])
     section = key.partition(".")[0]
-    with pytest.raises(SimrobError, match=rf"{section} is a key of a robot: write robot\.{section}, or robots\.NAME"):
+    with pytest.raises(
+        SimrobError,
+        match=rf"{section} is a key of a robot: write robot\.{section}, or robots\.NAME",
+    ):
         load_station(file, {key: 1})
 
 
@@ -70,11 +73,15 @@ def test_a_kinematic_station_warns_of_a_weight_that_its_forces_lack(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], right_has_inertia=False)
     result = simulate(load_station(file, KINEMATIC), progress=False)
     (warning,) = result.warnings
-    assert warning.startswith("forces lack the weight of finger_right, without inertia; estimate it by")
+    assert warning.startswith(
+        "forces lack the weight of finger_right, without inertia; estimate it by"
+    )
     # The lift carries the carriage and one finger: 1.3 kg, not 1.4 kg.
     assert result["tau.lift"][0] == pytest.approx(1.3 * 9.81, rel=1e-3)
 
-    whole = simulate(load_station(lifting_file(tmp_path, [{"wait": 0.1}]), KINEMATIC), progress=False)
+    whole = simulate(
+        load_station(lifting_file(tmp_path, [{"wait": 0.1}]), KINEMATIC), progress=False
+    )
     assert whole.warnings == []
     assert whole["tau.lift"][0] == pytest.approx(1.4 * 9.81, rel=1e-3)
 
@@ -85,7 +92,9 @@ def test_an_estimated_inertia_is_a_note_of_the_run_and_of_its_summary(tmp_path):
     note = "the inertia of finger_right (0.027 kg) is an estimate: lift_gripper.urdf has none that can be used"
     assert note in [finding.text for finding in check_station(config)]
     result = simulate(config, progress=False)
-    assert [(remark.severity, remark.text) for remark in result.verdict.remarks[1:]] == [("note", note)]
+    assert [(remark.severity, remark.text) for remark in result.verdict.remarks[1:]] == [
+        ("note", note)
+    ]
     assert result.verdict.severity == "success"
     result.save(tmp_path / "run", recording=False)
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
@@ -95,7 +104,12 @@ def test_an_estimated_inertia_is_a_note_of_the_run_and_of_its_summary(tmp_path):
 def test_a_first_station_says_that_it_estimated_an_inertia(tmp_path, capfd):
     file = tmp_path / "lift_gripper.urdf"
     file.write_text(gripper_urdf(right_has_inertia=False))
-    assert run_command(["station", str(file), "--estimate-inertia", "--out", str(tmp_path / "first.yaml")]) == 0
+    assert (
+        run_command(
+            ["station", str(file), "--estimate-inertia", "--out", str(tmp_path / "first.yaml")]
+        )
+        == 0
+    )
     sentence = "The inertia of finger_right (0.027 kg) is an estimate: lift_gripper.urdf has none that can be used."
     assert sentence in " ".join(capfd.readouterr().out.split())
     assert f"# {sentence}\n" in (tmp_path / "first.yaml").read_text()
@@ -110,4 +124,6 @@ def test_the_weakest_posture_obeys_mimic_joints_and_the_gear_of_fingers(tmp_path
         lift, left, right = dynamics.weakest_posture()
         assert left == pytest.approx(right, abs=1e-12)
         # All postures of a lift are as weak: what it holds is the rest of its force.
-        assert dynamics.payload(np.array([lift, left, right])).min() == pytest.approx(120 / 9.80665 - 1.4, rel=1e-6)
+        assert dynamics.payload(np.array([lift, left, right])).min() == pytest.approx(
+            120 / 9.80665 - 1.4, rel=1e-6
+        )

@@ -18,11 +18,12 @@ HIGHEST = [0.5, 0.2, 0.05]
 WITHIN = f"[{LOWEST}, {HIGHEST}]"
 
 
-def scattered(folder: Path, keys: str, rest: str = "", overrides: dict[str, Any] | None = None) -> StationConfig:
+def scattered(
+    folder: Path, keys: str, rest: str = "", overrides: dict[str, Any] | None = None
+) -> StationConfig:
     """Load a station of free cubes with keys of their section ``scatter``, and further text of the file."""
-    text = (
-        f"pieces:\n  cube: {{scatter: {{within: {WITHIN}, {keys}}}}}\n{rest}contact: {{}}\nsolver: {{kind: discrete}}\n"
-    )
+    cube = f"  cube: {{scatter: {{within: {WITHIN}, {keys}}}}}"
+    text = f"pieces:\n{cube}\n{rest}contact: {{}}\nsolver: {{kind: discrete}}\n"
     (folder / "own.yaml").write_text(text)
     return load_station(folder / "own.yaml", overrides)
 
@@ -95,13 +96,23 @@ def test_what_is_saved_has_the_places(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "rest", "message"),
     [
-        ("count: 100, apart: 0.2", "", r"cube\.scatter has room for \d+ of 100: give it a larger box, or less apart"),
+        (
+            "count: 100, apart: 0.2",
+            "",
+            r"cube\.scatter has room for \d+ of 100: give it a larger box, or less apart",
+        ),
         ("count: 0", "", r"pieces\.cube\.scatter\.count"),
         ("count: 2, turn_deg: [30, 0]", "", "within and turn_deg have the lower values first"),
-        ("count: 2", "  cube_2: {model: cube, free: true}\n", "cube_2 stands there, and would be one of the scattered"),
+        (
+            "count: 2",
+            "  cube_2: {model: cube, free: true}\n",
+            "cube_2 stands there, and would be one of the scattered",
+        ),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(tmp_path: Path, keys: str, rest: str, message: str) -> None:
+def test_what_cannot_be_drawn_is_refused(
+    tmp_path: Path, keys: str, rest: str, message: str
+) -> None:
     with pytest.raises(InvalidConfig, match=message):
         scattered(tmp_path, keys, rest)
 

@@ -16,13 +16,17 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_the_schema_file_is_up_to_date():
-    assert json.loads((diagrams_root() / SCHEMA_FILE).read_text()) == station_schema(), "renew it: make pictures"
+    assert json.loads((diagrams_root() / SCHEMA_FILE).read_text()) == station_schema(), (
+        "renew it: make pictures"
+    )
 
 
 def test_the_kinds_are_those_of_the_union():
     models = monitors.KINDS.models
     assert models["fall"] is Fall
-    kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"]["mapping"]
+    kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"][
+        "mapping"
+    ]
     assert set(models) == set(kinds)
 
 
@@ -30,9 +34,15 @@ def test_every_key_of_the_schema_is_explained():
     schema = station_schema()
     sections = {"": schema, **schema["$defs"]}
     keys = {
-        f"{name}.{key}": entry for name, section in sections.items() for key, entry in section["properties"].items()
+        f"{name}.{key}": entry
+        for name, section in sections.items()
+        for key, entry in section["properties"].items()
     }
-    assert [key for key, entry in keys.items() if "description" not in entry and not key.endswith(".kind")] == []
+    assert [
+        key
+        for key, entry in keys.items()
+        if "description" not in entry and not key.endswith(".kind")
+    ] == []
 
 
 CLASS_NAME = re.compile(r"^[A-Z][a-z]+[A-Z]")
@@ -54,12 +64,22 @@ def descriptions(schema):
 def names_of_classes():
     """Names of all classes of the package, those in functions included."""
     sources = (ROOT / "simrob_drake").rglob("*.py")
-    return {name for source in sources for name in re.findall(r"^ *class (\w+)", source.read_text(), re.MULTILINE)}
+    return {
+        name
+        for source in sources
+        for name in re.findall(r"^ *class (\w+)", source.read_text(), re.MULTILINE)
+    }
 
 
-@pytest.mark.parametrize("file", [*ROOT.glob("models/*.schema.json"), ROOT / "diagrams" / "station.schema.json"])
+@pytest.mark.parametrize(
+    "file", [*ROOT.glob("models/*.schema.json"), ROOT / "diagrams" / "station.schema.json"]
+)
 def test_no_description_of_a_key_names_a_class(file):
     """Users of YAML do not know the classes behind it."""
     inner = {name for name in names_of_classes() if CLASS_NAME.match(name)}
-    words = {word for text in descriptions(json.loads(file.read_text())) for word in re.findall(r"\w+", text)}
+    words = {
+        word
+        for text in descriptions(json.loads(file.read_text()))
+        for word in re.findall(r"\w+", text)
+    }
     assert inner & words == set()

@@ -10,7 +10,10 @@ from simrob_drake.stations.checks import check_station
 
 MOVE = {"reference.kind": "move", "reference.target_deg": 30}
 COMPUTED = {"servo.law": "computed_torque", "servo.kp": 400, "servo.kd": 40}
-DISCRETE = {"servo.realization": "implicit", "solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}}
+DISCRETE = {
+    "servo.realization": "implicit",
+    "solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3},
+}
 
 
 def errors(station, overrides):
@@ -40,7 +43,17 @@ def test_gravity_compensation_takes_the_sag_away_with_any_load(kind, mass):
 )
 @pytest.mark.parametrize(
     "reference",
-    [MOVE, {"reference": {"kind": "s_curve", "target_deg": 30, "speed_deg": 60, "acceleration_deg": 200}}],
+    [
+        MOVE,
+        {
+            "reference": {
+                "kind": "s_curve",
+                "target_deg": 30,
+                "speed_deg": 60,
+                "acceleration_deg": 200,
+            }
+        },
+    ],
     ids=["move", "s_curve"],
 )
 def test_the_whole_move_is_followed_within_a_fiftieth_of_a_degree(servo, reference):
@@ -76,14 +89,27 @@ def test_the_error_of_a_computed_torque_obeys_its_own_law_in_every_joint():
     decay = kd / 2
     frequency = np.sqrt(kp - decay**2)
     angle = frequency * result.times
-    error = start_error * np.exp(-decay * result.times) * (np.cos(angle) + decay / frequency * np.sin(angle))
+    error = (
+        start_error
+        * np.exp(-decay * result.times)
+        * (np.cos(angle) + decay / frequency * np.sin(angle))
+    )
     found = start_error - result.axes("q")
     np.testing.assert_allclose(found, np.tile(error, (6, 1)).T, atol=2e-5)
 
 
 def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
-    stone = {"model": "half_die", "parent": "world", "free": True, "mass": 1.0, "pose": [0, 1, 1, 0, 0, 0]}
-    change = {"robots.left.servo": {"kp": 1000, "kd": 10, "feedforward": "gravity"}, "pieces.stone": stone}
+    stone = {
+        "model": "half_die",
+        "parent": "world",
+        "free": True,
+        "mass": 1.0,
+        "pose": [0, 1, 1, 0, 0, 0],
+    }
+    change = {
+        "robots.left.servo": {"kp": 1000, "kd": 10, "feedforward": "gravity"},
+        "pieces.stone": stone,
+    }
     result = simulate(load_station("two_irb120", change), progress=False)
     off = {
         name: np.rad2deg(np.abs(result.axes("q", name) - result.axes("q_ref", name)))[-1]
@@ -131,13 +157,19 @@ def test_a_cascade_goes_no_faster_than_its_limit():
 def test_the_picture_shows_them():
     dot = station_dot(load_station("irb120_dynamic", {"servo.feedforward": "inverse_dynamics"}))
     assert "Feedforward: inverse dynamics" in dot.replace("\\n", " ")
-    for overrides, shown in ((COMPUTED, "Computed torque"), ({"servo.law": "cascade"}, "joint_1: velocity")):
+    for overrides, shown in (
+        (COMPUTED, "Computed torque"),
+        ({"servo.law": "cascade"}, "joint_1: velocity"),
+    ):
         assert shown in station_dot(load_station("irb120_dynamic", overrides))
 
 
 def test_check_foretells_no_sag():
     texts = [
-        finding.text for finding in check_station(load_station("irb120_dynamic", {"servo.feedforward": "gravity"}))
+        finding.text
+        for finding in check_station(
+            load_station("irb120_dynamic", {"servo.feedforward": "gravity"})
+        )
     ]
     assert any("the servo's model holds it without sagging" in text for text in texts)
     assert not any("sags by" in text for text in texts)
@@ -147,14 +179,34 @@ def test_check_foretells_no_sag():
     ("station", "overrides", "message"),
     [
         ("irb120_dynamic", {"servo.feedforward": "full"}, "known: gravity, inverse_dynamics, none"),
-        ("irb120_dynamic", {"servo.law": "cascade", "servo.realization": "implicit"}, "needs realization per_joint or"),
-        ("irb120_dynamic", {"servo.law": "cascade", "servo.admittance_gain": 5}, "admittance_gain goes with law pid"),
-        ("irb120_dynamic", {"servo.law": "cascade", "servo.kd": 0}, "the smallest kd is 0.0; it must be positive"),
-        ("irb120_dynamic", {"servo.law": "cascade", "servo.speed_limit": 0}, "a speed limit must be positive"),
+        (
+            "irb120_dynamic",
+            {"servo.law": "cascade", "servo.realization": "implicit"},
+            "needs realization per_joint or",
+        ),
+        (
+            "irb120_dynamic",
+            {"servo.law": "cascade", "servo.admittance_gain": 5},
+            "admittance_gain goes with law pid",
+        ),
+        (
+            "irb120_dynamic",
+            {"servo.law": "cascade", "servo.kd": 0},
+            "the smallest kd is 0.0; it must be positive",
+        ),
+        (
+            "irb120_dynamic",
+            {"servo.law": "cascade", "servo.speed_limit": 0},
+            "a speed limit must be positive",
+        ),
         ("irb120_dynamic", {"servo.speed_limit": 1}, "speed_limit goes with law cascade"),
         ("irb120_kinematic", {"servo": {"law": "computed_torque"}}, "needs kp .* and kd"),
         ("irb120_dynamic", {**COMPUTED, "servo.feedforward": "gravity"}, "leave feedforward out"),
-        ("irb120_dynamic", {**COMPUTED, "servo.ki": 5}, "servo.ki is 5.* it must be 0 with law computed_torque"),
+        (
+            "irb120_dynamic",
+            {**COMPUTED, "servo.ki": 5},
+            "servo.ki is 5.* it must be 0 with law computed_torque",
+        ),
         (
             "humanoid_dynamic",
             {"servo.feedforward": "gravity"},

@@ -34,9 +34,19 @@ contact: {{stiffness: {OWN}}}
     def told(body):
         """Return name, piece and stiffness of each shape."""
         found = shapes_of(station, config, body)
-        stiff = [inspector.GetProximityProperties(s).GetProperty("material", "point_contact_stiffness") for s in found]
+        stiff = [
+            inspector.GetProximityProperties(s).GetProperty("material", "point_contact_stiffness")
+            for s in found
+        ]
         pieces = [piece_of_shape(config, inspector, shape) for shape in found]
-        return sorted(zip([inspector.GetName(s) for s in found], pieces, [value / 2 for value in stiff], strict=True))
+        return sorted(
+            zip(
+                [inspector.GetName(s) for s in found],
+                pieces,
+                [value / 2 for value in stiff],
+                strict=True,
+            )
+        )
 
     yield told
     del builder

@@ -38,7 +38,9 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
     knees = stance.height - length * np.cos(thighs)
     feet = knees - length * np.cos(thighs + shanks)
     assert np.ptp(feet) < 1.5e-3
-    assert np.abs(feet).max() < 0.02  # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
+    assert (
+        np.abs(feet).max() < 0.02
+    )  # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
     assert knees.min() > 0.1
     assert stance.standing.gap == pytest.approx(0.0, abs=1e-9)
     assert set(stance.standing.ends) == {f"shank{number}" for number in range(4)}
@@ -61,25 +63,42 @@ def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
 def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effort):
     """A level bar of 1 kg, 0.4 m long, takes 1.96 N m; the robot has no legs, and stands on its trunk."""
     parts = link("trunk", "0.2 0.2 1.0", "0 0 0.5", 20.0), link("bar", "0.4 0.05 0.05", "0.2 0 0")
-    urdf = robot_of(*parts, joint("bar", "trunk", "0 0 0.5", effort=effort), base="floating", axes=["bar_joint"])
+    urdf = robot_of(
+        *parts, joint("bar", "trunk", "0 0 0.5", effort=effort), base="floating", axes=["bar_joint"]
+    )
     clearance = clearance_of(urdf, **DYNAMIC)
     stances = Stances(clearance, clearance.station.robots["robot"])
     found = list(stances.find())
     if effort > 2.0:
-        assert [(stance.how, list(stance.standing.ends)) for stance in found] == [("at home", ["trunk"])]
+        assert [(stance.how, list(stance.standing.ends)) for stance in found] == [
+            ("at home", ["trunk"])
+        ]
         assert stances.lacking == ""
         texts = [finding.text for finding in check_station(clearance.config)]
-        assert not any("as on knees" in text for text in texts)  # though its trunk stands near its own origin
+        assert not any(
+            "as on knees" in text for text in texts
+        )  # though its trunk stands near its own origin
     else:
         assert found == []
-        assert stances.lacking == "In the best of 1 that were tried bar_joint takes 1.96 N·m and has 1 N·m."
+        assert (
+            stances.lacking
+            == "In the best of 1 that were tried bar_joint takes 1.96 N·m and has 1 N·m."
+        )
 
 
 def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearance_of):
     """The hand of an arm whose elbow is folded lies in the trunk."""
-    parts = link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0), link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1)
+    parts = (
+        link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0),
+        link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1),
+    )
     parts += (link("hand", "0.2 0.04 0.04", "-0.1 0 0", 0.1), joint("arm", "trunk", "0.2 0 0.22"))
-    urdf = robot_of(*parts, joint("hand", "arm", "0.12 0 -0.03"), base="floating", axes=["arm_joint", "hand_joint"])
+    urdf = robot_of(
+        *parts,
+        joint("hand", "arm", "0.12 0 -0.03"),
+        base="floating",
+        axes=["arm_joint", "hand_joint"],
+    )
     _, stance = first_of(clearance_of(urdf, **DYNAMIC))
     assert stance is not None
     assert stance.posture.any()
@@ -94,7 +113,10 @@ def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     assert kneeling is not None
     base = {"base": [0.0, 0.0, kneeling.height, 0.0, 0.0, 0.0]}
     texts = [finding.text for finding in check_station(clearance_of(urdf, base, **DYNAMIC).config)]
-    assert any(text.startswith("it stands on the near end of shank0") and "as on knees" in text for text in texts)
+    assert any(
+        text.startswith("it stands on the near end of shank0") and "as on knees" in text
+        for text in texts
+    )
 
 
 @pytest.mark.long
@@ -135,7 +157,8 @@ def test_of_a_robot_that_finds_no_stance_the_draft_says_so(quadruped, tmp_path):
 
 def test_a_robot_that_nothing_could_carry_is_held(robot_of, tmp_path):
     bare = [
-        part.partition("<collision>")[0] + "</link>" for part in (link("trunk", "1 1 1"), link("bar", "1 1 1", "0 0 1"))
+        part.partition("<collision>")[0] + "</link>"
+        for part in (link("trunk", "1 1 1"), link("bar", "1 1 1", "0 0 1"))
     ]
     urdf = robot_of(*bare, joint("bar", "trunk", "0 0 0"), base="floating", axes=["bar_joint"])
     text = draft_station(urdf, folder=tmp_path)
@@ -154,7 +177,9 @@ TOP = [link("trunk", "0.1 0.1 0.5", "0 0 0.25", 2.0), link("arm", "0.02 0.02 0.1
         (20.0, {"fall": {"tilt_deg": 40.0}}, False, "it fell at 0."),
     ],
 )
-def test_a_trial_tells_what_stands_from_what_falls(robot_of, clearance_of, tilt, monitors, held, told):
+def test_a_trial_tells_what_stands_from_what_falls(
+    robot_of, clearance_of, tilt, monitors, held, told
+):
     """A box of 0.1 m by 0.5 m tips over beyond 11.3 deg."""
     urdf = robot_of(*TOP, joint("arm", "trunk", "0 0 0.5"), base="floating", axes=["arm_joint"])
     pitch = np.deg2rad(tilt)

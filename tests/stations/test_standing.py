@@ -41,9 +41,15 @@ def test_the_humanoids_balance_is_that_of_its_figures() -> None:
     found = stands("humanoid_dynamic")
     assert found.mass == pytest.approx(2.292, abs=1e-6)
     assert found.contacts == 12
-    assert found.margin == pytest.approx(0.04725 + 0.0015, abs=1e-4)  # heel of area C, centre of mass; facts
-    hips = found.torque[[4, 12]]  # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
-    own_legs = 0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537  # kg m, outside of the hip's axis
+    assert found.margin == pytest.approx(
+        0.04725 + 0.0015, abs=1e-4
+    )  # heel of area C, centre of mass; facts
+    hips = found.torque[
+        [4, 12]
+    ]  # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
+    own_legs = (
+        0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537
+    )  # kg m, outside of the hip's axis
     expected = 9.80665 * (2.292 / 2 * 0.02537 - own_legs)
     np.testing.assert_allclose(np.abs(hips), expected, rtol=0.02)
 
@@ -61,7 +67,9 @@ def test_the_quadrupeds_knees_carry_the_weight() -> None:
 
 def test_leaning_too_far_is_foretold() -> None:
     found = findings("humanoid_dynamic", {"robot.initial_deg": {"CadDF": -40, "CadIF": -40}})
-    assert any(f.level == "warning" and "it tips over" in f.text for f in found if f.subject == "base")
+    assert any(
+        f.level == "warning" and "it tips over" in f.text for f in found if f.subject == "base"
+    )
 
 
 def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
@@ -75,7 +83,11 @@ def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
         "servo: {realization: implicit, kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
         "solver: {kind: discrete, scheme: sap, time_step: 0.002}\n"
     )
-    (text,) = [f.text for f in findings(str(tmp_path / "leg.yaml")) if f.level == "warning" and f.subject == "base"]
+    (text,) = [
+        f.text
+        for f in findings(str(tmp_path / "leg.yaml"))
+        if f.level == "warning" and f.subject == "base"
+    ]
     height = (2 * (0.22 + 0.1) + 1 * 0.02) / 3
     assert stands(str(tmp_path / "leg.yaml")).height == pytest.approx(height, abs=1e-9)
     lean = np.rad2deg(0.002 / height)
@@ -88,7 +100,10 @@ def test_a_drop_and_a_penetration_are_foretold() -> None:
     low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
     # The original starts 6 mm too low.
     assert any(f.level == "warning" and "are 6.0 mm deep in each other" in f.text for f in low)
-    assert any(f.level == "warning" and "feet's lowest point is 6.00 mm below the floor" in f.text for f in low)
+    assert any(
+        f.level == "warning" and "feet's lowest point is 6.00 mm below the floor" in f.text
+        for f in low
+    )
 
 
 @pytest.mark.parametrize("missing", ["floor", "contact"])
@@ -112,7 +127,9 @@ def test_too_weak_a_knee_is_foretold() -> None:
 
 
 def test_a_kinematic_station_takes_no_pushes() -> None:
-    with pytest.raises(SimrobError, match="a kinematic station has no forces; leave it out, or set mode: dynamic"):
+    with pytest.raises(
+        SimrobError, match="a kinematic station has no forces; leave it out, or set mode: dynamic"
+    ):
         load_station("humanoid_fixed", {"forces.push": {"start": 1, "force": [1, 0, 0]}})
 
 
@@ -138,7 +155,12 @@ SHAPES = {  # how far it reaches below its middle, how many points it stands on,
     '<cylinder radius="0.1" length="0.08"/>': ("1.5707963267948966 0 0", 0.1, 2, None),
     '<sphere radius="0.05"/>': ("0 0 0", 0.05, 1, None),
     '<capsule radius="0.03" length="0.1"/>': ("0 1.5707963267948966 0", 0.03, 2, None),
-    '<ellipsoid a="0.1" b="0.1" c="0.05"/>': ("0.5 0 0", np.hypot(0.1 * np.sin(0.5), 0.05 * np.cos(0.5)), 1, None),
+    '<ellipsoid a="0.1" b="0.1" c="0.05"/>': (
+        "0.5 0 0",
+        np.hypot(0.1 * np.sin(0.5), 0.05 * np.cos(0.5)),
+        1,
+        None,
+    ),
 }
 
 
@@ -150,7 +172,9 @@ def test_a_robot_without_feet_stands_on_its_collision_shapes(shape: str, tmp_pat
         .replace("<ellipsoid", "<drake:ellipsoid")
         .replace("<capsule", "<drake:capsule")
     )
-    (tmp_path / "leg.urdf").write_text(text.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))
+    (tmp_path / "leg.urdf").write_text(
+        text.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ')
+    )
     (tmp_path / "leg.yaml").write_text(
         "robot: {urdf: leg.urdf, base: [0, 0, 0.5, 0, 0, 0], import_options: {base: floating}}\n"
         "servo: {realization: implicit, kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
@@ -170,5 +194,9 @@ def test_without_feet_and_collision_shapes_it_falls(tmp_path: Path) -> None:
         "robot: {urdf: leg.urdf, import_options: {base: floating, collision: none}}\n"
         "servo: {kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
     )
-    texts = [finding.text for finding in findings(str(tmp_path / "leg.yaml")) if finding.level == "warning"]
+    texts = [
+        finding.text
+        for finding in findings(str(tmp_path / "leg.yaml"))
+        if finding.level == "warning"
+    ]
     assert texts == ["the base is free and the robot has no collision shapes to stand on: it falls"]

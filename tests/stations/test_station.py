@@ -21,15 +21,27 @@ REALIZATIONS = ("per_joint", "vector", "implicit")
 
 
 def ports_of(station):
-    inputs = {station.get_input_port(index).get_name() for index in range(station.num_input_ports())}
-    outputs = {station.get_output_port(index).get_name() for index in range(station.num_output_ports())}
+    inputs = {
+        station.get_input_port(index).get_name() for index in range(station.num_input_ports())
+    }
+    outputs = {
+        station.get_output_port(index).get_name() for index in range(station.num_output_ports())
+    }
     return inputs, outputs
 
 
 def test_the_ports_are_those_of_the_contract():
     inputs, outputs = ports_of(build_station(load_station("irb120_dynamic")))
     assert inputs == {"reference"}
-    assert {"position", "velocity", "torque", "base_pose", "tcp_pose", "tcp_pose.gripper", "tcp_pose.load"} <= outputs
+    assert {
+        "position",
+        "velocity",
+        "torque",
+        "base_pose",
+        "tcp_pose",
+        "tcp_pose.gripper",
+        "tcp_pose.load",
+    } <= outputs
 
 
 def test_listed_inputs_are_added():
@@ -43,7 +55,12 @@ def test_listed_inputs_are_added():
 def test_ports_of_several_robots_carry_their_names():
     inputs, outputs = ports_of(build_station(load_station("two_irb120")))
     assert inputs == {"left.reference", "right.reference"}
-    assert {"left.position", "right.torque", "left.tcp_pose", "right.tcp_pose.right_gripper"} <= outputs
+    assert {
+        "left.position",
+        "right.torque",
+        "left.tcp_pose",
+        "right.tcp_pose.right_gripper",
+    } <= outputs
 
 
 def test_the_plant_stands_directly_in_the_builder():
@@ -68,7 +85,11 @@ def test_blocks_that_only_report_are_not_stepped():
 
 
 def test_a_loop_that_reads_a_pose_has_its_block():
-    flow = {"kind": "signal_flow", "blocks": {"height": {"kind": "sum", "of": ["tcp.z"]}}, "torque": {}}
+    flow = {
+        "kind": "signal_flow",
+        "blocks": {"height": {"kind": "sum", "of": ["tcp.z"]}},
+        "torque": {},
+    }
     config = load_station("irb120_dynamic", {"controllers": {"law": flow}, "duration": 0.2})
     assert "poses" in stepped_blocks(config)
     result = simulate(config)
@@ -91,7 +112,11 @@ def test_the_servo_law(realization):
     feedforward = np.linspace(1, 2, 6)
     overrides = {"inputs": ["feedforward", "reference_velocity"], "robot.initial_deg": 1.0}
     torque = torque_at(
-        realization, overrides, reference=reference, reference_velocity=velocity, feedforward=feedforward
+        realization,
+        overrides,
+        reference=reference,
+        reference_velocity=velocity,
+        feedforward=feedforward,
     )
     expected = 1000 * (reference - np.deg2rad(1.0)) + 10 * velocity + feedforward
     np.testing.assert_allclose(torque, expected, rtol=1e-12)
@@ -100,13 +125,20 @@ def test_the_servo_law(realization):
 @pytest.mark.parametrize("realization", REALIZATIONS)
 def test_the_torque_saturates_at_each_joints_limit(realization):
     limits = [1.0, 2, 3, 4, 5, 6]
-    torque = torque_at(realization, {"servo.torque_limit": limits}, reference=np.array([1.0, -1, 1, -1, 1, -1]))
+    torque = torque_at(
+        realization, {"servo.torque_limit": limits}, reference=np.array([1.0, -1, 1, -1, 1, -1])
+    )
     np.testing.assert_allclose(torque, np.array(limits) * [1, -1, 1, -1, 1, -1])
 
 
 @pytest.mark.parametrize("realization", REALIZATIONS)
 def test_an_integral_part_takes_the_sag_away(realization):
-    overrides = {"servo.realization": realization, "servo.ki": 3000, "duration": 6, "reference.kind": "hold"}
+    overrides = {
+        "servo.realization": realization,
+        "servo.ki": 3000,
+        "duration": 6,
+        "reference.kind": "hold",
+    }
     result = simulate(load_station("irb120_dynamic", {**overrides, "robot.initial_deg": 30}))
     np.testing.assert_allclose(result.axes("q")[-1], np.deg2rad(30), atol=1e-4)
 
@@ -165,7 +197,11 @@ def test_a_kinematic_station_gives_the_torques_of_inverse_dynamics():
     own = plant.CreateDefaultContext()
     plant.SetPositions(own, q)
     plant.SetVelocities(own, v)
-    expected = plant.CalcMassMatrix(own) @ a + plant.CalcBiasTerm(own) - plant.CalcGravityGeneralizedForces(own)
+    expected = (
+        plant.CalcMassMatrix(own) @ a
+        + plant.CalcBiasTerm(own)
+        - plant.CalcGravityGeneralizedForces(own)
+    )
     np.testing.assert_allclose(station.GetOutputPort("torque").Eval(context), expected, atol=1e-10)
     np.testing.assert_array_equal(station.GetOutputPort("position").Eval(context), q)
 
@@ -191,7 +227,10 @@ def test_two_arms_move_as_each_would_alone():
 
 def test_a_robots_base_moves_its_tool_along():
     base = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6]
-    moved, straight = (simulate(load_station("irb120_dynamic", o), duration=0.02) for o in ({"robot.base": base}, {}))
+    moved, straight = (
+        simulate(load_station("irb120_dynamic", o), duration=0.02)
+        for o in ({"robot.base": base}, {})
+    )
     expected = transform_from_pose(base) @ transform_from_xyz_quaternion(straight.pose("tcp")[0])
     assert expected.IsNearlyEqualTo(transform_from_xyz_quaternion(moved.pose("tcp")[0]), 1e-12)
 
@@ -220,7 +259,9 @@ def test_a_link_without_inertia_is_refused_for_dynamics_and_moves_kinematically(
 
 
 def test_the_velocity_of_a_base_is_that_of_its_pose():
-    station = build_station(load_station("humanoid_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}}))
+    station = build_station(
+        load_station("humanoid_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
+    )
     context = station.CreateDefaultContext()
     plant = station.ports.plant.plant
     state = plant.GetMyMutableContextFromRoot(context)
@@ -232,7 +273,9 @@ def test_the_velocity_of_a_base_is_that_of_its_pose():
     assert told == pytest.approx(np.concatenate([expected.translational(), expected.rotational()]))
 
 
-def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_it_may_have_some(tmp_path):
+def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_it_may_have_some(
+    tmp_path,
+):
     (tmp_path / "bare.urdf").write_text(
         '<robot name="bare"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
         '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -245,7 +288,11 @@ def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_
     file.write_text(yaml.safe_dump({"robot": bare, "inputs": ["external_force"]}))
     with pytest.raises(SimrobError, match=r"external_force.*for a robot with a tool"):
         build_station(load_station(file))
-    file.write_text(yaml.safe_dump({"robots": {"a": bare, "b": {"model": "irb120"}}, "inputs": ["external_force"]}))
+    file.write_text(
+        yaml.safe_dump(
+            {"robots": {"a": bare, "b": {"model": "irb120"}}, "inputs": ["external_force"]}
+        )
+    )
     station = build_station(load_station(file))
     assert station.HasInputPort("b.external_force")
     assert not station.HasInputPort("a.external_force")

@@ -71,8 +71,15 @@ def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted
     assert "joint_stops.stiffness" in text
     assert "take solver.kind discrete and servo.realization implicit" in text
     assert warnings(load_station(file, {**CREEPING, "joint_stops.stiffness": 10.0})) == []
-    assert warnings(load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.kind": "hold"})) == []
-    (on_the_way,) = warnings(load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.target_deg": 0}))
+    assert (
+        warnings(
+            load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.kind": "hold"})
+        )
+        == []
+    )
+    (on_the_way,) = warnings(
+        load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.target_deg": 0})
+    )
     assert "joint_stops.stiffness" in on_the_way
 
 
@@ -108,6 +115,10 @@ def test_a_trial_ends_when_its_work_is_done(monkeypatch):
 
 
 def test_a_trial_that_diverges_fails():
-    config = load_station("irb120_dynamic", {"servo.kd": 0, "servo.kp": 1e9, "servo.torque_limit": 1e9})
+    config = load_station(
+        "irb120_dynamic", {"servo.kd": 0, "servo.kp": 1e9, "servo.torque_limit": 1e9}
+    )
     tight = {"scheme": "explicit_euler", "max_step": 0.01}
-    assert not gets_through(config.model_copy(update={"solver": config.solver.model_copy(update=tight)}))
+    assert not gets_through(
+        config.model_copy(update={"solver": config.solver.model_copy(update=tight)})
+    )

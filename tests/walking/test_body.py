@@ -67,9 +67,14 @@ def numeric_jacobian(body: Body, posture: np.ndarray, foot: int, axes: np.ndarra
     return np.array(columns).T
 
 
-def displace(poses: list[RigidTransform], rotation: RotationMatrix, translation: list[float]) -> list[RigidTransform]:
+def displace(
+    poses: list[RigidTransform], rotation: RotationMatrix, translation: list[float]
+) -> list[RigidTransform]:
     """Poses that are turned about their own points and moved."""
-    return [RigidTransform(rotation @ pose.rotation(), pose.translation() + translation) for pose in poses]
+    return [
+        RigidTransform(rotation @ pose.rotation(), pose.translation() + translation)
+        for pose in poses
+    ]
 
 
 def matrices(poses: list[RigidTransform]) -> np.ndarray:
@@ -162,7 +167,9 @@ class TestKnees:
 
     knee = Knee(place=3, straight=0.2, fold=1.0)
 
-    @pytest.mark.parametrize(("angle", "bend"), [(1.0, 0.8), (-0.5, -0.7), (0.2, 0.0), (0.2 + 2 * np.pi, 0.0)])
+    @pytest.mark.parametrize(
+        ("angle", "bend"), [(1.0, 0.8), (-0.5, -0.7), (0.2, 0.0), (0.2 + 2 * np.pi, 0.0)]
+    )
     def test_the_bend_is_measured_from_the_straight_leg(self, angle: float, bend: float) -> None:
         assert self.knee.bend_at(angle) == pytest.approx(bend)
 

@@ -9,7 +9,14 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.checks import check_station
-from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, clip_command, find_excess
+from simrob_drake.walking.commands import (
+    Commanded,
+    Commander,
+    Follower,
+    Waypoints,
+    clip_command,
+    find_excess,
+)
 from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.steps import Command
 
@@ -122,7 +129,10 @@ class TestExcessiveCommands:
     @pytest.mark.parametrize(
         ("walk", "message"),
         [
-            ({"commands": TOO_FAST}, r"controllers.walk.commands\[1\].ahead.*0.9 m/s.*at most 0.35 m/s"),
+            (
+                {"commands": TOO_FAST},
+                r"controllers.walk.commands\[1\].ahead.*0.9 m/s.*at most 0.35 m/s",
+            ),
             (
                 {"path": {"points": [[0, 0], [0, 1]], "speed": 2}},
                 r"walk.path.speed.*2 m/s.*at most 0.35 m/s",
@@ -139,7 +149,10 @@ class TestExcessiveCommands:
         result = simulate(config, commands={"walk": lambda time: (0.0, -0.5, 0.0)}, progress=False)
 
         assert (result.ending, result.stopped_by) == ("monitor", "walk")
-        assert "the command sideways of -0.5 m/s is beyond the -0.1 m/s that the legs can follow" in result.message
+        assert (
+            "the command sideways of -0.5 m/s is beyond the -0.1 m/s that the legs can follow"
+            in result.message
+        )
 
 
 @pytest.mark.long
@@ -166,7 +179,11 @@ class TestRunsOfUsers:
         run, _, _ = runs
 
         entries = run.config.controllers["walk"].commands
-        assert [(entry.time, entry.ahead) for entry in entries] == [(0.1, 0.1), (0.4, 0.2), (0.8, 0.1)]
+        assert [(entry.time, entry.ahead) for entry in entries] == [
+            (0.1, 0.1),
+            (0.4, 0.2),
+            (0.8, 0.1),
+        ]
 
     def test_the_repetition_is_equal_to_the_last_bit(self, runs):
         run, repetition, without_user = runs
@@ -180,7 +197,9 @@ class TestRunsOfUsers:
         config = without_user.config
 
         after_run = simulate(config, start=run.final_state, duration=0.1, progress=False)
-        after_repetition = simulate(config, start=repetition.final_state, duration=0.1, progress=False)
+        after_repetition = simulate(
+            config, start=repetition.final_state, duration=0.1, progress=False
+        )
 
         # The table of the station has no command before 0.1 s.
         assert (after_run.values == after_repetition.values).all()
@@ -194,7 +213,9 @@ class TestRunsOfUsers:
         text = (tmp_path / "run" / "commands.yaml").read_text()
         loaded = load_station(tmp_path / "run" / "station.yaml")
         summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-        assert text.startswith("controllers:\n  walk:\n    commands:\n    - {time: 0.1, ahead: 0.1,")
+        assert text.startswith(
+            "controllers:\n  walk:\n    commands:\n    - {time: 0.1, ahead: 0.1,"
+        )
         assert loaded.controllers["walk"].commands == run.config.controllers["walk"].commands
         assert summary["remarks"] == []
 
@@ -248,7 +269,9 @@ def run_with_blocks():
         commands=[{"time": 0.1, "ahead": 0.1}],
         reads={"command": "late.command", "base_pose": "sensor.pose"},
     )
-    return simulate(config, blocks={"late": LateCommand(), "sensor": FailingSensor()}, progress=False)
+    return simulate(
+        config, blocks={"late": LateCommand(), "sensor": FailingSensor()}, progress=False
+    )
 
 
 def test_a_block_commands_a_walk(run_with_blocks):
@@ -275,12 +298,18 @@ def test_a_walk_goes_on_without_feedback_while_a_sensor_fails(run_with_blocks):
 @pytest.mark.parametrize(
     ("walk", "message"),
     [
-        ({"path": {"points": [[2, 1], [3, 1]]}}, r"path.points.*starts at \(2, 1\) m.*within 0.5 m.*\(0, 0\) m"),
+        (
+            {"path": {"points": [[2, 1], [3, 1]]}},
+            r"path.points.*starts at \(2, 1\) m.*within 0.5 m.*\(0, 0\) m",
+        ),
         ({"path": {"points": [[0, 0]]}}, "path.points"),
         ({"path": {"points": [[0, 0], [0, 0]]}}, "points 0 and 1 of the path are the same"),
         ({"path": {"points": [[0, 0], [1, 0], [1, 0]]}}, "points 1 and 2 of the path are the same"),
         ({"commands": [{"time": 1}, {"time": 0.5}]}, "times of commands must rise"),
-        ({"gait": {"groups": [["right_front_foot"], ["left_foot"]]}}, "gait.groups.*right_front_foot"),
+        (
+            {"gait": {"groups": [["right_front_foot"], ["left_foot"]]}},
+            "gait.groups.*right_front_foot",
+        ),
         ({"reads": {"comand": "imu.x"}}, "comand"),
     ],
 )

@@ -88,7 +88,9 @@ def test_an_invalid_argument_is_refused_and_changes_nothing(arguments, message):
 def test_a_robot_without_a_walk_is_refused():
     robot = LeggedRobot("irb120_dynamic")
 
-    with pytest.raises(SimrobError, match=r"walk of robot.*of a robot that stands on feet of its own|no walk"):
+    with pytest.raises(
+        SimrobError, match=r"walk of robot.*of a robot that stands on feet of its own|no walk"
+    ):
         robot.go(ahead=0.1)
 
 
@@ -173,7 +175,9 @@ class TestSteering:
         panel.set(0, 0.14)
 
         assert panel.command_at(0.5)[0] == 0.14
-        assert panel.changes_on_page() == 2  # a page that opens later begins with the values that are set
+        assert (
+            panel.changes_on_page() == 2
+        )  # a page that opens later begins with the values that are set
 
     def test_a_robot_without_a_walk_has_no_controls_for_one(self):
         assert Steering(load_station("irb120_dynamic")).hands == {}

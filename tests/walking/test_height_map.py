@@ -141,7 +141,9 @@ def test_a_landing_without_feedback_is_not_shifted():
 def test_a_map_without_feedback_is_refused():
     settings = {"controllers.walk.height_map": True, "controllers.walk.gait": {"feedback": None}}
 
-    with pytest.raises(SimrobError, match=r"walk.height_map is True; it must be false without gait.feedback"):
+    with pytest.raises(
+        SimrobError, match=r"walk.height_map is True; it must be false without gait.feedback"
+    ):
         build_station(load_station("yobotics_walking", settings))
 
 

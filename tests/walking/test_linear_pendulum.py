@@ -30,7 +30,9 @@ def steps() -> Steps:
 def test_weights_solve_the_differential_equation(time: float, transfer: float) -> None:
     zmp_start, zmp_end, xi_end = 0.03, -0.02, 0.05  # m
     step_weights = weights(OMEGA, time, transfer)
-    xi_start = step_weights.start * zmp_start + step_weights.rest * zmp_end + step_weights.end * xi_end
+    xi_start = (
+        step_weights.start * zmp_start + step_weights.rest * zmp_end + step_weights.end * xi_end
+    )
 
     def rate(now: float, xi: np.ndarray) -> np.ndarray:
         """Rate of the divergent component [m/s]: omega (xi - p), with p on a straight line, then at rest."""
@@ -44,16 +46,22 @@ def test_weights_solve_the_differential_equation(time: float, transfer: float) -
 
 
 def test_a_prediction_is_the_inverse_of_the_weights() -> None:
-    state = DivergentComponent(0.02 + 0.01j, OMEGA, now=0.05, lift_off=0.1, zmp=0.01j, rest=0.01 - 0.02j)
+    state = DivergentComponent(
+        0.02 + 0.01j, OMEGA, now=0.05, lift_off=0.1, zmp=0.01j, rest=0.01 - 0.02j
+    )
 
     xi_end = state.at(0.35)
 
     step_weights = weights(OMEGA, 0.35 - 0.05, 0.1 - 0.05)
-    xi_start = step_weights.start * state.zmp + step_weights.rest * state.rest + step_weights.end * xi_end
+    xi_start = (
+        step_weights.start * state.zmp + step_weights.rest * state.rest + step_weights.end * xi_end
+    )
     assert xi_start == pytest.approx(state.xi)
 
 
-@pytest.mark.parametrize("command", [Command(), Command(0.2 + 0.03j), Command(0.1, 0.4), Command(-0.1)])
+@pytest.mark.parametrize(
+    "command", [Command(), Command(0.2 + 0.03j), Command(0.1, 0.4), Command(-0.1)]
+)
 def test_a_step_ends_where_the_next_one_begins(steps: Steps, command: Command) -> None:
     """The condition at the landing, seen from the next foot, is the start of the next step."""
     landing = steps.plan_landing(1, command)
@@ -112,7 +120,9 @@ class TestAdjustedLandings:
 
     command = Command(0.2 + 0j)
 
-    def adjust(self, steps: Steps, error: complex, standing: int = 0, now: float = 0.15) -> tuple[Landing, Landing]:
+    def adjust(
+        self, steps: Steps, error: complex, standing: int = 0, now: float = 0.15
+    ) -> tuple[Landing, Landing]:
         """Adjust a landing to an error: the planned landing, and the adjusted one."""
         rest = steps.rest_points[standing]
         planned = steps.plan_landing(1 - standing, self.command)
@@ -138,7 +148,9 @@ class TestAdjustedLandings:
 
     @pytest.mark.parametrize("error", [0.5 + 0j, -0.5 + 0j, 0.5j, -0.5j])
     @pytest.mark.parametrize(("standing", "side"), [(0, 1), (1, -1)])
-    def test_footholds_stay_within_their_region(self, steps: Steps, error: complex, standing: int, side: int) -> None:
+    def test_footholds_stay_within_their_region(
+        self, steps: Steps, error: complex, standing: int, side: int
+    ) -> None:
         region = load_parameters().foothold
 
         _, adjusted = self.adjust(steps, error, standing, now=0.1)

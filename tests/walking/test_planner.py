@@ -50,7 +50,9 @@ COMMAND = Command(0.2 + 0j)
 TO_THIRD_STEP = 40 + 30 + 30
 
 
-def make_planner(stance: StanceFeet = TWO_FEET, period: float = PERIOD, **feedback: Any) -> WalkPlanner:
+def make_planner(
+    stance: StanceFeet = TWO_FEET, period: float = PERIOD, **feedback: Any
+) -> WalkPlanner:
     """Make a planner with changed parameters of the feedback; `gait` has changed parameters of the walk."""
     gait = feedback.pop("gait", {})
     parameters = {**PARAMETERS, "feedback": {**FEEDBACK, **feedback}, **gait}
@@ -64,7 +66,9 @@ def at_rest(planner: WalkPlanner) -> Stride:
     return Stride(Step(zmp_from=middle), Swing(foot), trunk=Trunk(com=middle, zmp=middle))
 
 
-def walk_on(planner: WalkPlanner, stride: Stride, samples: int, command: Command = COMMAND) -> Stride:
+def walk_on(
+    planner: WalkPlanner, stride: Stride, samples: int, command: Command = COMMAND
+) -> Stride:
     """State after some samples without feedback."""
     for _ in range(samples):
         _, _, stride = planner.sample(stride, command, None, OMEGA)
@@ -95,7 +99,9 @@ def reference_xi(planner: WalkPlanner, stride: Stride, command: Command = COMMAN
     return before + (now - before) / (1.0 - exp(-OMEGA * planner._period))
 
 
-def estimate_of(planner: WalkPlanner, stride: Stride, error: complex = 0j, **other: Any) -> Estimate:
+def estimate_of(
+    planner: WalkPlanner, stride: Stride, error: complex = 0j, **other: Any
+) -> Estimate:
     """Estimate of a robot that follows its references, except an error of the divergent component and `other`."""
     offset = stride.corrections.com_offset
     exact = Estimate(
@@ -111,7 +117,11 @@ def estimate_of(planner: WalkPlanner, stride: Stride, error: complex = 0j, **oth
 
 
 def sample(
-    planner: WalkPlanner, stride: Stride, error: complex = 0j, command: Command = COMMAND, **other: Any
+    planner: WalkPlanner,
+    stride: Stride,
+    error: complex = 0j,
+    command: Command = COMMAND,
+    **other: Any,
 ) -> tuple[Stride, Stride]:
     """Advance by a sample with feedback: the references of the sample, and the state for the next one."""
     estimate = estimate_of(planner, stride, error, **other)
@@ -156,7 +166,9 @@ class TestPendulum:
         return np.array(zmps), np.array(coms), footholds
 
     @pytest.mark.parametrize("command", [COMMAND, Command(0.1 + 0.05j, 0.3)])
-    def test_the_divergent_component_is_the_discounted_future_of_the_zero_moment_point(self, command: Command) -> None:
+    def test_the_divergent_component_is_the_discounted_future_of_the_zero_moment_point(
+        self, command: Command
+    ) -> None:
         r"""The bounded solution of :math:`\dot\xi = \omega (\xi - p)` is :math:`\omega \int p e^{-\omega \tau}`."""
         zmps, coms, _ = self.trace(command, 14)
         xi = coms[:-1] + np.diff(coms) / (1.0 - exp(-OMEGA * self.period))
@@ -166,7 +178,9 @@ class TestPendulum:
         count = 300
         times = self.period * (np.arange(horizon) + 0.5)
         discount = OMEGA * self.period * np.exp(-OMEGA * times)
-        expected = [discount @ zmps[start : start + horizon] for start in range(first, first + count)]
+        expected = [
+            discount @ zmps[start : start + horizon] for start in range(first, first + count)
+        ]
 
         errors = np.abs(xi[first - 1 : first - 1 + count] - expected)
         assert errors.max() < 1.5e-3  # m; the planner only looks three steps ahead
@@ -223,7 +237,9 @@ class TestLandings:
         return answer.place - planned.place
 
     @pytest.mark.parametrize(("weight", "gain"), [(0.0, 1.0), (0.25, 1.0), (0.0, 0.5), (1.0, 0.8)])
-    def test_the_foothold_follows_the_pendulum(self, swinging: Stride, weight: float, gain: float) -> None:
+    def test_the_foothold_follows_the_pendulum(
+        self, swinging: Stride, weight: float, gain: float
+    ) -> None:
         r"""An error grows by :math:`e^{\omega t}`; the foothold u changes the condition by (1 - w_0) u."""
         remaining = STEP_TIME - swinging.step.time
         grown = exp(OMEGA * remaining) * self.beyond_deadband
@@ -233,8 +249,12 @@ class TestLandings:
         expected = gain / (1.0 + weight) * grown / (1.0 - start_weight())
         assert shift == pytest.approx(expected, abs=1e-9)
 
-    @pytest.mark.parametrize(("gain", "limit"), [(0.5, [1, 1]), (1.0, [1, 1]), (2.0, [0.004, 0.02]), (2.0, [0, 0])])
-    def test_soles_answer_a_part_of_the_error(self, swinging: Stride, gain: float, limit: list[float]) -> None:
+    @pytest.mark.parametrize(
+        ("gain", "limit"), [(0.5, [1, 1]), (1.0, [1, 1]), (2.0, [0.004, 0.02]), (2.0, [0, 0])]
+    )
+    def test_soles_answer_a_part_of_the_error(
+        self, swinging: Stride, gain: float, limit: list[float]
+    ) -> None:
         """A zero-moment point that is shifted by s reduces the error at the landing by (exp(omega t) - 1) s."""
         growth = exp(OMEGA * (STEP_TIME - swinging.step.time))
         zmp_shift = complex(
@@ -249,10 +269,14 @@ class TestLandings:
 
     @pytest.mark.parametrize("place_weight", [0.0, 0.3])
     @pytest.mark.parametrize("time_weight", [0.0, 0.2, 2.0])
-    def test_no_other_time_has_a_lower_cost(self, swinging: Stride, time_weight: float, place_weight: float) -> None:
+    def test_no_other_time_has_a_lower_cost(
+        self, swinging: Stride, time_weight: float, place_weight: float
+    ) -> None:
         """The cost of the formula at each time of a fine grid, with a slow foot that cannot reach each foothold."""
         foot_speed = 0.6  # m/s
-        planner = make_planner(time_weight=time_weight, place_weight=place_weight, max_foot_speed=foot_speed)
+        planner = make_planner(
+            time_weight=time_weight, place_weight=place_weight, max_foot_speed=foot_speed
+        )
         answer = sample(planner, swinging, self.error)[0].landing
         planned = planner.sample(swinging, COMMAND, None, OMEGA)[0].landing
         start, offset = planner.steps.dcm_at_landing(int(swinging.step.standing), COMMAND, OMEGA)
@@ -289,7 +313,9 @@ class TestLandings:
         assert advances[2] == 0.0
 
     def test_a_place_weight_keeps_the_foothold(self, swinging: Stride) -> None:
-        shifts = [abs(self.shift_of_landing(swinging, place_weight=weight)) for weight in (0.0, 0.1, 1.0)]
+        shifts = [
+            abs(self.shift_of_landing(swinging, place_weight=weight)) for weight in (0.0, 0.1, 1.0)
+        ]
 
         assert shifts[0] > 1.05 * shifts[1] > 1.5 * shifts[2] > 0.0
 
@@ -374,7 +400,9 @@ class TestLandings:
     ) -> None:
         limits = {"ahead": 0.1, "behind": 0.08, "inner": 0.07, "outer": 0.14}
         planner = make_planner(gait={"foothold": limits}, time_weight=1e6, max_foot_speed=100)
-        side = 1.0 if swinging.step.standing == 0 else -1.0  # outward is to the left of a right stance foot
+        side = (
+            1.0 if swinging.step.standing == 0 else -1.0
+        )  # outward is to the left of a right stance foot
 
         place = sample(planner, swinging, complex(error.real, side * error.imag))[0].landing.place
 
@@ -417,9 +445,9 @@ class TestReferences:
         planner = make_planner(offset_rate=0.7, lean_integral=0.9)
         offset = 0.004 - 0.002j
 
-        corrections = sample(planner, swinging, push, com=swinging.trunk.com + offset, lean=0.02, pitch=-0.03)[
-            0
-        ].corrections
+        corrections = sample(
+            planner, swinging, push, com=swinging.trunk.com + offset, lean=0.02, pitch=-0.03
+        )[0].corrections
 
         assert corrections.com_offset == pytest.approx(lag_part(rate * 0.7) * offset)
         assert corrections.lean_integral == pytest.approx(-rate * 0.9 * PERIOD * (0.02 - 0.03j))
@@ -464,7 +492,9 @@ class TestReferences:
     def test_a_walk_keeps_the_heading_in_which_it_begins(self, heading: float) -> None:
         planner = make_planner()
         stride = at_rest(planner)
-        estimate = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, heading, 0j, touches=False)
+        estimate = Estimate(
+            stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, heading, 0j, touches=False
+        )
 
         now, _, _ = planner.sample(stride, COMMAND, estimate, OMEGA)
 
@@ -555,7 +585,9 @@ class TestFootfalls:
 
         descent = 0.1 * PERIOD
         remaining = 1 - lag_part(5.0)  # rates of the root's height and of the tilt
-        height_of_first, height_of_second = ((now.ground.tilt.conjugate() * offset).real for offset in PAIR)
+        height_of_first, height_of_second = (
+            (now.ground.tilt.conjugate() * offset).real for offset in PAIR
+        )
         assert now.ground.height == pytest.approx(descent / 2)
         assert now.trunk.rise == pytest.approx(descent / 2 * remaining)
         assert height_of_first - height_of_second == pytest.approx(-descent * remaining)
@@ -597,7 +629,9 @@ class TestFootfalls:
         assert answer.step.transfer == in_transfer.step.transfer
 
     @pytest.mark.parametrize(("threshold", "transfer"), [(0.03, 0.0), (0.05, TRANSFER)])
-    def test_a_large_error_hurries_the_next_step(self, landing: Stride, threshold: float, transfer: float) -> None:
+    def test_a_large_error_hurries_the_next_step(
+        self, landing: Stride, threshold: float, transfer: float
+    ) -> None:
         planner = make_planner(hurry_threshold=threshold)
         error = 0.04 + DEADBAND[0]  # m: 0.04 outside of the deadband
 
@@ -607,7 +641,9 @@ class TestFootfalls:
         assert after.step.transfer == pytest.approx(transfer)
 
     @pytest.mark.parametrize("part", [0.0, 0.2, 1.0])
-    def test_the_lack_of_a_short_step_is_added_to_the_speed(self, landing: Stride, part: float) -> None:
+    def test_the_lack_of_a_short_step_is_added_to_the_speed(
+        self, landing: Stride, part: float
+    ) -> None:
         short = landing._replace(swing=landing.swing._replace(place=landing.swing.place - 0.01))
         planner = make_planner(speed_integral=part)
 
@@ -662,13 +698,17 @@ class TestBracing:
         assert now.trunk.zmp == pytest.approx(middle)
         assert now.step.brace_time == pytest.approx(0.2)
 
-    def test_the_walk_goes_on_after_a_fifth_of_a_second_without_an_error(self, swinging: Stride) -> None:
+    def test_the_walk_goes_on_after_a_fifth_of_a_second_without_an_error(
+        self, swinging: Stride
+    ) -> None:
         planner = make_planner(brace_threshold=0.02, **self.keep_steps)
         _, stride = sample(planner, swinging, 0.03j)
 
         samples = 0
         while not stride.step.active and samples < 40:
-            estimate = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0j, touches=False)
+            estimate = Estimate(
+                stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0j, touches=False
+            )
             _, _, stride = planner.sample(stride, COMMAND, estimate, OMEGA)
             samples += 1
 
@@ -676,24 +716,38 @@ class TestBracing:
 
     @pytest.mark.parametrize(
         ("error", "remaining"),
-        [(0.009j, 0.2 - PERIOD), (-0.009j, 0.2 - PERIOD), (0.011j, 0.2), (-0.011j, 0.2), (0.05, 0.2 - PERIOD)],
+        [
+            (0.009j, 0.2 - PERIOD),
+            (-0.009j, 0.2 - PERIOD),
+            (0.011j, 0.2),
+            (-0.011j, 0.2),
+            (0.05, 0.2 - PERIOD),
+        ],
     )
     def test_an_error_to_the_side_above_half_of_the_threshold_prolongs_the_stop(
         self, swinging: Stride, error: complex, remaining: float
     ) -> None:
         planner = make_planner(brace_threshold=0.02, **self.keep_steps)
         _, stride = sample(planner, swinging, 0.03j)
-        estimate = Estimate(stride.trunk.com, stride.trunk.zmp + error, 0.0, 0.0, 0.0, 0j, touches=False)
+        estimate = Estimate(
+            stride.trunk.com, stride.trunk.zmp + error, 0.0, 0.0, 0.0, 0j, touches=False
+        )
 
         now, _, _ = planner.sample(stride, COMMAND, estimate, OMEGA)
 
         assert now.step.brace_time == pytest.approx(remaining)
 
-    @pytest.mark.parametrize(("error", "starts"), [(0.009j, False), (-0.009j, False), (0.011j, True), (-0.011j, True)])
-    def test_a_standing_robot_steps_for_an_error_above_twice_the_deadband(self, error: complex, starts: bool) -> None:
+    @pytest.mark.parametrize(
+        ("error", "starts"), [(0.009j, False), (-0.009j, False), (0.011j, True), (-0.011j, True)]
+    )
+    def test_a_standing_robot_steps_for_an_error_above_twice_the_deadband(
+        self, error: complex, starts: bool
+    ) -> None:
         planner = make_planner()
         stride = at_rest(planner)
-        estimate = Estimate(stride.trunk.com, stride.trunk.zmp + error, 0.0, 0.0, 0.0, 0j, touches=False)
+        estimate = Estimate(
+            stride.trunk.com, stride.trunk.zmp + error, 0.0, 0.0, 0.0, 0j, touches=False
+        )
 
         now, _, _ = planner.sample(stride, Command(), estimate, OMEGA)
 
@@ -723,7 +777,9 @@ class TestGait:
         assert second.step.transfer == pytest.approx(0.4 * 0.25)
 
     @pytest.mark.parametrize(("lift", "exponent"), [(0.04, 3.0), (0.05, 1.5)])
-    def test_the_height_of_the_foot_is_the_formula_of_its_parameters(self, lift: float, exponent: float) -> None:
+    def test_the_height_of_the_foot_is_the_formula_of_its_parameters(
+        self, lift: float, exponent: float
+    ) -> None:
         planner = make_planner(gait={"lift": lift, "lift_exponent": exponent})
         stride = walk_from_rest(planner, 48)
 
@@ -748,7 +804,9 @@ class TestGait:
         assert distances.max() / distances.mean() == pytest.approx(peak, rel=0.02)
 
     @pytest.mark.parametrize("later_samples", [0, 12])
-    def test_a_foot_has_its_landing_height_from_the_middle_of_its_swing(self, later_samples: int) -> None:
+    def test_a_foot_has_its_landing_height_from_the_middle_of_its_swing(
+        self, later_samples: int
+    ) -> None:
         gait = {"lift": 0.04, "lift_exponent": 1.0}
         low = make_planner(gait=gait)
         high = make_planner(gait=gait, landing_height=0.01)
@@ -762,7 +820,9 @@ class TestGait:
         assert (reached == 1.0) == (later_samples > 0)
 
     @pytest.mark.parametrize(("ahead", "inward"), [(0.005, 0.01), (-0.01, 0.02)])
-    def test_the_zero_moment_point_rests_at_its_parameters(self, ahead: float, inward: float) -> None:
+    def test_the_zero_moment_point_rests_at_its_parameters(
+        self, ahead: float, inward: float
+    ) -> None:
         planner = make_planner(gait={"zmp_ahead": ahead, "zmp_inward": inward})
 
         stride = walk_from_rest(planner, TO_THIRD_STEP + 15)
@@ -796,7 +856,9 @@ class TestGait:
 
         assert stride.step.turn == pytest.approx(np.copysign(np.deg2rad(10.0), turn))
 
-    @pytest.mark.parametrize(("heading", "ends"), [(0.0, True), (0.015, True), (0.03, False), (-0.03, False)])
+    @pytest.mark.parametrize(
+        ("heading", "ends"), [(0.0, True), (0.015, True), (0.03, False), (-0.03, False)]
+    )
     def test_a_walk_only_ends_when_it_has_turned_back(self, heading: float, ends: bool) -> None:
         """The turn back is the heading's error here, and a walk ends below 0.02 rad/s."""
         planner = make_planner(heading_gain=1.0)

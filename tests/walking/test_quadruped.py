@@ -20,7 +20,12 @@ from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import Ground, Step, Stride
 
 STATION = "yobotics_walking"
-LINKS = {"front_right": "FR_foot", "rear_left": "RL_foot", "front_left": "FL_foot", "rear_right": "RR_foot"}
+LINKS = {
+    "front_right": "FR_foot",
+    "rear_left": "RL_foot",
+    "front_left": "FL_foot",
+    "rear_right": "RR_foot",
+}
 FEET = {f"{place}_foot": f"force.{place}" for place in LINKS}
 SENSORS = {f"sensors.{place}": {"kind": "force", "body": link} for place, link in LINKS.items()}
 WITH_SENSORS = {**SENSORS, "controllers.walk.reads": FEET}
@@ -49,7 +54,9 @@ def observe_moving(loop: WalkingLoop, posture: np.ndarray, yaw: float) -> BodySt
     return loop.engine.body.observe(np.concatenate(measured))
 
 
-def estimate_moving(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[float] | None = None) -> Estimate:
+def estimate_moving(
+    loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[float] | None = None
+) -> Estimate:
     """Estimate of a moving robot on its left pair, with forces on the feet [N]."""
     return loop.engine.estimator.estimate(Stride(), observe_moving(loop, posture, yaw), forces)
 
@@ -92,7 +99,9 @@ class TestEstimates:
         expected = com / (line / abs(line)) * (home_line / abs(home_line))
         assert estimate.com == pytest.approx(expected, abs=1e-9)
 
-    def test_the_divergent_component_is_that_of_a_robot_on_balls(self, loop: WalkingLoop, posture: np.ndarray) -> None:
+    def test_the_divergent_component_is_that_of_a_robot_on_balls(
+        self, loop: WalkingLoop, posture: np.ndarray
+    ) -> None:
         """A ball of radius r under a hip at h: speed and omega² are less by the factor h / (h - r)."""
         state = observe_moving(loop, posture, 0.0)
         radius = loop.engine.body.ball_radius
@@ -108,7 +117,11 @@ class TestEstimates:
 
     @pytest.mark.parametrize(
         ("forces", "touches"),
-        [([20.0, 0.0, 90.0, 90.0], False), ([0.0, 20.0, 90.0, 90.0], False), ([20.0, 11.0, 0.0, 0.0], True)],
+        [
+            ([20.0, 0.0, 90.0, 90.0], False),
+            ([0.0, 20.0, 90.0, 90.0], False),
+            ([20.0, 11.0, 0.0, 0.0], True),
+        ],
     )
     def test_a_pair_touches_if_both_of_its_feet_touch(
         self, loop: WalkingLoop, posture: np.ndarray, forces: list[float], touches: bool
@@ -119,7 +132,9 @@ class TestEstimates:
         assert estimate.down == (forces[0] > 10, forces[1] > 10)
         assert estimate.hangs == (forces[2] < 10, forces[3] < 10)
 
-    @pytest.mark.parametrize(("distance", "touches"), [(0.0, True), (0.0008, True), (0.0012, False)])
+    @pytest.mark.parametrize(
+        ("distance", "touches"), [(0.0, True), (0.0008, True), (0.0012, False)]
+    )
     def test_without_forces_a_foot_touches_within_a_millimetre(
         self, loop: WalkingLoop, posture: np.ndarray, distance: float, touches: bool
     ) -> None:
@@ -149,7 +164,9 @@ class TestSlopes:
         assert loop.engine.estimator.slope(state) == pytest.approx(self.slope, abs=1e-3)
 
     @pytest.mark.parametrize("standing", [0, 1])
-    def test_a_pair_shows_the_slope_along_its_line(self, loop: WalkingLoop, posture: np.ndarray, standing: int) -> None:
+    def test_a_pair_shows_the_slope_along_its_line(
+        self, loop: WalkingLoop, posture: np.ndarray, standing: int
+    ) -> None:
         state = observe_at_rest(loop, posture, self.turn)
 
         estimate = loop.engine.estimator.estimate(Stride(Step(standing)), state)
@@ -161,10 +178,15 @@ class TestSlopes:
         assert across == pytest.approx(0.0, abs=1e-12)
 
     @pytest.mark.parametrize("standing", [0, 1])
-    def test_feet_touch_on_a_slope_that_is_known(self, loop: WalkingLoop, posture: np.ndarray, standing: int) -> None:
+    def test_feet_touch_on_a_slope_that_is_known(
+        self, loop: WalkingLoop, posture: np.ndarray, standing: int
+    ) -> None:
         state = observe_at_rest(loop, posture, self.turn)
         stance_feet = loop.engine.stance.groups[standing]
-        raised = [height + (0.0 if foot in stance_feet else 0.005) for foot, height in enumerate(state.lowest)]
+        raised = [
+            height + (0.0 if foot in stance_feet else 0.005)
+            for foot, height in enumerate(state.lowest)
+        ]
         stride = Stride(Step(standing), ground=Ground(slope=self.slope))
         estimator = loop.engine.estimator
 
@@ -185,12 +207,16 @@ def test_a_foot_with_contact_stays_while_the_other_one_comes_down(
         return Estimate(com, com, 0.0, 0.0, 0.0, 0j, touches=False, down=down)
 
     while stride.swing.share < 0.7:
-        stride, posture = engine.sample(stride, posture, Command(0.2 + 0j), estimate_of(stride, (False, False)))
+        stride, posture = engine.sample(
+            stride, posture, Command(0.2 + 0j), estimate_of(stride, (False, False))
+        )
     before = observe_at_rest(loop, posture, RollPitchYaw(0, 0, 0)).lowest
     first, second = engine.stance.groups[1 - int(stride.step.standing)]
     for _ in range(4):
         down = (first_has_contact, False)
-        stride, posture = engine.sample(stride, posture, Command(0.2 + 0j), estimate_of(stride, down))
+        stride, posture = engine.sample(
+            stride, posture, Command(0.2 + 0j), estimate_of(stride, down)
+        )
 
     after = observe_at_rest(loop, posture, RollPitchYaw(0, 0, 0)).lowest
     descent_of_first = before[first] - after[first]
@@ -200,7 +226,9 @@ def test_a_foot_with_contact_stays_while_the_other_one_comes_down(
     assert descent_of_first == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_first_step_takes_its_time_after_any_time_of_standing(loop: WalkingLoop, posture: np.ndarray) -> None:
+def test_a_first_step_takes_its_time_after_any_time_of_standing(
+    loop: WalkingLoop, posture: np.ndarray
+) -> None:
     engine = loop.engine
     stride, _ = engine.stand(loop.start)
     for _ in range(50):
@@ -216,7 +244,9 @@ def test_a_first_step_takes_its_time_after_any_time_of_standing(loop: WalkingLoo
 def test_force_sensors_of_some_feet_only_are_refused() -> None:
     reads = {"front_right_foot": FEET["front_right_foot"]}
 
-    with pytest.raises(InvalidConfig, match="a force sensor for each of front_right_foot, rear_left_foot"):
+    with pytest.raises(
+        InvalidConfig, match="a force sensor for each of front_right_foot, rear_left_foot"
+    ):
         load_station(STATION, {"controllers.walk.reads": reads})
 
 
@@ -229,7 +259,12 @@ def run(settings: dict[str, Any]) -> Any:
 @pytest.mark.parametrize(("gait", "stays_up"), [({}, True), ({"feedback": None}, False)])
 def test_only_feedback_answers_a_push(gait: dict[str, Any], stays_up: bool) -> None:
     push = {"kind": "push", "start": 2.0, "force": [0.0, 200.0, 0.0]}  # for 0.1 s: 2.1 N·s/kg
-    settings = {"forces.push": push, "duration": 3.6, "sample_rate": 50, "controllers.walk.gait": gait}
+    settings = {
+        "forces.push": push,
+        "duration": 3.6,
+        "sample_rate": 50,
+        "controllers.walk.gait": gait,
+    }
 
     result = run(settings)
 

@@ -5,7 +5,14 @@ from cmath import exp
 import numpy as np
 import pytest
 
-from simrob_drake.walking.stride import NUMBERS, Corrections, Stride, Swing, progress_since, smoothstep
+from simrob_drake.walking.stride import (
+    NUMBERS,
+    Corrections,
+    Stride,
+    Swing,
+    progress_since,
+    smoothstep,
+)
 
 # Fields that do not change when the robot goes over to the other foot and back.
 RESTORED = {
@@ -38,8 +45,12 @@ def test_a_stride_is_equal_after_the_conversion_to_a_vector_and_back(stride: Str
     assert Stride.of(numbers) == stride
 
 
-@pytest.mark.parametrize(("group", "field"), [(group, field) for group in RESTORED for field in RESTORED[group]])
-def test_two_changes_of_the_stance_foot_restore_the_stride(stride: Stride, group: str, field: str) -> None:
+@pytest.mark.parametrize(
+    ("group", "field"), [(group, field) for group in RESTORED for field in RESTORED[group]]
+)
+def test_two_changes_of_the_stance_foot_restore_the_stride(
+    stride: Stride, group: str, field: str
+) -> None:
     restored = stride.on_the_other_foot().on_the_other_foot()
 
     before = getattr(getattr(stride, group), field)
@@ -64,7 +75,9 @@ def test_distances_between_points_stay_the_same(stride: Stride) -> None:
     com_to_stance_foot = abs(stride.trunk.com)
     assert abs(other.trunk.com) == pytest.approx(com_to_swing_foot)
     assert abs(other.trunk.com - other.swing.place) == pytest.approx(com_to_stance_foot)
-    assert abs(other.trunk.com - other.trunk.zmp) == pytest.approx(abs(stride.trunk.com - stride.trunk.zmp))
+    assert abs(other.trunk.com - other.trunk.zmp) == pytest.approx(
+        abs(stride.trunk.com - stride.trunk.zmp)
+    )
 
 
 def test_the_root_keeps_its_height_in_the_world(stride: Stride) -> None:

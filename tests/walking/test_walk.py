@@ -55,7 +55,9 @@ def zjudancer() -> Iterator[Robot]:
     assert robot.builder is not None
 
 
-def observe_at_rest(body: Body, posture: np.ndarray, height: float, quaternion: Any = UNTURNED) -> BodyState:
+def observe_at_rest(
+    body: Body, posture: np.ndarray, height: float, quaternion: Any = UNTURNED
+) -> BodyState:
     """State of a robot at rest whose root is above the origin, at a height [m]."""
     base = [0.0, 0.0, height, *quaternion]
     return body.observe(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
@@ -70,7 +72,9 @@ class TestKinematics:
     """A robot that stands, and a foot that is moved."""
 
     @pytest.mark.parametrize("name", HUMANOIDS)
-    def test_soles_stand_side_by_side_with_the_centre_of_mass_over_their_middle(self, name: str) -> None:
+    def test_soles_stand_side_by_side_with_the_centre_of_mass_over_their_middle(
+        self, name: str
+    ) -> None:
         robot = make_robot(f"{name}_walking", {})
         body = robot.engine.body
         steps = robot.engine.planner.steps
@@ -109,7 +113,11 @@ class TestKinematics:
         assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
 
     def test_the_posture_has_the_height_pitch_and_width_of_its_parameters(self) -> None:
-        bearing = {"height": 0.49, "pitch_deg": 6, "posture_deg": {"RodD": 40, "RodI": 40, "left_elbow": 30}}
+        bearing = {
+            "height": 0.49,
+            "pitch_deg": 6,
+            "posture_deg": {"RodD": 40, "RodI": 40, "left_elbow": 30},
+        }
         robot = make_robot("zjudancer_walking", {"bearing": bearing, "widen": 0.03})
         body = robot.engine.body
         half_width = robot.engine.stance.half_width
@@ -118,7 +126,11 @@ class TestKinematics:
 
         # The robot looks along its root's -y axis, so the root is turned by 90 deg, pitched, and turned back.
         pitch = RotationMatrix.MakeYRotation(np.deg2rad(6))
-        turn = RotationMatrix.MakeZRotation(np.pi / 2) @ pitch @ RotationMatrix.MakeZRotation(-np.pi / 2)
+        turn = (
+            RotationMatrix.MakeZRotation(np.pi / 2)
+            @ pitch
+            @ RotationMatrix.MakeZRotation(-np.pi / 2)
+        )
         state = observe_at_rest(body, posture, 0.49, turn.ToQuaternion().wxyz())
         distance = abs(state.feet[0][0][3] - state.feet[1][0][3])
         upright = [foot[2][2] for foot in state.feet]
@@ -159,7 +171,15 @@ def test_without_feedback_a_walk_is_like_the_planned_one(name: str) -> None:
     planned = walk(name, 6)
     speed = gait.step_length / gait.step_time
     same = gait.model_dump(
-        include={"step_time", "double_support", "lift", "zmp_inward", "zmp_ahead", "settle", "widen"}
+        include={
+            "step_time",
+            "double_support",
+            "lift",
+            "zmp_inward",
+            "zmp_ahead",
+            "settle",
+            "widen",
+        }
     )
     other = {
         "feedback": None,
@@ -191,7 +211,9 @@ class TestErrorsThatLast:
         for _ in range(60):
             trunk = stride.trunk
             xi = trunk.com if stride.step.active else trunk.zmp
-            stride, posture = engine.sample(stride, posture, Command(), exact._replace(com=trunk.com, xi=xi))
+            stride, posture = engine.sample(
+                stride, posture, Command(), exact._replace(com=trunk.com, xi=xi)
+            )
         standing = exact._replace(com=stride.trunk.com, xi=xi)
         stride, posture = engine.sample(stride, posture, Command(0.1), standing)
 
@@ -248,7 +270,9 @@ class TestErrorsThatLast:
         """The parameter `slope_rate` is 1/s, so a second brings 1 - 1/e of the slope."""
         engine = zjudancer.engine
         stride, posture = engine.stand(zjudancer.start)
-        measured = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False)
+        measured = Estimate(
+            stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False
+        )
 
         for _ in range(100):
             stride, posture = engine.sample(stride, posture, Command(), measured)
@@ -270,7 +294,9 @@ def test_soles_show_the_slope_under_them(zjudancer: Robot) -> None:
     assert estimate.slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
 
 
-def test_the_first_weight_transfer_takes_its_time_after_any_time_of_standing(zjudancer: Robot) -> None:
+def test_the_first_weight_transfer_takes_its_time_after_any_time_of_standing(
+    zjudancer: Robot,
+) -> None:
     engine = zjudancer.engine
     stride, posture = engine.stand(zjudancer.start)
     for _ in range(120):
@@ -297,7 +323,9 @@ def distance_ahead(result: Any, facing: tuple[float, float]) -> float:
 def test_a_robot_starts_walks_and_stops_by_commands() -> None:
     commands = [{"time": 0.2, "ahead": 0.15}, {"time": 2.5}]
 
-    result = simulate(load_station("zjudancer_walking", {"controllers.walk.commands": commands}), duration=5.0)
+    result = simulate(
+        load_station("zjudancer_walking", {"controllers.walk.commands": commands}), duration=5.0
+    )
 
     at_end = result.times > 4.5
     speeds = [result[name][at_end] for name in result.names if name.startswith("v.")]
@@ -357,7 +385,10 @@ def test_a_robot_in_the_air_at_the_end_of_a_push_does_not_diverge() -> None:
 
 @pytest.mark.long
 def test_a_resumed_walk_is_equal_to_the_last_bit() -> None:
-    settings = {"solver": {"kind": "discrete", "time_step": 0.002}, "controllers.walk.commands": [{"ahead": 0.2}]}
+    settings = {
+        "solver": {"kind": "discrete", "time_step": 0.002},
+        "controllers.walk.commands": [{"ahead": 0.2}],
+    }
     config = load_station("zjudancer_walking", settings)
 
     whole = simulate(config, duration=1.6)
@@ -376,11 +407,18 @@ def test_a_resumed_walk_is_equal_to_the_last_bit() -> None:
         ({"controllers.walk.gait": {"foothold": {"inner": 0.3}}}, "beyond foothold.inner"),
         ({"controllers.walk.gait": {"groups": [["right_foot"], ["left_fot"]]}}, "left_foot"),
         (
-            {"robot.model": "irb120", "robot.base": [0] * 6, "robot.initial_deg": 0, "servo.motor": None},
+            {
+                "robot.model": "irb120",
+                "robot.base": [0] * 6,
+                "robot.initial_deg": 0,
+                "servo.motor": None,
+            },
             "feet of its own",
         ),
     ],
 )
-def test_an_invalid_setting_is_refused_with_its_cause(settings: dict[str, Any], message: str) -> None:
+def test_an_invalid_setting_is_refused_with_its_cause(
+    settings: dict[str, Any], message: str
+) -> None:
     with pytest.raises(SimrobError, match=message):
         simulate(load_station("zjudancer_walking", settings), duration=0.1)

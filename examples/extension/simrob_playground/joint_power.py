@@ -24,7 +24,9 @@ class JointPower(Sensor):
         robot = site.robot(self.robot)
         block = builder.AddNamedSystem(f"sensor.{name}", PowerOfJoints(len(robot.axes)))
         builder.Connect(site.port(builder, f"{robot.prefix}torque"), block.GetInputPort("torque"))
-        builder.Connect(site.port(builder, f"{robot.prefix}velocity"), block.GetInputPort("velocity"))
+        builder.Connect(
+            site.port(builder, f"{robot.prefix}velocity"), block.GetInputPort("velocity")
+        )
 
         # One declaration for the columns of results, the plot and the block picture.
         output = f"joint_power.{name}"

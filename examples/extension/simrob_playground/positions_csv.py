@@ -17,7 +17,9 @@ from simrob_drake.stations.config import StationConfig
 class CsvOptions:
     """Options that the exporter adds to `simrob export`."""
 
-    rate: Annotated[float, typer.Option("--rate", min=0.1, max=1000, help="Rows per second of the CSV file.")] = 20.0
+    rate: Annotated[
+        float, typer.Option("--rate", min=0.1, max=1000, help="Rows per second of the CSV file.")
+    ] = 20.0
 
 
 class PositionsCsv(StationExporter):
@@ -27,13 +29,17 @@ class PositionsCsv(StationExporter):
     suffix: ClassVar[str] = ".csv"
     options_class: ClassVar[type[Any]] = CsvOptions
 
-    def export_station(self, config: StationConfig, file: Path, options: CsvOptions, *, force: bool) -> list[Path]:
+    def export_station(
+        self, config: StationConfig, file: Path, options: CsvOptions, *, force: bool
+    ) -> list[Path]:
         """Write one row for each sample: the time [s], then each axis.
 
         Raises:
             SimrobError: the station cannot be run, or the file cannot be written.
         """
-        from simrob_drake.programs.whole_program import run_whole  # programs load much, and the help needs this module
+        from simrob_drake.programs.whole_program import (
+            run_whole,
+        )  # programs load much, and the help needs this module
 
         result = run_whole(config.model_copy(update={"sample_rate": options.rate}))
         headings = ["time [s]"]
@@ -43,6 +49,13 @@ class PositionsCsv(StationExporter):
                 headings.append(f"{robot.prefix}{axis} [{unit.name}]")
                 columns.append(result[f"{robot.prefix}q.{axis}"] / unit.size)
         text = io.StringIO()
-        np.savetxt(text, np.column_stack(columns), delimiter=",", header=",".join(headings), comments="", fmt="%.6g")
+        np.savetxt(
+            text,
+            np.column_stack(columns),
+            delimiter=",",
+            header=",".join(headings),
+            comments="",
+            fmt="%.6g",
+        )
         written_at_once(file, text.getvalue())
         return [file]

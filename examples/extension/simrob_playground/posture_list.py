@@ -11,7 +11,12 @@ from typing import ClassVar
 
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.files import text_of
-from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter, ProgramRemark, ProgramRequest
+from simrob_drake.programs.program_importer import (
+    ImportedProgram,
+    ProgramImporter,
+    ProgramRemark,
+    ProgramRequest,
+)
 
 _LARGEST_FILE = 1_000_000  # bytes
 _MOVE_TIME = 1.5  # s, of the move to each posture
@@ -44,7 +49,11 @@ class PostureList(ProgramImporter):
                 continue
             values = _numbers(words)
             if values is None:
-                remarks.append(ProgramRemark(f"{file.name}: line {number}: {line.strip()} is no posture", is_lost=True))
+                remarks.append(
+                    ProgramRemark(
+                        f"{file.name}: line {number}: {line.strip()} is no posture", is_lost=True
+                    )
+                )
             elif name == "pause" and len(values) == 1:
                 moves.append(check_move({"wait": values[0]}))
                 duration += values[0]
@@ -54,10 +63,16 @@ class PostureList(ProgramImporter):
             else:
                 # Messages about a run then name the line, not only the number of the move.
                 lines[len(moves)] = f"{file.name}: line {number}"
-                moves.append(check_move({"move_abs_j": {"targets_deg": values, "duration": _MOVE_TIME}}))
+                moves.append(
+                    check_move({"move_abs_j": {"targets_deg": values, "duration": _MOVE_TIME}})
+                )
                 duration += _MOVE_TIME
-        program = Program(description=f"Postures of {file.name}", robot=request.robot, moves=tuple(moves))
-        return ImportedProgram(program=program, duration=duration, remarks=tuple(remarks), lines=lines)
+        program = Program(
+            description=f"Postures of {file.name}", robot=request.robot, moves=tuple(moves)
+        )
+        return ImportedProgram(
+            program=program, duration=duration, remarks=tuple(remarks), lines=lines
+        )
 
 
 def _numbers(words: list[str]) -> list[float] | None:

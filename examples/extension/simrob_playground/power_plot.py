@@ -16,7 +16,9 @@ def power_plot(run: RecordedRun) -> Figure | None:
     if not robots or run.config.mode == "kinematic":
         return None
     titles = [f"power of the joints of {name} [W]" for name in robots]
-    figure, frames = panels("mechanical power", rows=len(robots), size=(7.2, 2.6 * len(robots)), titles=titles)
+    figure, frames = panels(
+        "mechanical power", rows=len(robots), size=(7.2, 2.6 * len(robots)), titles=titles
+    )
     for frame, (name, robot) in zip(frames[:, 0], robots.items(), strict=True):
         power = np.multiply(run.axes("tau", name), run.axes("v", name))
         for column, axis in zip(power.T, robot.axes, strict=True):

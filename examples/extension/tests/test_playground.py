@@ -55,7 +55,9 @@ def test_the_csv_file_has_the_positions_of_the_motion(tmp_path):
 
 def test_a_list_of_postures_is_a_program(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "arm.postures").write_text("left 30 0 0 0 60 0  # deg\npause 0.2\nright -30 0 0 0 60 0\n")
+    (tmp_path / "arm.postures").write_text(
+        "left 30 0 0 0 60 0  # deg\npause 0.2\nright -30 0 0 0 60 0\n"
+    )
     assert run_command(["import", "arm.postures", "--robot", "irb120", "--out", "arm.yaml"]) == 0
     program = Program.load("arm.yaml")
     assert [move.key for move in program.moves] == ["move_abs_j", "wait", "move_abs_j"]
@@ -70,7 +72,11 @@ def test_a_list_of_postures_is_a_program(tmp_path, monkeypatch):
     ("text", "code", "message"),
     [
         ("left 30 0", 2, "arm.postures: line 1: left has 2 angles; irb120 has 6 joints"),
-        ("left 0 0 0 0 0 0\nspeed fast", 4, "lost: 1 line; --allow-losses accepts the program without them"),
+        (
+            "left 0 0 0 0 0 0\nspeed fast",
+            4,
+            "lost: 1 line; --allow-losses accepts the program without them",
+        ),
     ],
 )
 def test_a_wrong_list_is_one_line(tmp_path, monkeypatch, capsys, text, code, message):
@@ -82,10 +88,16 @@ def test_a_wrong_list_is_one_line(tmp_path, monkeypatch, capsys, text, code, mes
 
 def test_the_plot_shows_the_power_of_each_joint(tmp_path):
     ramp = {"kind": "ramp", "target_deg": 10, "duration": 0.2}
-    result = simulate(load_station("nodding_arm", {"program": None, "reference": ramp}), duration=0.2, progress=False)
+    result = simulate(
+        load_station("nodding_arm", {"program": None, "reference": ramp}),
+        duration=0.2,
+        progress=False,
+    )
     figure = power_plot(result)
     curves = {curve.get_label(): curve for curve in figure.axes[0].lines}
-    np.testing.assert_array_equal(curves["joint_5"].get_ydata(), result["tau.joint_5"] * result["v.joint_5"])
+    np.testing.assert_array_equal(
+        curves["joint_5"].get_ydata(), result["tau.joint_5"] * result["v.joint_5"]
+    )
     assert tmp_path / "joint_power.png" in save_plots(result, tmp_path)
 
 

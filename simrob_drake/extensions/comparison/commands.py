@@ -27,7 +27,10 @@ def compare(
         typer.Option(
             "--with",
             metavar="FILE",
-            help=message("comparison.help_compare_with", "Logged signals: .csv with a header, .mat or .parquet."),
+            help=message(
+                "comparison.help_compare_with",
+                "Logged signals: .csv with a header, .mat or .parquet.",
+            ),
         ),
     ] = None,
     map_: Annotated[
@@ -43,7 +46,10 @@ def compare(
     ] = None,
     set_: Settings = None,
     out: Annotated[
-        Path | None, typer.Option(help=message("comparison.help_compare_out", "Folder for the numbers and pictures."))
+        Path | None,
+        typer.Option(
+            help=message("comparison.help_compare_out", "Folder for the numbers and pictures.")
+        ),
     ] = None,
     force: Force = False,
 ) -> None:
@@ -66,7 +72,12 @@ def compare(
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
     """Run a station in all engines that are installed, and show and save the differences."""
-    from simrob_drake.extensions.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
+    from simrob_drake.extensions.comparison.engines import (
+        NUMBERS,
+        compare_engines,
+        differences,
+        save_comparison,
+    )
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)
@@ -74,7 +85,9 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
 
         def show_engine(name: str) -> None:
             """Show the engine in which the station runs now."""
-            status.update(translate(message("comparison.running_in", "running in {engine}", engine=name)))
+            status.update(
+                translate(message("comparison.running_in", "running in {engine}", engine=name))
+            )
 
         found_by = compare_engines(config, progress=show_engine)
     first, *others = found_by.accounts
@@ -83,7 +96,16 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
     for one in found:
         largest = in_units(one.largest, one.quantity.unit)
         error = in_units(one.error, one.quantity.unit)
-        rows.append((one.account, one.quantity.name, largest, compound("{time:.3f}", time=one.at), error, _within(one)))
+        rows.append(
+            (
+                one.account,
+                one.quantity.name,
+                largest,
+                compound("{time:.3f}", time=one.at),
+                error,
+                _within(one),
+            )
+        )
     for account in found_by.accounts:
         say_text(compound("{engine}: {ending}", engine=account.name, ending=account.ended))
     headings = (
@@ -107,11 +129,17 @@ def _within(difference: "Difference") -> str:
     if difference.within:
         return message("comparison.yes", "yes")
     if difference.error > 0:
-        return message("comparison.no_by_factor", "no, {factor:.2g} ×", factor=difference.largest / difference.error)
+        return message(
+            "comparison.no_by_factor",
+            "no, {factor:.2g} ×",
+            factor=difference.largest / difference.error,
+        )
     return message("comparison.no", "no")
 
 
-def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
+def _compare_with_log(
+    config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool
+) -> None:
     """Compare logged signals of the original with the signals of a station, and show and save the differences.
 
     Args:
@@ -126,7 +154,12 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
         SimrobError: the log or `map_` cannot be read, or the folder exists.
     """
     with needed_extension("simulink", message("comparison.compare_with", "simrob compare --with")):
-        from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
+        from simrob_drake.extensions.simulink.logs import (
+            NUMBERS,
+            compare,
+            read_log,
+            save_differences,
+        )
 
     own_names = {}  # name of the station's signal, perhaps with a unit, by the name in the log
     for entry in map_:
@@ -135,7 +168,10 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
             raise InvalidParameter(
                 "--map",
                 entry,
-                message("comparison.theirs_and_ours", "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg"),
+                message(
+                    "comparison.theirs_and_ours",
+                    "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg",
+                ),
             )
         own_names[theirs] = ours
     if out is not None:
@@ -166,7 +202,9 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
     unknown = sorted(logged.keys() - {found.signal for found in differences})
     if unknown:
         text = message(
-            "comparison.no_such_signals", "not among the station's signals: {names}", names=", ".join(unknown)
+            "comparison.no_such_signals",
+            "not among the station's signals: {names}",
+            names=", ".join(unknown),
         )
         say_text(text)
     if out is not None:

@@ -61,7 +61,9 @@ class Account:
     name: str  # of the engine
     times: Vector  # of the samples, shape (m,) [s]
     values: Values  # of the finer run
-    errors: Mapping[Quantity, float] = field(default_factory=dict)  # how far off they may be, by quantity
+    errors: Mapping[Quantity, float] = field(
+        default_factory=dict
+    )  # how far off they may be, by quantity
     ended: str = ""  # how the finer run ended, in words
 
     @classmethod
@@ -69,7 +71,9 @@ class Account:
         """Return the account of two runs."""
         exact, rough = quantities(fine), quantities(coarse)
         common = together(fine.times, coarse.times)
-        errors = {what: float(apart(exact[what][:common], rough[what][:common]).max()) for what in exact}
+        errors = {
+            what: float(apart(exact[what][:common], rough[what][:common]).max()) for what in exact
+        }
         return cls(name, fine.times, exact, errors, fine.message)
 
 
@@ -100,7 +104,9 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
         for name, unit in zip(signal.names, signal.units, strict=True):
             if signal.role not in _IMPOSED and not held:
                 kind = name.rpartition(".")[0]
-                columns.setdefault(Quantity(name if kind in ("", "distance") else kind, unit), []).append(result[name])
+                columns.setdefault(
+                    Quantity(name if kind in ("", "distance") else kind, unit), []
+                ).append(result[name])
     return {what: np.column_stack(own) for what, own in columns.items()}
 
 
@@ -120,7 +126,11 @@ def differences(first: Account, others: list[Account], rounding: float = 1e-9) -
             least = rounding * max(float(np.abs(ours).max()), _NEXT_TO_NOTHING)
             error = first.errors.get(what, 0.0) + other.errors.get(what, 0.0) + least
             worst = int(np.argmax(distances))
-            found.append(Difference(what, other.name, float(distances[worst]), float(first.times[worst]), error))
+            found.append(
+                Difference(
+                    what, other.name, float(distances[worst]), float(first.times[worst]), error
+                )
+            )
     return found
 
 
@@ -151,7 +161,12 @@ _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 
 
 def save_comparison(
-    accounts: list[Account], found: list[Difference], folder: Path | str, *, station: str = "", force: bool = False
+    accounts: list[Account],
+    found: list[Difference],
+    folder: Path | str,
+    *,
+    station: str = "",
+    force: bool = False,
 ) -> None:
     """Write ``engines.csv`` and ``engines.png``, titled by the station; raises OutputError: not written."""
     with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
@@ -159,13 +174,20 @@ def save_comparison(
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(_HEADINGS)
             for one in found:
-                numbers = f"{one.largest:.6g}", f"{one.at:.6g}", f"{one.error:.6g}", "yes" if one.within else "no"
+                numbers = (
+                    f"{one.largest:.6g}",
+                    f"{one.at:.6g}",
+                    f"{one.error:.6g}",
+                    "yes" if one.within else "no",
+                )
                 rows.writerow([one.account, one.quantity.name, one.quantity.unit, *numbers])
         if found:
             _save_picture(accounts, found, work / "engines.png", station)
 
 
-def _save_picture(accounts: list[Account], found: list[Difference], file: Path, station: str) -> None:
+def _save_picture(
+    accounts: list[Account], found: list[Difference], file: Path, station: str
+) -> None:
     """Draw a panel for each quantity: over time how far each engine is from the first, and both errors as a line."""
     from simrob_drake.results.plots.own import panels, save_figure  # which load matplotlib
 
@@ -174,8 +196,12 @@ def _save_picture(accounts: list[Account], found: list[Difference], file: Path, 
     titles = [_title(what) for what in shown]
     columns = min(2, len(shown))
     rows = -(-len(shown) // columns)
-    head = f"{f'{station}: ' if station else ''}difference from {first.name}, the largest of all axes"
-    figure, frames = panels(head, rows, columns, size=(5 * columns, 2.2 * rows + 0.8), titles=titles, sharex=True)
+    head = (
+        f"{f'{station}: ' if station else ''}difference from {first.name}, the largest of all axes"
+    )
+    figure, frames = panels(
+        head, rows, columns, size=(5 * columns, 2.2 * rows + 0.8), titles=titles, sharex=True
+    )
     errors = {(one.quantity, one.account): one.error for one in found}
     for axes, what in zip(frames.flat, shown, strict=False):
         axes.set_yscale("log")
@@ -186,7 +212,9 @@ def _save_picture(accounts: list[Account], found: list[Difference], file: Path, 
         axes.set_visible(False)
     for axes in frames[-1]:
         axes.set_xlabel("time [s]")
-    frames[0, 0].plot([], [], "--", color="0.35", linewidth=1, label="numerical errors of both: below they agree")
+    frames[0, 0].plot(
+        [], [], "--", color="0.35", linewidth=1, label="numerical errors of both: below they agree"
+    )
     save_figure(figure, file)
 
 
@@ -199,11 +227,19 @@ def _title(what: Quantity) -> str:
     return f"{f'{whose}: ' if whose else ''}{words} [{what.unit}]"
 
 
-def _draw(axes: "Axes", first: Account, other: Account, what: Quantity, error: float, colour: str) -> None:
+def _draw(
+    axes: "Axes", first: Account, other: Account, what: Quantity, error: float, colour: str
+) -> None:
     common = together(first.times, other.times)
     distances = apart(first.values[what][:common], other.values[what][:common])
     least = max(error, float(distances.max())) * _SMALLEST  # a logarithm knows no zero
-    axes.plot(first.times[:common], np.maximum(distances, least), color=colour, label=other.name, linewidth=1)
+    axes.plot(
+        first.times[:common],
+        np.maximum(distances, least),
+        color=colour,
+        label=other.name,
+        linewidth=1,
+    )
     axes.axhline(max(error, least), color=colour, linestyle="--", linewidth=1)
 
 
@@ -215,7 +251,9 @@ _RATE = 1000.0  # samples a second for accelerations out of speeds [Hz]
 class EngineAccounts:
     """What the engines told."""
 
-    accounts: list[Account] = field(default_factory=list)  # Drake's with the station's own scheme first
+    accounts: list[Account] = field(
+        default_factory=list
+    )  # Drake's with the station's own scheme first
     missing: dict[str, str] = field(default_factory=dict)  # why others tell nothing, by engine
 
 
@@ -228,7 +266,9 @@ def other_scheme(solver: SolverConfig) -> SolverConfig:
     return ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-4, max_step=2e-3)
 
 
-def compare_engines(config: StationConfig, *, progress: Callable[[str], None] = lambda name: None) -> EngineAccounts:
+def compare_engines(
+    config: StationConfig, *, progress: Callable[[str], None] = lambda name: None
+) -> EngineAccounts:
     """Run a station in every engine that can, telling ``progress`` their names; raises SimrobError: Drake cannot."""
     found = EngineAccounts()
     for name, engine in _engines(config):
@@ -284,7 +324,9 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
     if config.program is not None or config.controllers:  # which decide as they go
         solver = MujocoEngine(kind="mujoco", time_step=MUJOCO_STEP)
         return _stepped(name, config.model_copy(update={"solver": solver}))
-    coarse, fine = (_whole(MujocoRunner(config, step=step).run()) for step in (MUJOCO_STEP, MUJOCO_STEP / FINER))
+    coarse, fine = (
+        _whole(MujocoRunner(config, step=step).run()) for step in (MUJOCO_STEP, MUJOCO_STEP / FINER)
+    )
     return Account.of(name, fine, coarse)
 
 
@@ -294,7 +336,11 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
     Accelerations are those of a spline through the speeds; of the coarser run, through every fourth of them.
     """
     if config.contact is not None or config.forces or not config.robots:
-        raise SimrobError(message("comparison.arms_alone", "it knows the torques of arms alone that nothing touches"))
+        raise SimrobError(
+            message(
+                "comparison.arms_alone", "it knows the torques of arms alone that nothing touches"
+            )
+        )
     every = max(round(_RATE / config.sample_rate), 1)
     sampled = config.model_copy(update={"sample_rate": every * config.sample_rate})
     finer = sampled.model_copy(update={"solver": config.solver.tighter(FINER)})
@@ -309,7 +355,10 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
                     robot=robot.name,
                 )
             )
-        dynamics, units = Dynamics(robot.model, fine.plant.plant, robot.joints), np.array(robot.model.effort_units)
+        dynamics, units = (
+            Dynamics(robot.model, fine.plant.plant, robot.joints),
+            np.array(robot.model.effort_units),
+        )
         runs = (coarse, FINER), (fine, 1)
         sparse, dense = (_torques(dynamics, run, robot.name, n)[::every] for run, n in runs)
         common = min(len(dense), len(sparse))
@@ -318,7 +367,11 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
             values[what] = dense[:, own]
             errors[what] = float(np.abs((dense[:common] - sparse[:common])[:, own]).max())
     return Account(
-        name, fine.times[::every], values, errors, message("comparison.motion_in_drake", "of the motion in Drake")
+        name,
+        fine.times[::every],
+        values,
+        errors,
+        message("comparison.motion_in_drake", "of the motion in Drake"),
     )
 
 

@@ -84,7 +84,11 @@ class ServedAnswer:
     def _load(self, request: Request) -> Reply:
         """Load the answer. The reply lists its names, each with true if it is a function or class, else false."""
         self._module = load_module(self.file, "answer")
-        names = {name: callable(value) for name, value in vars(self._module).items() if not name.startswith("__")}
+        names = {
+            name: callable(value)
+            for name, value in vars(self._module).items()
+            if not name.startswith("__")
+        }
         return {"names": names}
 
     def _call(self, request: Request) -> Reply:

@@ -61,7 +61,9 @@ def _measure_points(job: Mapping[str, Any]) -> Iterator[Reply]:
     sys.dont_write_bytecode = True  # no files next to the exercise
     try:
         checks = load_module(Path(job["checks"]), "check")
-        answer = RemoteAnswer(Path(job["answer"]), memory=int(job["memory"]), seconds=int(job["seconds"]))
+        answer = RemoteAnswer(
+            Path(job["answer"]), memory=int(job["memory"]), seconds=int(job["seconds"])
+        )
         for point in job["points"]:
             check = getattr(checks, point)
             yield {"point": point, **_measure(check, answer)}

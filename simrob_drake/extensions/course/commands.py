@@ -35,7 +35,12 @@ from simrob_drake.extensions.course.submissions import (
     points_table,
 )
 
-_STYLES: dict[PointState, str] = {"ok": "green", "fails": "red", "missing": "yellow", "error": "red"}
+_STYLES: dict[PointState, str] = {
+    "ok": "green",
+    "fails": "red",
+    "missing": "yellow",
+    "error": "red",
+}
 _STATE_WIDTH = 8  # characters; the longest word for a state and a space
 
 _ExerciseArgument = Annotated[
@@ -43,7 +48,8 @@ _ExerciseArgument = Annotated[
     typer.Argument(
         metavar="EXERCISE",
         help=message(
-            "course.help_exercise_argument", "A number of `simrob course list`, or the folder of one of your own."
+            "course.help_exercise_argument",
+            "A number of `simrob course list`, or the folder of one of your own.",
         ),
     ),
 ]
@@ -68,14 +74,23 @@ def list_exercises(language: _Spoken = "en") -> None:
     rows = []
     for entry in exercises():
         exercise = entry.exercise
-        rows.append((str(exercise.number), exercise.title.of(language), with_decimal_sign(f"{exercise.hours:g}")))
+        rows.append(
+            (
+                str(exercise.number),
+                exercise.title.of(language),
+                with_decimal_sign(f"{exercise.hours:g}"),
+            )
+        )
     console.print(table(("", words["exercise"], words["hours"]), *rows, numbers=False))
 
 
 def start(
     exercise: _ExerciseArgument,
     out: Annotated[
-        Path, typer.Option(help=message("course.help_start_out", "Folder that takes the template, as answer.py."))
+        Path,
+        typer.Option(
+            help=message("course.help_start_out", "Folder that takes the template, as answer.py.")
+        ),
     ] = Path(),
     language: _Spoken = "en",
     force: Force = False,
@@ -101,29 +116,44 @@ def check(
         typer.Argument(
             metavar="ANSWER",
             help=message(
-                "course.help_check_answer", "A Python file, which is run; or a folder of submissions, for --csv."
+                "course.help_check_answer",
+                "A Python file, which is run; or a folder of submissions, for --csv.",
             ),
         ),
     ],
     allow_code: Annotated[
-        bool, typer.Option("--allow-code", help=message("course.help_check_allow_code", "Run the code of the answer."))
+        bool,
+        typer.Option(
+            "--allow-code",
+            help=message("course.help_check_allow_code", "Run the code of the answer."),
+        ),
     ] = False,
     csv: Annotated[
         Path | None,
         typer.Option(
-            "--csv", help=message("course.help_check_csv", "File for the points of all submissions; only for a folder.")
+            "--csv",
+            help=message(
+                "course.help_check_csv",
+                "File for the points of all submissions; only for a folder.",
+            ),
         ),
     ] = None,
     language: _Spoken = "en",
     seconds: Annotated[
         float,
         typer.Option(
-            min=1, max=86400, help=message("course.help_check_seconds", "Time limit of all points of an answer [s].")
+            min=1,
+            max=86400,
+            help=message("course.help_check_seconds", "Time limit of all points of an answer [s]."),
         ),
     ] = SECONDS,
     memory: Annotated[
         float,
-        typer.Option(min=0.6, max=1000, help=message("course.help_check_memory", "Memory limit of an answer [GB].")),
+        typer.Option(
+            min=0.6,
+            max=1000,
+            help=message("course.help_check_memory", "Memory limit of an answer [GB]."),
+        ),
     ] = MEMORY,
     force: Force = False,
 ) -> ExitCode:
@@ -142,19 +172,35 @@ def check(
     set_output_language(language)
     entry = exercise_of(exercise)
     if answer.is_dir():
-        _check_folder(entry, answer, csv, language, allow_code=allow_code, seconds=seconds, memory=memory, force=force)
+        _check_folder(
+            entry,
+            answer,
+            csv,
+            language,
+            allow_code=allow_code,
+            seconds=seconds,
+            memory=memory,
+            force=force,
+        )
         return ExitCode.DONE
     if csv is not None:
-        problem = message("course.only_for_folders", "it is for a folder of submissions, and this is a single answer")
+        problem = message(
+            "course.only_for_folders",
+            "it is for a folder of submissions, and this is a single answer",
+        )
         raise Unsuitable("--csv", problem)
     words = _words(language)
     texts = entry.exercise.points
     passed = 0
     with errors.status(Text(f"{entry.exercise.title.of(language)}: {answer}")):
-        for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):
+        for point in checked_points(
+            entry, answer, allow_code=allow_code, seconds=seconds, memory=memory
+        ):
             passed += point.ok
             mark = (f"{words[point.state]:{_STATE_WIDTH}}", _STYLES[point.state])
-            say(Text.assemble(mark, f"{texts[point.name].of(language)}: {_result(point, language)}"))
+            say(
+                Text.assemble(mark, f"{texts[point.name].of(language)}: {_result(point, language)}")
+            )
     console.print(words["points"].format(passed, len(texts)), highlight=False)
     return ExitCode.DONE if passed == len(texts) else ExitCode.BEYOND
 
@@ -182,7 +228,10 @@ def _check_folder(
     """
     words = _words(language)
     if not allow_code:
-        problem = message("course.code_in_folder", "contains code that would be run; if you trust it, say --allow-code")
+        problem = message(
+            "course.code_in_folder",
+            "contains code that would be run; if you trust it, say --allow-code",
+        )
         raise InvalidConfig(folder, "", problem)
     file = Path(f"exercise-{entry.exercise.number}.csv") if csv is None else csv
     check_ending(file, (".csv",), "--csv")

@@ -121,7 +121,11 @@ def exercise_of(name: str) -> ExerciseFolder:
     number = name.lstrip("0")
     if number not in known:
         raise UnknownName(
-            message("course.no_exercise", "exercise, nor folder with an {file}, called", file=EXERCISE_FILE),
+            message(
+                "course.no_exercise",
+                "exercise, nor folder with an {file}, called",
+                file=EXERCISE_FILE,
+            ),
             name,
             known,
         )
@@ -170,7 +174,12 @@ class CheckedPoint:
 
 
 def checked_points(
-    entry: ExerciseFolder, answer: Path, *, allow_code: bool, seconds: float = SECONDS, memory: float = MEMORY
+    entry: ExerciseFolder,
+    answer: Path,
+    *,
+    allow_code: bool,
+    seconds: float = SECONDS,
+    memory: float = MEMORY,
 ) -> Iterator[CheckedPoint]:
     """Yield what became of each point of an exercise, once it was measured on an answer, a Python file that is run.
 
@@ -181,11 +190,17 @@ def checked_points(
         content_of(answer)
     except NotRead as problem:
         raise InvalidConfig(
-            answer, "", message("course.cannot_be_read", "cannot be read ({problem})", problem=problem)
+            answer,
+            "",
+            message("course.cannot_be_read", "cannot be read ({problem})", problem=problem),
         ) from problem
     if not allow_code:
         raise InvalidConfig(
-            answer, "", message("course.code_to_run", "is code that would be run; if you trust it, say --allow-code")
+            answer,
+            "",
+            message(
+                "course.code_to_run", "is code that would be run; if you trust it, say --allow-code"
+            ),
         )
     names = list(entry.exercise.points)
     job = {
@@ -194,10 +209,16 @@ def checked_points(
     }  # fmt: skip
     for name, reply in zip(names, _replies(job, answer, seconds, memory), strict=True):
         failed = reply.pop("problem", None)
-        yield CheckedPoint(name, None, failed) if failed is not None else CheckedPoint(name, Reading(**reply))
+        yield (
+            CheckedPoint(name, None, failed)
+            if failed is not None
+            else CheckedPoint(name, Reading(**reply))
+        )
 
 
-def _replies(job: dict[str, Any], answer: Path, seconds: float, memory: float) -> Iterator[dict[str, Any]]:
+def _replies(
+    job: dict[str, Any], answer: Path, seconds: float, memory: float
+) -> Iterator[dict[str, Any]]:
     """Yield what the process says of each point."""
     path = os.pathsep.join(folder for folder in sys.path if folder)
     command = [sys.executable, "-P", "-X", "utf8", "-m", _CHILD]
@@ -221,10 +242,18 @@ def _replies(job: dict[str, Any], answer: Path, seconds: float, memory: float) -
             requests.close()
             for _ in job["points"]:
                 line = cast(IO[bytes], child.stdout).readline()
-                reply = json.loads(line) if line else {"problem": _why(child, errors, late.is_set(), seconds, memory)}
+                reply = (
+                    json.loads(line)
+                    if line
+                    else {"problem": _why(child, errors, late.is_set(), seconds, memory)}
+                )
                 if "point" not in reply:
-                    problem = _out_of_memory(memory) if reply["problem"] == "memory" else reply["problem"]
-                    raise AnswerStopped(compound("{answer}: {problem}", answer=answer, problem=problem))
+                    problem = (
+                        _out_of_memory(memory) if reply["problem"] == "memory" else reply["problem"]
+                    )
+                    raise AnswerStopped(
+                        compound("{answer}: {problem}", answer=answer, problem=problem)
+                    )
                 yield {key: value for key, value in reply.items() if key != "point"}
         finally:
             timer.cancel()
@@ -249,7 +278,9 @@ def _out_of_memory(memory: float) -> str:
     )
 
 
-def _why(child: subprocess.Popen[bytes], errors: IO[bytes], late: bool, seconds: float, memory: float) -> str:
+def _why(
+    child: subprocess.Popen[bytes], errors: IO[bytes], late: bool, seconds: float, memory: float
+) -> str:
     """Return why a process said nothing more."""
     code = child.wait()
     if late or code == -signal.SIGXCPU:
@@ -260,7 +291,9 @@ def _why(child: subprocess.Popen[bytes], errors: IO[bytes], late: bool, seconds:
         )
     errors.seek(0)
     lines = errors.read(100_000).decode("utf-8", errors="replace").strip().splitlines()
-    said = shortened(lines[-1], 300) if lines else message("course.without_a_word", "without a word")
+    said = (
+        shortened(lines[-1], 300) if lines else message("course.without_a_word", "without a word")
+    )
     if "bad_alloc" in said or "MemoryError" in said:
         return _out_of_memory(memory)
     return message(

@@ -52,7 +52,9 @@ def number(answer: ModuleType, name: str, *arguments: Any) -> float:
     return float(numbers(answer, name, *arguments, shape=())[()])
 
 
-def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def numbers(
+    answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ...]
+) -> NDArray[np.float64]:
     """Return the array of a shape, -1 being any length, that a function of an answer gives for arguments.
 
     Raises InvalidParameter: the answer has no such function, or that returns something else.
@@ -67,12 +69,18 @@ def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ..
         array = np.asarray(returned, dtype=float)
     except (TypeError, ValueError) as problem:
         raise InvalidParameter(
-            message("course.returned_value", "what {name}() returns", name=name), quoted(returned), expected
+            message("course.returned_value", "what {name}() returns", name=name),
+            quoted(returned),
+            expected,
         ) from problem
-    fits = array.ndim == len(shape) and all(b in (-1, a) for a, b in zip(array.shape, shape, strict=True))
+    fits = array.ndim == len(shape) and all(
+        b in (-1, a) for a, b in zip(array.shape, shape, strict=True)
+    )
     if not fits or not np.isfinite(array).all():
         raise InvalidParameter(
-            message("course.returned_value", "what {name}() returns", name=name), quoted(returned), expected
+            message("course.returned_value", "what {name}() returns", name=name),
+            quoted(returned),
+            expected,
         )
     return array
 
@@ -83,7 +91,9 @@ def value_of(answer: ModuleType, name: str, *arguments: Any) -> Any:
     if not callable(function):
         raise InvalidParameter(
             message("course.of_the_answer", "{name} of the answer", name=name),
-            message("course.missing", "missing") if function is None else message("course.no_function", "no function"),
+            message("course.missing", "missing")
+            if function is None
+            else message("course.no_function", "no function"),
             message("course.a_function", "a function"),
         )
     return function(*arguments)

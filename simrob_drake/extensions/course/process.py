@@ -69,7 +69,9 @@ def load_module(file: Path, name: str) -> ModuleType:
     sys.path.insert(0, str(file.parent))
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
-        raise ImportError(message("course.no_python_file", "{file} is no Python file", file=file.name))
+        raise ImportError(
+            message("course.no_python_file", "{file} is no Python file", file=file.name)
+        )
     module = module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

@@ -35,7 +35,11 @@ class AnswerEnded(AnswerFailed):
     def __init__(self, code: int) -> None:
         """Make the error from the exit code of the process."""
         super().__init__(
-            message("course.answer_ended_process", "the answer ended its process (exit code {code})", code=code)
+            message(
+                "course.answer_ended_process",
+                "the answer ended its process (exit code {code})",
+                code=code,
+            )
         )
         self.code = code
 
@@ -58,7 +62,14 @@ class RemoteAnswer(ModuleType):
         super().__init__("answer")
         command = [sys.executable, "-P", "-X", "utf8", "-m", PROCESS]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._write({"answer": str(file), "language": output_language(), "memory": memory, "seconds": seconds})
+        self._write(
+            {
+                "answer": str(file),
+                "language": output_language(),
+                "memory": memory,
+                "seconds": seconds,
+            }
+        )
         # Names of the answer; true for functions and classes.
         self._is_callable: dict[str, bool] = self.request({"do": "load"})["names"]
 

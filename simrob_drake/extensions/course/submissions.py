@@ -73,7 +73,8 @@ def find_submissions(folder: Path) -> list[Submission]:
             submissions.append(Submission(entry.stem, entry))
     if not submissions:
         expected = message(
-            "course.file_or_submissions", "a Python file, or a folder of submissions: files or folders of students"
+            "course.file_or_submissions",
+            "a Python file, or a folder of submissions: files or folders of students",
         )
         raise InvalidParameter("ANSWER", str(folder), expected)
     return submissions
@@ -91,17 +92,26 @@ def check_submission(
         memory: memory limit of the submission [GB].
     """
     if submission.answer is None:
-        problem = message("course.no_answer", "it contains no {file}, nor a single Python file", file=ANSWER_FILE)
+        problem = message(
+            "course.no_answer", "it contains no {file}, nor a single Python file", file=ANSWER_FILE
+        )
         return CheckedSubmission(submission.name, (), problem)
     try:
-        points = list(checked_points(exercise, submission.answer, allow_code=True, seconds=seconds, memory=memory))
+        points = list(
+            checked_points(
+                exercise, submission.answer, allow_code=True, seconds=seconds, memory=memory
+            )
+        )
     except AnswerStopped as stopped:
         return CheckedSubmission(submission.name, (), stopped.message)
     return CheckedSubmission(submission.name, points)
 
 
 def points_table(
-    exercise: ExerciseFolder, submissions: Sequence[CheckedSubmission], words: Mapping[str, str], language: Language
+    exercise: ExerciseFolder,
+    submissions: Sequence[CheckedSubmission],
+    words: Mapping[str, str],
+    language: Language,
 ) -> str:
     """Write the points of all submissions as CSV, one line for each submission.
 
@@ -125,7 +135,9 @@ def points_table(
         heading = texts[name].of(language)
         unit = _unit_of(name, submissions)
         point_columns += [heading, f"{heading}: {words['measured']}{f' [{unit}]' if unit else ''}"]
-    writer.writerow([words["submission"], words["passed"], words["count"], *point_columns, words["problem"]])
+    writer.writerow(
+        [words["submission"], words["passed"], words["count"], *point_columns, words["problem"]]
+    )
     for submission in submissions:
         by_name = {point.name: point for point in submission.points}
         cells: list[str] = []
@@ -159,7 +171,12 @@ def _find_answer(folder: Path) -> Path | None:
 
 def _unit_of(name: str, submissions: Sequence[CheckedSubmission]) -> str:
     """Unit of the measured values of a point; empty if they have none, or if no submission has a value."""
-    readings = [point.reading for submission in submissions for point in submission.points if point.name == name]
+    readings = [
+        point.reading
+        for submission in submissions
+        for point in submission.points
+        if point.name == name
+    ]
     return next((reading.unit for reading in readings if reading is not None), "")
 
 

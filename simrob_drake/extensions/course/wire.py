@@ -37,7 +37,9 @@ def encode(value: Any, depth: int = 0) -> Any:
         NotPlain: the value is no plain data, or nested too deeply.
     """
     if depth > MOST_NESTED:
-        raise NotPlain(message("course.nested_too_deeply", "values nested so deeply cannot be passed on"))
+        raise NotPlain(
+            message("course.nested_too_deeply", "values nested so deeply cannot be passed on")
+        )
     # A single number of NumPy becomes a number of Python.
     if isinstance(value, np.generic):
         value = value.item()

@@ -20,7 +20,9 @@ from simrob_drake.robots.imports import ImportReport
 from simrob_drake.stations.config import StationConfig
 
 
-def driver_entries(config: StationConfig, robots: Mapping[str, ResolvedRobot]) -> tuple[dict[str, Tagged], list[str]]:
+def driver_entries(
+    config: StationConfig, robots: Mapping[str, ResolvedRobot]
+) -> tuple[dict[str, Tagged], list[str]]:
     """Make the section ``model_drivers`` of a scenario from the servos of a station.
 
     Args:
@@ -47,12 +49,18 @@ def driver_entries(config: StationConfig, robots: Mapping[str, ResolvedRobot]) -
             remarks.append(text)
         if servo.law == "cascade":
             text = message(
-                "drake_scenes.no_cascade", "{robot}: no driver is a cascade; its gains are of one loop", robot=name
+                "drake_scenes.no_cascade",
+                "{robot}: no driver is a cascade; its gains are of one loop",
+                robot=name,
             )
             remarks.append(text)
         if (robot.gains.ki > 0).any() and servo.law != "computed_torque":
             remarks.append(
-                message("drake_scenes.no_integral", "{robot}: JointStiffnessDriver has no integral part", robot=name)
+                message(
+                    "drake_scenes.no_integral",
+                    "{robot}: JointStiffnessDriver has no integral part",
+                    robot=name,
+                )
             )
     return entries, remarks
 
@@ -129,7 +137,9 @@ def servo_section(robot: DrivenRobot, report: ImportReport) -> dict[str, Any]:
         kp[axis], kd[axis] = _spring_and_damper(robot, axis, joint)
     section: dict[str, Any] = {"kp": kp, "kd": kd}
     if robot.is_discrete:
-        section["realization"] = "implicit"  # the solver then takes the servos into account, as Drake's drivers do
+        section["realization"] = (
+            "implicit"  # the solver then takes the servos into account, as Drake's drivers do
+        )
     if compensates and robot.group.is_free:
         text = message(
             "drake_scenes.no_gravity_torque",
@@ -163,7 +173,9 @@ def _gains_per_inertia(robot: DrivenRobot, axis: str, joint: Connection) -> tupl
     driver = robot.drivers[axis]
     if isinstance(driver, IiwaDriver):
         desired = driver.desired_kp_gains
-        same = [other.name for other in robot.group.moving_joints if robot.drivers[other.name] is driver]
+        same = [
+            other.name for other in robot.group.moving_joints if robot.drivers[other.name] is driver
+        ]
         kp = _IIWA_KP if desired is None else float(desired[same.index(axis)])
         return kp, 2 * math.sqrt(kp)  # critically damped
     assert joint.motor is not None
@@ -171,7 +183,9 @@ def _gains_per_inertia(robot: DrivenRobot, axis: str, joint: Connection) -> tupl
     return float(own.kp), float(own.kd)
 
 
-def _computed_torque(robot: DrivenRobot, driven: Mapping[str, Connection], report: ImportReport) -> dict[str, Any]:
+def _computed_torque(
+    robot: DrivenRobot, driven: Mapping[str, Connection], report: ImportReport
+) -> dict[str, Any]:
     """Make the section ``servo`` of a robot of which a model has a driver with inverse dynamics.
 
     All axes of a robot have the same law, so gains of other drivers are divided by the inertia that the axis moves.

@@ -92,7 +92,11 @@ def save_sdf(config: StationConfig, file: Path, *, force: bool) -> list[Path]:
 
 
 def _save_model(
-    config: StationConfig, file: Path, element: Callable[[list[PlantGroup], MeshCopies], ET.Element], *, force: bool
+    config: StationConfig,
+    file: Path,
+    element: Callable[[list[PlantGroup], MeshCopies], ET.Element],
+    *,
+    force: bool,
 ) -> list[Path]:
     """Write a station as one XML file, with a folder of its meshes if it has any.
 
@@ -114,7 +118,12 @@ def _save_model(
 
 
 def _save_scene(
-    file: Path, groups: list[PlantGroup], sections: Mapping[str, Any], remarks: list[str], *, force: bool
+    file: Path,
+    groups: list[PlantGroup],
+    sections: Mapping[str, Any],
+    remarks: list[str],
+    *,
+    force: bool,
 ) -> list[Path]:
     """Write a file of directives, with a folder of its models.
 
@@ -132,7 +141,10 @@ def _save_scene(
             model = _write_group(group, work)
             directives += _directives(group, f"package://{folder.name}/{group.name}/{model}")
         _write_package(work, folder.name)
-    lines = [f"# Models: the package {folder.name}, the folder next to this file.", *(f"# {line}" for line in remarks)]
+    lines = [
+        f"# Models: the package {folder.name}, the folder next to this file.",
+        *(f"# {line}" for line in remarks),
+    ]
     content = yaml_text({"directives": directives, **sections})
     written_at_once(file, "\n".join(lines) + "\n" + content)
     return [file, folder]
@@ -143,9 +155,14 @@ def _write_group(group: PlantGroup, folder: Path) -> str:
     place = folder / group.name
     place.mkdir()
     meshes = MeshCopies(place)
-    has_half_space = any(isinstance(shape.shape, HalfSpace) for link in group.links for shape in link.shapes)
+    has_half_space = any(
+        isinstance(shape.shape, HalfSpace) for link in group.links for shape in link.shapes
+    )
     if has_half_space:
-        element, name = sdf_element(group.name, [group], meshes, is_world=False), f"{group.name}.sdf"
+        element, name = (
+            sdf_element(group.name, [group], meshes, is_world=False),
+            f"{group.name}.sdf",
+        )
     else:
         element, name = group_element(group, meshes, lambda link, shape: None), f"{group.name}.urdf"
     (place / name).write_text(_xml(element), encoding="utf-8")
@@ -166,7 +183,11 @@ def _directives(group: PlantGroup, uri: str) -> list[dict[str, Any]]:
     if group.is_free:
         model["default_free_body_pose"] = {group.root.name: _transform(group.pose)}
         return [{"add_model": model}]
-    weld = {"parent": "world", "child": f"{group.name}::{group.root.name}", "X_PC": _transform(group.pose)}
+    weld = {
+        "parent": "world",
+        "child": f"{group.name}::{group.root.name}",
+        "X_PC": _transform(group.pose),
+    }
     return [{"add_model": model}, {"add_weld": weld}]
 
 
@@ -194,7 +215,9 @@ def _plant_config(config: StationConfig) -> dict[str, Any]:
 def _simulator_config(config: StationConfig) -> dict[str, Any]:
     """Make the section ``simulator_config`` of a scenario, for a station of continuous time."""
     solver = config.solver
-    if not isinstance(solver, ContinuousSolver):  # of another engine, whose steps Drake does not make
+    if not isinstance(
+        solver, ContinuousSolver
+    ):  # of another engine, whose steps Drake does not make
         return {}
     return {
         "integration_scheme": solver.scheme,

@@ -32,7 +32,8 @@ class SceneReading:
         typer.Option(
             metavar="NAME",
             help=message(
-                "drake_scenes.help_which_scenario", "Which scenario of a file with several, for scenes of Drake."
+                "drake_scenes.help_which_scenario",
+                "Which scenario of a file with several, for scenes of Drake.",
             ),
         ),
     ] = None
@@ -77,7 +78,11 @@ class SceneImporter(FileImporter):
         """
         with TemporaryDirectory(prefix="simrob-") as work:
             made = _write(file, request, Path(work))
-            entry = cache_entry("scenes", made_of=_contents(Path(work), made.sections), made_by=[Path(__file__).parent])
+            entry = cache_entry(
+                "scenes",
+                made_of=_contents(Path(work), made.sections),
+                made_by=[Path(__file__).parent],
+            )
             if not (entry / SECTIONS_FILE).is_file():
                 with filled_at_once(entry, marker=SECTIONS_FILE, force=True) as target:
                     _write(file, request, target)
@@ -109,8 +114,12 @@ def _write_station_file(made: "SceneStation", folder: Path, source: Path) -> Non
     """Write the station's file into the folder of an import."""
     from simrob_drake.extensions.drake_scenes.tagged import yaml_text
 
-    header = f"# From the scene {source.name} of Drake; report.json says what became of its parts.\n"
-    text = header + yaml_text({"description": f"{_stem(source)}, from a scene of Drake", **made.sections})
+    header = (
+        f"# From the scene {source.name} of Drake; report.json says what became of its parts.\n"
+    )
+    text = header + yaml_text(
+        {"description": f"{_stem(source)}, from a scene of Drake", **made.sections}
+    )
     (folder / f"{_stem(source)}.yaml").write_text(text, encoding="utf-8")
 
 
@@ -144,6 +153,7 @@ def _with_folder(sections: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for kind in ("robots", "pieces"):
         if kind in result:
             result[kind] = {
-                name: {**entry, "model": str(folder / entry["model"])} for name, entry in result[kind].items()
+                name: {**entry, "model": str(folder / entry["model"])}
+                for name, entry in result[kind].items()
             }
     return result

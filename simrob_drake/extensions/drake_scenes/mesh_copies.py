@@ -47,7 +47,10 @@ class MeshCopies:
         source = shape.source()
         if not source.is_path():
             raise SimrobError(
-                message("drake_scenes.mesh_in_memory", "a mesh exists in memory only, and cannot be copied to a file")
+                message(
+                    "drake_scenes.mesh_in_memory",
+                    "a mesh exists in memory only, and cannot be copied to a file",
+                )
             )
         original = Path(str(source.path())).resolve()
         if original not in self._copies:

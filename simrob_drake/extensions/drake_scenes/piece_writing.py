@@ -25,7 +25,9 @@ class PieceWriter:
         half_space: pose of a half-space among its shapes in the world. None if there is none.
     """
 
-    def __init__(self, group: PlantGroup, folder: Path, meshes: MeshCopies, report: ImportReport) -> None:
+    def __init__(
+        self, group: PlantGroup, folder: Path, meshes: MeshCopies, report: ImportReport
+    ) -> None:
         """Begin with a group.
 
         Args:
@@ -55,7 +57,9 @@ class PieceWriter:
             content["shapes"] = shapes
         return content
 
-    def _shape_entries(self, link: GroupLink, shape: BodyShape, pose: RigidTransform) -> list[dict[str, Any]]:
+    def _shape_entries(
+        self, link: GroupLink, shape: BodyShape, pose: RigidTransform
+    ) -> list[dict[str, Any]]:
         """Describe a shape as entries of ``shapes``. Empty if a piece has no such shape.
 
         Args:
@@ -66,14 +70,18 @@ class PieceWriter:
         if isinstance(shape.shape, HalfSpace):
             self._read_half_space(pose)
             return []
-        use: dict[str, Any] = {"visible": False} if shape.contact is not None else {"collides": False}
+        use: dict[str, Any] = (
+            {"visible": False} if shape.contact is not None else {"collides": False}
+        )
         if shape.colour is not None:
             use["colour"] = tuple(float(value) for value in shape.colour)
         entries = self._geometry(shape.shape, pose)
         if not entries:
             kind = type(shape.shape).__name__
             text = message("drake_scenes.no_shape", "{link}: a {shape}", link=link.name, shape=kind)
-            self._report.add("lost" if shape.contact is not None else "dropped", self._group.name, text)
+            self._report.add(
+                "lost" if shape.contact is not None else "dropped", self._group.name, text
+            )
         return [{**entry, **use} for entry in entries]
 
     def _geometry(self, shape: Shape, pose: RigidTransform) -> list[dict[str, Any]]:
@@ -97,7 +105,8 @@ class PieceWriter:
                 entries.append({"sphere": shape.radius()})
                 poses.append(pose @ RigidTransform(np.array([0.0, 0.0, sign * shape.length() / 2])))
         return [
-            {**entry, "pose": tuple(pose_from_transform(at).tolist())} for entry, at in zip(entries, poses, strict=True)
+            {**entry, "pose": tuple(pose_from_transform(at).tolist())}
+            for entry, at in zip(entries, poses, strict=True)
         ]
 
     def _read_half_space(self, pose: RigidTransform) -> None:
@@ -107,10 +116,14 @@ class PieceWriter:
         is_ground = abs(normal[2] - 1) < _UPRIGHT and abs(in_world.translation()[2]) < _UPRIGHT
         if is_ground and not self._group.is_free:
             self.half_space = in_world
-            text = message("drake_scenes.floor_of_half_space", "its half-space is the station's floor")
+            text = message(
+                "drake_scenes.floor_of_half_space", "its half-space is the station's floor"
+            )
             self._report.add("read", self._group.name, text)
         else:
-            text = message("drake_scenes.half_space_lost", "a half-space that is not the ground at z = 0")
+            text = message(
+                "drake_scenes.half_space_lost", "a half-space that is not the ground at z = 0"
+            )
             self._report.add("lost", self._group.name, text)
 
     def _read_contact(self, properties: dict[str, float | None]) -> None:

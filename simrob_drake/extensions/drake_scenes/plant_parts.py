@@ -179,7 +179,9 @@ class UnknownJoint(SimrobError):
     """Raised when a plant has a joint that stations, URDF and SDF files do not have."""
 
 
-def plant_groups(plant: MultibodyPlant, scene_graph: SceneGraph, *, without: frozenset[GeometryId]) -> list[PlantGroup]:
+def plant_groups(
+    plant: MultibodyPlant, scene_graph: SceneGraph, *, without: frozenset[GeometryId]
+) -> list[PlantGroup]:
     """Find the robots and pieces of a plant.
 
     A body that is welded to the world, or to a body that is, begins a group of its model instance. A body that nothing
@@ -202,7 +204,9 @@ def plant_groups(plant: MultibodyPlant, scene_graph: SceneGraph, *, without: fro
 class _Reading:
     """Reads one plant."""
 
-    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph, without: frozenset[GeometryId]) -> None:
+    def __init__(
+        self, plant: MultibodyPlant, scene_graph: SceneGraph, without: frozenset[GeometryId]
+    ) -> None:
         """Prepare the lookup tables.
 
         Args:
@@ -254,7 +258,9 @@ class _Reading:
                 waiting.append(further)
         return list(self._groups.values())
 
-    def _add_body(self, body: RigidBody, joint: Joint, further: RigidBody, *, is_forward: bool) -> None:
+    def _add_body(
+        self, body: RigidBody, joint: Joint, further: RigidBody, *, is_forward: bool
+    ) -> None:
         """Add the body beyond a joint to the group that it belongs to.
 
         Args:
@@ -280,7 +286,9 @@ class _Reading:
         group = self._new_group(body, pose, is_free=True)
         self._add_link(group, body, RigidTransform())
 
-    def _begin_held_group(self, body: RigidBody, joint: Joint, further: RigidBody, *, is_forward: bool) -> None:
+    def _begin_held_group(
+        self, body: RigidBody, joint: Joint, further: RigidBody, *, is_forward: bool
+    ) -> None:
         """Begin the group of a body that is joined to the world or to a fixed piece.
 
         A joint that moves needs a link of the group that it starts from: a base without mass.
@@ -311,7 +319,12 @@ class _Reading:
         return group
 
     def _attach(
-        self, carrier: tuple[PlantGroup, GroupLink, RigidTransform], joint: Joint, body: RigidBody, *, is_forward: bool
+        self,
+        carrier: tuple[PlantGroup, GroupLink, RigidTransform],
+        joint: Joint,
+        body: RigidBody,
+        *,
+        is_forward: bool,
     ) -> None:
         """Add a body to the group of the body that carries it, with the joint between them.
 
@@ -327,7 +340,9 @@ class _Reading:
         group, link, pose_of_carrier = carrier
         parent_frame = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         child_frame = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        start_frame, end_frame = (parent_frame, child_frame) if is_forward else (child_frame, parent_frame)
+        start_frame, end_frame = (
+            (parent_frame, child_frame) if is_forward else (child_frame, parent_frame)
+        )
         kind = "fixed" if joint.num_velocities() == 0 else MOVING_KINDS.get(joint.type_name(), "")
         if not kind:
             raise UnknownJoint(
@@ -344,18 +359,28 @@ class _Reading:
             origin = pose_of_carrier @ start_frame @ between @ end_frame.inverse()
             own = self._add_link(group, body, RigidTransform())
             name = _free_name(joint.name(), [known.name for known in group.joints], model)
-            group.joints.append(Connection(name, model, kind, parent=link.name, child=own.name, origin=origin))
+            group.joints.append(
+                Connection(name, model, kind, parent=link.name, child=own.name, origin=origin)
+            )
             return
         # The link's frame is the joint's frame on this body, so the body's frame is at the inverse of that.
         own = self._add_link(group, body, end_frame.inverse())
         name = _free_name(joint.name(), [known.name for known in group.joints], model)
         connection = Connection(
-            name, model, kind, parent=link.name, child=own.name, origin=pose_of_carrier @ start_frame
+            name,
+            model,
+            kind,
+            parent=link.name,
+            child=own.name,
+            origin=pose_of_carrier @ start_frame,
         )
         axis = joint.revolute_axis() if kind == "revolute" else joint.translation_axis()
         # Seen from the other body, a joint moves against its axis.
         connection.axis = np.asarray(axis if is_forward else -axis)
-        connection.limits = (float(joint.position_lower_limits()[0]), float(joint.position_upper_limits()[0]))
+        connection.limits = (
+            float(joint.position_lower_limits()[0]),
+            float(joint.position_upper_limits()[0]),
+        )
         connection.speed = float(joint.velocity_upper_limits()[0])
         connection.acceleration = float(joint.acceleration_upper_limits()[0])
         connection.damping = float(joint.default_damping_vector()[0])
@@ -389,7 +414,11 @@ class _Reading:
             group.models.append(model)
         name = _free_name(body.name(), [known.name for known in group.links], model)
         link = GroupLink(
-            name=name, body=body.name(), index=int(body.index()), body_pose=pose, mass=float(body.default_mass())
+            name=name,
+            body=body.name(),
+            index=int(body.index()),
+            body_pose=pose,
+            mass=float(body.default_mass()),
         )
         inertia = body.default_spatial_inertia()
         if link.mass > 0:
@@ -408,7 +437,9 @@ class _Reading:
         shapes = list(self._shapes(world, RigidTransform()))
         if shapes:
             link = GroupLink(name=WORLD_SHAPES, body=WORLD_SHAPES, shapes=shapes)
-            group = PlantGroup(WORLD_SHAPES, [WORLD_SHAPES], RigidTransform(), is_free=False, links=[link])
+            group = PlantGroup(
+                WORLD_SHAPES, [WORLD_SHAPES], RigidTransform(), is_free=False, links=[link]
+            )
             self._groups[group.name] = group
 
     def _shapes(self, body: RigidBody, pose: RigidTransform) -> Iterator[BodyShape]:
@@ -432,9 +463,13 @@ class _Reading:
                     pose=pose @ inspector.GetPoseInFrame(geometry),
                 )
                 if role == Role.kIllustration:
-                    yield replace(shape, colour=_colour(inspector.GetIllustrationProperties(geometry)))
+                    yield replace(
+                        shape, colour=_colour(inspector.GetIllustrationProperties(geometry))
+                    )
                 else:
-                    yield replace(shape, contact=_contact(inspector.GetProximityProperties(geometry)))
+                    yield replace(
+                        shape, contact=_contact(inspector.GetProximityProperties(geometry))
+                    )
 
 
 _GREY = (0.6, 0.6, 0.65, 1.0)  # of shapes without a colour of their own, as of pieces

@@ -103,7 +103,11 @@ class Scenario:
     model_drivers: typing.Mapping[
         str,
         typing.Union[  # noqa: UP007  # Drake's loader reads no other form
-            IiwaDriver, InverseDynamicsDriver, JointStiffnessDriver, SchunkWsgDriver, ZeroForceDriver
+            IiwaDriver,
+            InverseDynamicsDriver,
+            JointStiffnessDriver,
+            SchunkWsgDriver,
+            ZeroForceDriver,
         ],
     ] = dc.field(default_factory=dict)
     plant_config: MultibodyPlantConfig = dc.field(default_factory=MultibodyPlantConfig)
@@ -111,7 +115,9 @@ class Scenario:
     simulation_duration: float = float("inf")
     scenario_duration: float = float("inf")
     cameras: typing.Mapping[str, CameraConfig] = dc.field(default_factory=dict)
-    initial_position: typing.Mapping[str, typing.Mapping[str, list[float]]] = dc.field(default_factory=dict)
+    initial_position: typing.Mapping[str, typing.Mapping[str, list[float]]] = dc.field(
+        default_factory=dict
+    )
     scene_graph_config: SceneGraphConfig = dc.field(default_factory=SceneGraphConfig)
     visualization: VisualizationConfig = dc.field(default_factory=VisualizationConfig)
     lcm_buses: typing.Mapping[str, DrakeLcmParams] = dc.field(default_factory=dict)
@@ -122,8 +128,23 @@ class Scenario:
 KEYS = tuple(field.name for field in dc.fields(Scenario))
 """Keys of a scenario."""
 
-ROTATIONS = ("Rpy", "AngleAxis", "Identity", "Uniform", "UniformVector", "Gaussian", "GaussianVector")
+ROTATIONS = (
+    "Rpy",
+    "AngleAxis",
+    "Identity",
+    "Uniform",
+    "UniformVector",
+    "Gaussian",
+    "GaussianVector",
+)
 """Tags of rotations, and of numbers that are drawn."""
 
-OTHER_TAGS = ("DeterministicVector", "Deterministic", "FocalLength", "FovDegrees", "RenderEngineVtkParams", "Meshcat")
+OTHER_TAGS = (
+    "DeterministicVector",
+    "Deterministic",
+    "FocalLength",
+    "FovDegrees",
+    "RenderEngineVtkParams",
+    "Meshcat",
+)
 """Further tags that Drake's sections have."""

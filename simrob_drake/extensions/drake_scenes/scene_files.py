@@ -30,7 +30,13 @@ from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import MANIFEST, PACKAGE_URI, Border, OutsideBorder, manifest_name
 from simrob_drake.base.yaml_files import composed_yaml
-from simrob_drake.extensions.drake_scenes.scenario import DRIVERS, KEYS, OTHER_TAGS, ROTATIONS, Scenario
+from simrob_drake.extensions.drake_scenes.scenario import (
+    DRIVERS,
+    KEYS,
+    OTHER_TAGS,
+    ROTATIONS,
+    Scenario,
+)
 from simrob_drake.importer.importer import SceneRequest
 
 DIRECTIVES = "directives"
@@ -107,11 +113,15 @@ def load_scene(file: Path, request: SceneRequest) -> DrakeScene:
         if name != _DRAKE:
             parser.package_map().Add(name, str(folder))
     with _drake_problems(path), _warnings_of_drake() as warnings:
-        models = list(ProcessModelDirectives(ModelDirectives(directives=scenario.directives), parser))
+        models = list(
+            ProcessModelDirectives(ModelDirectives(directives=scenario.directives), parser)
+        )
         _set_initial_positions(plant, scenario)
         plant.Finalize()
     has_more = any(key != DIRECTIVES for key in _keys(scene.node))
-    return DrakeScene(path, scenario, has_more, builder, plant, scene_graph, models, warnings, border)
+    return DrakeScene(
+        path, scenario, has_more, builder, plant, scene_graph, models, warnings, border
+    )
 
 
 def _set_initial_positions(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -152,8 +162,12 @@ def _find_scene(path: Path, scenario: str) -> _NamedScene:
         ) from None
     except (yaml.YAMLError, ValueError) as problem:
         text = " ".join(str(problem).split())
-        raise InvalidConfig(path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)) from None
-    assert isinstance(root, yaml.MappingNode)  # it has the key `directives`, see find_station_importer()
+        raise InvalidConfig(
+            path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)
+        ) from None
+    assert isinstance(
+        root, yaml.MappingNode
+    )  # it has the key `directives`, see find_station_importer()
     named = {key: value for key, value in _items(root) if isinstance(value, yaml.MappingNode)}
     scenes = {key: value for key, value in named.items() if DIRECTIVES in _merged_items(value)}
     if DIRECTIVES in _keys(root) and not scenario:
@@ -168,7 +182,9 @@ def _find_scene(path: Path, scenario: str) -> _NamedScene:
             path,
             scenario,
             message(
-                "drake_scenes.no_such_scenario", "is no scenario of the file; it has: {known}", known=listed or "-"
+                "drake_scenes.no_such_scenario",
+                "is no scenario of the file; it has: {known}",
+                known=listed or "-",
             ),
         )
     raise InvalidConfig(
@@ -252,7 +268,13 @@ class _Checks:
             name = inner.tag.removeprefix("!")
             # Tags of YAML itself, such as that of a mapping, have a longer form.
             if inner.tag.startswith("!") and name not in known:
-                raise _unknown(path, inner.start_mark.line + 1, message("drake_scenes.tag", "tag"), f"!{name}", known)
+                raise _unknown(
+                    path,
+                    inner.start_mark.line + 1,
+                    message("drake_scenes.tag", "tag"),
+                    f"!{name}",
+                    known,
+                )
 
     def _check_directives(self, path: Path, node: yaml.Node) -> None:
         """Check the directives of a file, and the files that they name."""
@@ -260,7 +282,13 @@ class _Checks:
             for kind, value in _items(entry):
                 if kind not in _DIRECTIVE_KINDS:
                     line = entry.start_mark.line + 1
-                    raise _unknown(path, line, message("drake_scenes.directive", "directive"), kind, _DIRECTIVE_KINDS)
+                    raise _unknown(
+                        path,
+                        line,
+                        message("drake_scenes.directive", "directive"),
+                        kind,
+                        _DIRECTIVE_KINDS,
+                    )
                 named = next((inner for key, inner in _items(value) if key == "file"), None)
                 if named is not None:
                     self._check_file(path, kind, named)
@@ -303,7 +331,9 @@ class _Checks:
             return
         self._seen.add(found)
         if len(self._seen) > _MOST_FILES:
-            problem = message("drake_scenes.too_many_files", "names more than {most} files", most=_MOST_FILES)
+            problem = message(
+                "drake_scenes.too_many_files", "names more than {most} files", most=_MOST_FILES
+            )
             raise InvalidConfig(path, "", problem)
         if kind == "add_directives":
             self.check(found, _find_scene(found, "").node)
@@ -316,7 +346,9 @@ class _Checks:
             text = text_of(path, _LARGEST_MODEL)
         except NotRead as problem:
             raise InvalidConfig(
-                path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+                path,
+                "",
+                message("base.cannot_be_read", "cannot be read ({problem})", problem=problem),
             ) from None
         # A model may name files of the package that it is in, which Drake's parser finds itself.
         own = [manifest_name(folder) for folder in path.parents if (folder / MANIFEST).is_file()]
@@ -382,7 +414,9 @@ class _Checks:
             return self._border.readable(file)
         except OutsideBorder as problem:
             raise InvalidConfig(
-                path, where, compound("{path} {problem}", path=shortened(str(file), 300), problem=problem)
+                path,
+                where,
+                compound("{path} {problem}", path=shortened(str(file), 300), problem=problem),
             ) from None
 
 
@@ -453,11 +487,21 @@ def _drake_problems(path: Path) -> Iterator[None]:
         yield
     except SimrobError:
         raise
-    except (RuntimeError, ValueError, SystemExit, LookupError, TypeError, AttributeError, OSError) as problem:
+    except (
+        RuntimeError,
+        ValueError,
+        SystemExit,
+        LookupError,
+        TypeError,
+        AttributeError,
+        OSError,
+    ) as problem:
         # Failed assertions of Drake come as SystemExit.
         text = shortened(" ".join(str(problem).split()), 500)
         raise InvalidConfig(
-            path, "", message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text)
+            path,
+            "",
+            message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text),
         ) from problem
 
 

@@ -75,10 +75,14 @@ class _Writer:
     def write(self) -> SceneStation:
         """Write all files, and return the sections of the station."""
         for warning in self._scene.warnings:
-            self._report.add("read", "", message("drake_scenes.drake_warns", "Drake warns: {text}", text=warning))
+            self._report.add(
+                "read", "", message("drake_scenes.drake_warns", "Drake warns: {text}", text=warning)
+            )
         groups = plant_groups(self._scene.plant, self._scene.scene_graph, without=frozenset())
         for group in groups:
-            self._has_contact |= any(shape.contact is not None for link in group.links for shape in link.shapes)
+            self._has_contact |= any(
+                shape.contact is not None for link in group.links for shape in link.shapes
+            )
             if group.is_robot:
                 self._add_robot(group)
             else:
@@ -112,12 +116,16 @@ class _Writer:
         def on_lost(link: str, shape: str) -> None:
             """Report a shape that a URDF does not have."""
             self._report.add(
-                "lost", name, message("drake_scenes.no_shape", "{link}: a {shape}", link=link, shape=shape)
+                "lost",
+                name,
+                message("drake_scenes.no_shape", "{link}: a {shape}", link=link, shape=shape),
             )
 
         element = group_element(group, meshes, on_lost)
         ET.indent(element)
-        (place / f"{name}.urdf").write_text(ET.tostring(element, encoding="unicode") + "\n", encoding="utf-8")
+        (place / f"{name}.urdf").write_text(
+            ET.tostring(element, encoding="unicode") + "\n", encoding="utf-8"
+        )
         described: dict[str, Any] = {
             "description": f"{name}, from {self._scene.file.name}",
             "urdf": f"{name}.urdf",
@@ -178,7 +186,8 @@ class _Writer:
         model = read_described_robot(file)
         to_user = [1.0 if unit is PRISMATIC else 180.0 / np.pi for unit in model.units]
         starts = {
-            joint.name: float(joint.start * factor) for joint, factor in zip(group.moving_joints, to_user, strict=True)
+            joint.name: float(joint.start * factor)
+            for joint, factor in zip(group.moving_joints, to_user, strict=True)
         }
         section: dict[str, Any] = {
             "model": f"{group.name}/{ROBOT_FILE}",
@@ -207,7 +216,11 @@ class _Writer:
             self._sections["floor"] = {"size": _FLOOR_SIZE}
         if not content.get("shapes") and not group.is_free:
             place.rmdir()  # nothing is seen or touched of it, such as of the frame that a camera is attached to
-            self._report.add("dropped", group.name, message("drake_scenes.no_shapes", "stands still and has no shapes"))
+            self._report.add(
+                "dropped",
+                group.name,
+                message("drake_scenes.no_shapes", "stands still and has no shapes"),
+            )
             return
         (place / PIECE_FILE).write_text(yaml_text(content), encoding="utf-8")
         section: dict[str, Any] = {"model": f"{group.name}/{PIECE_FILE}"}
@@ -245,7 +258,9 @@ class _Writer:
             return {
                 "kind": "discrete",
                 "time_step": float(plant_config.time_step),
-                "scheme": self._scheme(plant_config.discrete_contact_approximation, DISCRETE_SCHEMES, "lagged"),
+                "scheme": self._scheme(
+                    plant_config.discrete_contact_approximation, DISCRETE_SCHEMES, "lagged"
+                ),
             }
         return {
             "kind": "continuous",
@@ -259,7 +274,12 @@ class _Writer:
         """Return a scheme of the scene if stations have it, or a default, which is reported."""
         if scheme in known:
             return scheme
-        text = message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours=default)
+        text = message(
+            "drake_scenes.other_scheme",
+            "{scheme}: {ours} takes its place",
+            scheme=scheme,
+            ours=default,
+        )
         self._report.add("approximated", "solver", text)
         return default
 
@@ -279,7 +299,9 @@ class _Writer:
                 context = self._scene.plant.CreateDefaultContext()
                 pose = self._scene.plant.EvalBodyPoseInWorld(context, parent.body()) @ pose
             if group is not None and group.is_free and not group.is_robot:
-                text = message("drake_scenes.camera_on_free_piece", "stands still where its free piece starts")
+                text = message(
+                    "drake_scenes.camera_on_free_piece", "stands still where its free piece starts"
+                )
                 self._report.add("approximated", f"cameras.{name}", text)
             opening = 2 * np.arctan(camera.height / (2 * camera.focal_y()))
             self._sections.setdefault("sensors", {})[name] = {
@@ -296,10 +318,15 @@ class _Writer:
 
     def _report_drivers(self) -> None:
         """Report the drivers whose model the scene does not have."""
-        known = {self._scene.plant.GetModelInstanceName(info.model_instance) for info in self._scene.models}
+        known = {
+            self._scene.plant.GetModelInstanceName(info.model_instance)
+            for info in self._scene.models
+        }
         for model in self._scene.scenario.model_drivers:
             # The driver `arm+gripper` has two models.
             for part in model.split("+"):
                 if part not in known:
-                    text = message("drake_scenes.driver_without_model", "there is no model of this name")
+                    text = message(
+                        "drake_scenes.driver_without_model", "there is no model of this name"
+                    )
                     self._report.add("dropped", f"model_drivers.{model}", text)

@@ -3,11 +3,26 @@
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh, Shape, Sphere
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
+from simrob_drake.extensions.drake_scenes.plant_parts import (
+    BodyShape,
+    Connection,
+    GroupLink,
+    PlantGroup,
+)
 from simrob_drake.robots.urdf import MOMENTS, format_number, format_numbers, six_moments
 
 VERSION = "1.9"
@@ -16,7 +31,9 @@ _DRAKE = "drake:"
 """Prefix of Drake's own elements. SDF files declare no XML namespace for it."""
 
 
-def sdf_element(name: str, groups: list[PlantGroup], meshes: MeshCopies, *, is_world: bool) -> ET.Element:
+def sdf_element(
+    name: str, groups: list[PlantGroup], meshes: MeshCopies, *, is_world: bool
+) -> ET.Element:
     """Make the element ``sdf`` of groups.
 
     Args:
@@ -52,7 +69,10 @@ def _model(group: PlantGroup, meshes: MeshCopies) -> ET.Element:
     model = ET.Element("model", name=group.name, canonical_link=group.root.name)
     # In a model of SDF, unlike in a URDF, a link and a joint cannot have the same name.
     links = {link.name for link in group.links}
-    names = {joint.name: f"{joint.name}_joint" if joint.name in links else joint.name for joint in group.joints}
+    names = {
+        joint.name: f"{joint.name}_joint" if joint.name in links else joint.name
+        for joint in group.joints
+    }
     carriers = {joint.child: names[joint.name] for joint in group.joints}
     for link in group.links:
         model.append(_link(link, carriers.get(link.name, ""), meshes))
@@ -93,7 +113,9 @@ def _link(link: GroupLink, carrier: str, meshes: MeshCopies) -> ET.Element:
 
 def _shape(shape: BodyShape, number: int, meshes: MeshCopies) -> ET.Element:
     """Make the element ``visual`` or ``collision`` of a shape. The number makes its name unique in its link."""
-    element = ET.Element("visual" if shape.contact is None else "collision", name=f"{shape.name}_{number}")
+    element = ET.Element(
+        "visual" if shape.contact is None else "collision", name=f"{shape.name}_{number}"
+    )
     element.append(_pose(shape.pose))
     ET.SubElement(element, "geometry").append(_geometry(shape.shape, meshes))
     if shape.colour is not None:

@@ -20,10 +20,14 @@ class _Dumper(yaml.SafeDumper):
 
 
 _Dumper.add_representer(
-    Tagged, lambda dumper, value: dumper.represent_mapping(f"!{value.tag}", value.content, flow_style=True)
+    Tagged,
+    lambda dumper, value: dumper.represent_mapping(f"!{value.tag}", value.content, flow_style=True),
 )
 _Dumper.add_representer(
-    tuple, lambda dumper, value: dumper.represent_sequence("tag:yaml.org,2002:seq", value, flow_style=True)
+    tuple,
+    lambda dumper, value: dumper.represent_sequence(
+        "tag:yaml.org,2002:seq", value, flow_style=True
+    ),
 )
 
 

@@ -9,7 +9,12 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Mesh, Sh
 from pydrake.math import RigidTransform
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
+from simrob_drake.extensions.drake_scenes.plant_parts import (
+    BodyShape,
+    Connection,
+    GroupLink,
+    PlantGroup,
+)
 from simrob_drake.robots.urdf import (
     DRAKE,
     add_colour,
@@ -26,7 +31,9 @@ WORLD = "world"
 """GroupLink of a URDF file that Drake takes for the world."""
 
 
-def group_element(group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None]) -> ET.Element:
+def group_element(
+    group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None]
+) -> ET.Element:
     """Make the element ``robot`` of a group.
 
     Args:
@@ -67,7 +74,12 @@ def stations_element(
 
 
 def add_group(
-    robot: ET.Element, group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
+    robot: ET.Element,
+    group: PlantGroup,
+    meshes: MeshCopies,
+    on_lost: Callable[[str, str], None],
+    *,
+    prefix: str,
 ) -> None:
     """Add the links, joints and motors of a group to an element ``robot``.
 
@@ -111,7 +123,9 @@ def _add_link(
         _add_shape(element, shape, geometry, name, f"{prefix}{link.name}_{number}")
 
 
-def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, name: str, number: str) -> None:
+def _add_shape(
+    link: ET.Element, shape: BodyShape, geometry: ET.Element, name: str, number: str
+) -> None:
     """Add a shape to a link, as a visual or a collision.
 
     Args:
@@ -129,7 +143,11 @@ def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, name: s
     if shape.colour is not None and not has_materials:
         add_colour(element, f"{number}_colour", shape.colour)
     if shape.contact is not None:
-        finite = {key: value for key, value in shape.contact.items() if value is None or np.isfinite(value)}
+        finite = {
+            key: value
+            for key, value in shape.contact.items()
+            if value is None or np.isfinite(value)
+        }
         add_contact(element, finite)
 
 
@@ -140,19 +158,30 @@ def shape_element(shape: Shape, meshes: MeshCopies) -> ET.Element | None:
         case Box():
             element = ET.Element("box", size=format_numbers(shape.size()))
         case Cylinder():
-            element = ET.Element("cylinder", radius=format_number(shape.radius()), length=format_number(shape.length()))
+            element = ET.Element(
+                "cylinder",
+                radius=format_number(shape.radius()),
+                length=format_number(shape.length()),
+            )
         case Sphere():
             element = ET.Element("sphere", radius=format_number(shape.radius()))
         case Capsule():
             element = ET.Element(
-                f"{DRAKE}capsule", radius=format_number(shape.radius()), length=format_number(shape.length())
+                f"{DRAKE}capsule",
+                radius=format_number(shape.radius()),
+                length=format_number(shape.length()),
             )
         case Ellipsoid():
             element = ET.Element(
-                f"{DRAKE}ellipsoid", a=format_number(shape.a()), b=format_number(shape.b()), c=format_number(shape.c())
+                f"{DRAKE}ellipsoid",
+                a=format_number(shape.a()),
+                b=format_number(shape.b()),
+                c=format_number(shape.c()),
             )
         case Mesh() | Convex():
-            element = ET.Element("mesh", filename=str(meshes.copy(shape)), scale=format_numbers(shape.scale3()))
+            element = ET.Element(
+                "mesh", filename=str(meshes.copy(shape)), scale=format_numbers(shape.scale3())
+            )
             if isinstance(shape, Convex):
                 ET.SubElement(element, f"{DRAKE}declare_convex")
     return element
@@ -191,8 +220,14 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
         ET.SubElement(element, "dynamics", damping=format_number(joint.damping))
     if joint.motor is not None:
         name = f"{prefix}{joint.name}"
-        actuator = add_motor(robot, name, drive=f"{name}_drive", motor=f"{prefix}{joint.motor.name}")
+        actuator = add_motor(
+            robot, name, drive=f"{name}_drive", motor=f"{prefix}{joint.motor.name}"
+        )
         if joint.motor.rotor_inertia > 0:
-            ET.SubElement(actuator, f"{DRAKE}rotor_inertia", value=format_number(joint.motor.rotor_inertia))
+            ET.SubElement(
+                actuator, f"{DRAKE}rotor_inertia", value=format_number(joint.motor.rotor_inertia)
+            )
         if joint.motor.gear_ratio != 1:
-            ET.SubElement(actuator, f"{DRAKE}gear_ratio", value=format_number(joint.motor.gear_ratio))
+            ET.SubElement(
+                actuator, f"{DRAKE}gear_ratio", value=format_number(joint.motor.gear_ratio)
+            )

@@ -58,12 +58,20 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """
         self.render_mode = render_mode
         self.task, path = load_task(task)
-        in_mujoco = one_of(message("learning.engine", "engine"), engine, ("drake", "mujoco")) == "mujoco"
-        self._source = station, {**({"solver": {"kind": "mujoco"}} if in_mujoco else {}), **(overrides or {})}, path
+        in_mujoco = (
+            one_of(message("learning.engine", "engine"), engine, ("drake", "mujoco")) == "mujoco"
+        )
+        self._source = (
+            station,
+            {**({"solver": {"kind": "mujoco"}} if in_mujoco else {}), **(overrides or {})},
+            path,
+        )
         self.config = self._drawn({})
         self.episode = Episode(self.config)
         policy = self.episode.policy
-        self.observation_space, self.action_space = spaces(self.episode.section, self.episode.robot, policy.sizes)
+        self.observation_space, self.action_space = spaces(
+            self.episode.section, self.episode.robot, policy.sizes
+        )
         self.metadata = {**self.metadata, "render_fps": self.episode.section.rate}
         self._goal = np.array(self.episode.section.goal)
         self._curriculum, self._return = Curriculum(grown=grown), 0.0
@@ -74,7 +82,9 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """The axes that the policy moves, in the order of its action."""
         return list(self.episode.section.axes(self.episode.robot))
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Vector, dict[str, Any]]:
         """Begin an episode; all that is random in it follows from the seed.
 
         A task whose station is random, too, has it built anew each time.
@@ -86,11 +96,15 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         episode = self.episode
         seeds = draw.integers(_SEEDS, size=len(episode.seeds)).tolist()
         task = self._curriculum.of(self.task)
-        begun = beginning(task, draw, robot=episode.robot, forces=self.config.forces, period=episode.period)
+        begun = beginning(
+            task, draw, robot=episode.robot, forces=self.config.forces, period=episode.period
+        )
         if begun.goal is not None:
             self._goal = begun.goal
         self._return, self._means = 0.0, np.zeros(2)
-        return self._observed(episode.begin(seeds=seeds, start=begun.start, goal=begun.goal, forces=begun.pushes)), {}
+        return self._observed(
+            episode.begin(seeds=seeds, start=begun.start, goal=begun.goal, forces=begun.pushes)
+        ), {}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Advance one control period; `info` holds what each term of the reward gave, and where the robot is."""
@@ -98,7 +112,9 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         seen = episode.advance(np.asarray(action, dtype=float))
         now = episode.moment(goal=self._goal, **task.targets)
         now, self._means = now.averaged(self._means, episode.period, task.averaged)
-        parts = {name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()}
+        parts = {
+            name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()
+        }
         reward = sum(parts.values())
         info = {"rewards": parts, "place": now.place, "time": episode.time}
         if episode.ended:

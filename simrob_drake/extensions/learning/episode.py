@@ -26,7 +26,9 @@ _FEW = 1e-9  # by how much times that mean the same may differ [s]
 
 def policies_of(config: StationConfig) -> dict[str, Policy]:
     """Return those controllers of a station that are policies, by name."""
-    return {name: section for name, section in config.controllers.items() if isinstance(section, Policy)}
+    return {
+        name: section for name, section in config.controllers.items() if isinstance(section, Policy)
+    }
 
 
 class Episode:
@@ -56,7 +58,9 @@ class Episode:
         self.robot: StationRobot = self._ports.robot(self.section.robot)
         self.period = 1 / self.section.rate
         self._references = station_references(station)
-        self._noisy = [block for block in self._built.diagram.GetSystems() if hasattr(block, "seed")]
+        self._noisy = [
+            block for block in self._built.diagram.GetSystems() if hasattr(block, "seed")
+        ]
         self.seeds = [int(block.seed) for block in self._noisy]
         self.ended = ""
 
@@ -87,7 +91,9 @@ class Episode:
         """
         forces = {**self._forces, **(forces or {})}
         self._built.play(self._references, forces)
-        self._edges = sorted({edge for force in forces.values() for edge in force.edges if edge > 0})
+        self._edges = sorted(
+            {edge for force in forces.values() for edge in force.edges if edge > 0}
+        )
         for block, seed in zip(self._noisy, self.seeds if seeds is None else seeds, strict=True):
             block.seed = seed
         config, built = self._station.config, self._built
@@ -95,7 +101,9 @@ class Episode:
         self._simulator, pace = stepper.simulator, stepper.pace()
         self._root = self._simulator.get_mutable_context()
         if start is not None:
-            self._ports.plant.set_positions(self._root, self.robot.axis_map.spread_positions(start, self.positions))
+            self._ports.plant.set_positions(
+                self._root, self.robot.axis_map.spread_positions(start, self.positions)
+            )
         if goal is not None:
             self.policy.ask(self._own(), goal=goal)
         if pace is not None:
@@ -105,7 +113,9 @@ class Episode:
         self._step, self.ended = 0, ""
         self._onsets = dict.fromkeys(self._ports.outputs.monitors, NOT_YET)
         base = self._value("base_pose")
-        self._origin = Origin(base, float(headings(self._ports.plant, self.robot, base[np.newaxis])[0]))
+        self._origin = Origin(
+            base, float(headings(self._ports.plant, self.robot, base[np.newaxis])[0])
+        )
         self._last = self._action = np.zeros(self.policy.acts)
         self._seen = self.policy.observe(self._own())
         return self._seen
@@ -123,10 +133,14 @@ class Episode:
                 self._simulator.AdvanceTo(stop)
             seen = self.policy.observe(self._own())
         except (RuntimeError, SystemExit) as problem:
-            self.ended = message("learning.diverged", "diverged: {problem}", problem=" ".join(str(problem).split()))
+            self.ended = message(
+                "learning.diverged", "diverged: {problem}", problem=" ".join(str(problem).split())
+            )
             return self._seen
         if not np.isfinite(seen).all():
-            self.ended = message("learning.diverged_to_infinity", "diverged: a state ran away to infinity")
+            self.ended = message(
+                "learning.diverged_to_infinity", "diverged: a state ran away to infinity"
+            )
             return self._seen
         self._seen = seen
         self._look()
@@ -157,7 +171,11 @@ class Episode:
         """Return place and speed of the tool, or of the root link, and the forces on it, in the world's axes."""
         frame = self.robot.tools.get(self.robot.tcp)
         if frame is None or self.robot.floats:
-            place, speed, turn = base[:3], moving[:3], transform_from_xyz_quaternion(base).rotation().matrix()
+            place, speed, turn = (
+                base[:3],
+                moving[:3],
+                transform_from_xyz_quaternion(base).rotation().matrix(),
+            )
         else:
             context = self._ports.plant.plant.CreateDefaultContext()
             self._ports.plant.plant.SetPositionsAndVelocities(context, self._motion)
@@ -179,7 +197,11 @@ class Episode:
         """Return an output of the robot, at once where the plant's state tells it."""
         name = f"{self.robot.prefix}{output}"
         known = self._ports.outputs.of_state.get(name)
-        return self._output(name) if known is None else np.asarray(known.of(self._motion[np.newaxis])[0])
+        return (
+            self._output(name)
+            if known is None
+            else np.asarray(known.of(self._motion[np.newaxis])[0])
+        )
 
     def _output(self, name: str) -> Vector:
         port = self._ports.outputs[name]

@@ -31,11 +31,20 @@ _LONGEST_TRIAL = 5.0
 """Longest duration of the first evaluation [s]. A network of a million weights takes about 1 ms."""
 _FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 """Types of numbers that inputs and outputs may have, by ONNX Runtime's names."""
-_CONTROL_FLOW = frozenset({"Loop", "If", "Scan", "SequenceMap", "BeamSearch", "WhisperBeamSearch", "GreedySearch"})
+_CONTROL_FLOW = frozenset(
+    {"Loop", "If", "Scan", "SequenceMap", "BeamSearch", "WhisperBeamSearch", "GreedySearch"}
+)
 """Operators with loops or branches."""
 _RANDOM = frozenset(
     {
-        *("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Bernoulli", "Multinomial"),
+        *(
+            "RandomNormal",
+            "RandomNormalLike",
+            "RandomUniform",
+            "RandomUniformLike",
+            "Bernoulli",
+            "Multinomial",
+        ),
         *("Sampling", "BiasDropout", "BitmaskDropout", "BitmaskBiasDropout"),
     }
 )
@@ -75,7 +84,11 @@ class Network:
             raise InvalidParameter(
                 key,
                 file,
-                message("learning.readable_onnx", "an ONNX file that can be read ({problem})", problem=problem),
+                message(
+                    "learning.readable_onnx",
+                    "an ONNX file that can be read ({problem})",
+                    problem=problem,
+                ),
             ) from problem
         try:
             model = onnx.ModelProto.FromString(content)
@@ -83,7 +96,11 @@ class Network:
             raise InvalidParameter(
                 key,
                 file,
-                message("learning.network_as_onnx", "a network as ONNX ({problem})", problem=shown(str(problem))),
+                message(
+                    "learning.network_as_onnx",
+                    "a network as ONNX ({problem})",
+                    problem=shown(str(problem)),
+                ),
             ) from problem
         _check_operators(model, file, key)
         try:
@@ -91,7 +108,11 @@ class Network:
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             detail = " ".join(str(problem).split())
             raise InvalidParameter(
-                key, file, message("learning.network_as_onnx", "a network as ONNX ({problem})", problem=detail)
+                key,
+                file,
+                message(
+                    "learning.network_as_onnx", "a network as ONNX ({problem})", problem=detail
+                ),
             ) from problem
 
         inputs = self._session.get_inputs()
@@ -126,7 +147,9 @@ class Network:
             options: ONNX Runtime's options for this evaluation, its defaults if None.
         """
         input_tensor = np.asarray(values, dtype=self._number_type).reshape(self._input_shape)
-        (output,) = self._session.run([self._output_name], {self._input_name: input_tensor}, options)
+        (output,) = self._session.run(
+            [self._output_name], {self._input_name: input_tensor}, options
+        )
         return np.asarray(output, dtype=float).reshape(self.outputs)
 
     def _try_once(self, options: Any, file: Path, key: str) -> None:
@@ -155,7 +178,9 @@ class Network:
             detail = " ".join(str(problem).split())
             if options.terminate:
                 detail = message(
-                    "learning.not_done_after", "it is not done after {seconds:g} s", seconds=_LONGEST_TRIAL
+                    "learning.not_done_after",
+                    "it is not done after {seconds:g} s",
+                    seconds=_LONGEST_TRIAL,
                 )
             elif "Available memory" in detail or "bad allocation" in detail:
                 detail = message(
@@ -167,7 +192,11 @@ class Network:
             raise InvalidParameter(
                 key,
                 file,
-                message("learning.evaluable_network", "a network that can be evaluated ({problem})", problem=detail),
+                message(
+                    "learning.evaluable_network",
+                    "a network that can be evaluated ({problem})",
+                    problem=detail,
+                ),
             ) from problem
         finally:
             deadline.cancel()
@@ -206,7 +235,10 @@ def _new_session(content: bytes) -> Any:
     options.add_session_config_entry("session.use_env_allocators", "1")
     # Constants would be computed while the session is made, where the memory has no bound.
     return onnxruntime.InferenceSession(
-        content, options, providers=["CPUExecutionProvider"], disabled_optimizers=["ConstantFolding"]
+        content,
+        options,
+        providers=["CPUExecutionProvider"],
+        disabled_optimizers=["ConstantFolding"],
     )
 
 
@@ -233,7 +265,9 @@ def _check_operators(model: Any, file: Path, key: str) -> None:
     Raises:
         InvalidParameter: there is a loop, a branch, a random operator, or too many operators.
     """
-    functions = {_FunctionName(function.domain, function.name): function for function in model.functions}
+    functions = {
+        _FunctionName(function.domain, function.name): function for function in model.functions
+    }
     constants = {tensor.name: tensor for tensor in model.graph.initializer}
     for body in (model.graph, *functions.values()):
         for node in _all_nodes(body):

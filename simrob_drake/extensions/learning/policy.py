@@ -28,7 +28,11 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.stations.servos import passive_axis
 
-TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is
+TURNED = {
+    "attitude": 3,
+    "lean": 2,
+    "heading_error": 1,
+}  # what is observed of the orientation, and of what size it is
 _TURN = 2  # the place in a goal of the rate at which the heading is to turn to the left [rad/s]
 _READS = {"position": "position", "velocity": "velocity", **dict.fromkeys(TURNED, "orientation")}
 """Which input tells what is observed, where that is not called the same."""
@@ -69,7 +73,11 @@ class Policy(LoopSection):
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(
-                    message("learning.goes_with", "{name} goes with '{name}' among what it observes", name=name)
+                    message(
+                        "learning.goes_with",
+                        "{name} goes with '{name}' among what it observes",
+                        name=name,
+                    )
                 )
         if "heading_error" in self.observes and len(self.goal) <= _TURN:
             raise ValueError(
@@ -87,7 +95,9 @@ class Policy(LoopSection):
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes that it moves."""
-        return [axis for axis, reach in zip(robot.axes, self.reach(robot), strict=True) if reach > 0]
+        return [
+            axis for axis, reach in zip(robot.axes, self.reach(robot), strict=True) if reach > 0
+        ]
 
     def reach(self, robot: ResolvedRobot) -> Vector:
         """Compute how far an action of 1 moves each axis, shape (n,) [rad or m].
@@ -116,7 +126,9 @@ class Policy(LoopSection):
                 )
         sizes = {name: site.outputs[name].size() for name in self._outputs}
         upright = robot.base.rotation()
-        block = LearntPolicy(self, sizes=sizes, reach=self.reach(robot), home=robot.initial, upright=upright)
+        block = LearntPolicy(
+            self, sizes=sizes, reach=self.reach(robot), home=robot.initial, upright=upright
+        )
         if self.network is not None:
             network = Network(self.network, f"{key}.network")
             if (network.inputs, network.outputs) != (block.observed, block.acts):
@@ -138,7 +150,11 @@ class Policy(LoopSection):
 
     @property
     def _outputs(self) -> list[str]:
-        return [name for name in self.observes if name not in (*_READS, "angular_velocity", *_REMEMBERED)]
+        return [
+            name
+            for name in self.observes
+            if name not in (*_READS, "angular_velocity", *_REMEMBERED)
+        ]
 
 
 def observed_of_turn(name: str, turned: Vector, goal: Vector, time: Vector) -> Vector:
@@ -187,15 +203,30 @@ class LearntPolicy(SampledBlock):
         self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
         self._upright = (upright or RotationMatrix()).inverse()
         self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
-        seen = {"position": len(reach), "velocity": len(reach), **TURNED, "angular_velocity": 3, **(sizes or {})}
+        seen = {
+            "position": len(reach),
+            "velocity": len(reach),
+            **TURNED,
+            "angular_velocity": 3,
+            **(sizes or {}),
+        }
         self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
         self.observed = sum(self.sizes[name] for name in self._observes)
-        reads = {_READS.get(name, name): 4 if name in TURNED else seen[name] for name in self._observes if name in seen}
+        reads = {
+            _READS.get(name, name): 4 if name in TURNED else seen[name]
+            for name in self._observes
+            if name in seen
+        }
         goals = {"goal": goal} if len(goal) else {}
         super().__init__(
             period=1 / section.rate,
             reads=reads,
-            memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **goals, "count": np.zeros(1)},
+            memory={
+                "offset": np.zeros(len(reach)),
+                "action": np.zeros(self.acts),
+                **goals,
+                "count": np.zeros(1),
+            },
             gives=("offset", "action", *goals),
         )
 
@@ -210,7 +241,11 @@ class LearntPolicy(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now; raises BlockFails: the law gives no action."""
-        action = memory["action"] if self.law is None else self._action(self.law, self._observation(memory, read))
+        action = (
+            memory["action"]
+            if self.law is None
+            else self._action(self.law, self._observation(memory, read))
+        )
         action = np.clip(action, -1.0, 1.0)
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}
 
@@ -237,13 +272,21 @@ class LearntPolicy(SampledBlock):
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             raise BlockFails(
                 self.get_name(),
-                message("learning.network_fails", "has a network that fails: {problem}", problem=shown(str(problem))),
+                message(
+                    "learning.network_fails",
+                    "has a network that fails: {problem}",
+                    problem=shown(str(problem)),
+                ),
             ) from problem
         infinite = action[~np.isfinite(action)]
         if len(infinite):
             raise BlockFails(
                 self.get_name(),
-                message("learning.network_gives", "has a network that gives {value} as an action", value=infinite[0]),
+                message(
+                    "learning.network_gives",
+                    "has a network that gives {value} as an action",
+                    value=infinite[0],
+                ),
             )
         return action
 
@@ -255,7 +298,9 @@ class LearntPolicy(SampledBlock):
             case "position":
                 return np.asarray(read["position"] - self._home)
             case "attitude" | "lean" | "heading_error":
-                turned: Vector = RollPitchYaw(self._upright @ rotation_of(read["orientation"])).vector()
+                turned: Vector = RollPitchYaw(
+                    self._upright @ rotation_of(read["orientation"])
+                ).vector()
                 goal = memory["goal"] if "goal" in self._observes else np.zeros(0)
                 return observed_of_turn(name, turned, goal, memory["count"] * self.period)
             case "clock":

@@ -27,14 +27,18 @@ class RewardSample:
     effort: Vector  # torques as parts of their limits, shape (n,)
     action: Vector  # what was asked for, shape (m,), and what was asked for before
     last_action: Vector  # likewise
-    tool: Vector = field(default_factory=lambda: np.zeros(3))  # place of the tool in the world, shape (3,) [m]
+    tool: Vector = field(
+        default_factory=lambda: np.zeros(3)
+    )  # place of the tool in the world, shape (3,) [m]
     tool_speed: Vector = field(default_factory=lambda: np.zeros(3))  # its speed in the world [m/s]
     goal: Vector = field(default_factory=lambda: np.zeros(3))  # what is wanted
     time: float | Vector = 0.0  # since the start [s]
     # force that acts at the tool or the root link, in the world's axes, shape (3,) [N]
     push: Vector = field(default_factory=lambda: np.zeros(3))
     desired_speed: float = np.inf  # ahead [m/s]
-    astray: float = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
+    astray: float = (
+        0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
+    )
     yields: float = 0.0  # how fast the tool is to go for a force on it [m/s per N]
     ended: bool | npt.NDArray[np.bool_] = False  # whether a monitor ended the episode
     means: Vector | None = None  # of the pace, shape (2,) [m/s]; None: it counts as it is now
@@ -85,7 +89,9 @@ def _astray(now: RewardSample) -> Vector:
 
 
 def _heading_error(now: RewardSample) -> Vector:
-    return observed_of_turn("heading_error", now.turned, now.goal, np.asarray(now.time)[..., np.newaxis])
+    return observed_of_turn(
+        "heading_error", now.turned, now.goal, np.asarray(now.time)[..., np.newaxis]
+    )
 
 
 TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
@@ -115,7 +121,9 @@ its speed is from what the force on it asks for [m²/s²]; 1 where a monitor end
 def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, Vector]:
     """Return what each term with a weight adds to the reward of a control period [s]; their sum is the reward."""
     return {
-        name: np.asarray(weight * np.asarray(TERMS[name](now)) * (1.0 if name == "ended" else period))
+        name: np.asarray(
+            weight * np.asarray(TERMS[name](now)) * (1.0 if name == "ended" else period)
+        )
         for name, weight in weights.items()
     }
 

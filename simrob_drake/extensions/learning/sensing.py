@@ -35,7 +35,9 @@ class PolicySensors:
         angular_velocity: likewise, shape (k, 3) [rad/s].
     """
 
-    def __init__(self, count: int, policy: Policy, config: StationConfig, robot: StationRobot, value: Value) -> None:
+    def __init__(
+        self, count: int, policy: Policy, config: StationConfig, robot: StationRobot, value: Value
+    ) -> None:
         """Take the sensors that the policy names; raises InvalidParameter: of another kind, or one that is late."""
         self._policy, self._config, self._robot, self._value = policy, config, robot, value
         self.encoders = self._section("position", Encoders) or self._section("velocity", Encoders)
@@ -57,12 +59,19 @@ class PolicySensors:
     def begin(self, places: Places, motion: Vector) -> None:
         """Take the first samples of robots whose episodes begin, by their motions (m, nq + nv)."""
         if self.imu is not None:
-            self._bias[places] = self.imu.gyroscope_bias * self._chance.standard_normal((len(places), 3))
+            self._bias[places] = self.imu.gyroscope_bias * self._chance.standard_normal(
+                (len(places), 3)
+            )
             self._turn(self.imu, places, motion)
         if self.encoders is not None:
-            self.position[places], self.velocity[places] = self._measured(self.encoders, motion), 0.0
+            self.position[places], self.velocity[places] = (
+                self._measured(self.encoders, motion),
+                0.0,
+            )
 
-    def sample(self, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]) -> None:
+    def sample(
+        self, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]
+    ) -> None:
         """Take all samples of a control period, from times (k,) on, but that at its end, and the very first.
 
         ``motion_at`` gives motions of some robots (m, nq + nv) so long after the period, ``times[1]`` [s] long, began.
@@ -75,7 +84,9 @@ class PolicySensors:
                 if isinstance(own, Encoders):
                     position = self._measured(own, motion)
                     speed = (position - self.position[some]) * own.rate
-                    self.velocity[some] += (speed - self.velocity[some]) / (1 + own.smoothing * own.rate)
+                    self.velocity[some] += (speed - self.velocity[some]) / (
+                        1 + own.smoothing * own.rate
+                    )
                     self.position[some] = position
                 elif isinstance(own, Imu):
                     self._turn(own, some, motion)
@@ -105,7 +116,9 @@ class PolicySensors:
             )
         if sensor.delay_samples:
             raise InvalidParameter(
-                f"{key}.delay", sensor.delay, message("learning.nothing_late", "0: nothing is told late here")
+                f"{key}.delay",
+                sensor.delay,
+                message("learning.nothing_late", "0: nothing is told late here"),
             )
         return sensor
 
@@ -134,6 +147,10 @@ def spaces(
             bounds[name] = (0 * bounds[name][0] - most, 0 * bounds[name][1] + most)
     low, high = (np.clip(limit - robot.initial, -_FAR, _FAR) for limit in (lower, upper))
     bounds["position"] = (low - np.pi, high + np.pi)
-    least, most = (np.concatenate([bounds[name][end] for name in section.observes]) for end in (0, 1))
-    observations = gymnasium.spaces.Box(least.astype(np.float32), most.astype(np.float32), dtype=np.float32)
+    least, most = (
+        np.concatenate([bounds[name][end] for name in section.observes]) for end in (0, 1)
+    )
+    observations = gymnasium.spaces.Box(
+        least.astype(np.float32), most.astype(np.float32), dtype=np.float32
+    )
     return observations, gymnasium.spaces.Box(-1.0, 1.0, (sizes["action"],), np.float32)

@@ -15,7 +15,16 @@ from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
-from simrob_drake.base.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
+from simrob_drake.base.sections import (
+    Boolean,
+    Duration,
+    Instant,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    validated,
+)
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.rewards import TERMS
@@ -72,7 +81,10 @@ class Goals(Strict):
     def _is_a_box(self) -> Self:
         if len(self.low) != len(self.high) or not np.all(np.array(self.low) <= np.array(self.high)):
             raise ValueError(
-                message("learning.low_and_high", "low and high are of one size, and low is nowhere above high")
+                message(
+                    "learning.low_and_high",
+                    "low and high are of one size, and low is nowhere above high",
+                )
             )
         return self
 
@@ -91,10 +103,15 @@ class Growth(Strict):
     def _goes_by_one(self) -> Self:
         if (self.steps is None) == (self.returns is None):
             raise ValueError(
-                message("learning.grows_with", "it grows with steps or with returns: one of them must be given")
+                message(
+                    "learning.grows_with",
+                    "it grows with steps or with returns: one of them must be given",
+                )
             )
         if self.returns is not None and not self.returns[0] < self.returns[1]:
-            raise ValueError(message("learning.returns_rise", "returns are from the smaller to the larger"))
+            raise ValueError(
+                message("learning.returns_rise", "returns are from the smaller to the larger")
+            )
         if np.shape(self.first) != np.shape(self.last):
             raise ValueError(message("learning.first_and_last", "first and last are of one size"))
         return self
@@ -103,7 +120,9 @@ class Growth(Strict):
         """Return the value after so many steps, at a mean return."""
         low, high = (0.0, self.steps) if self.returns is None else self.returns
         assert high is not None
-        part = np.clip(((steps if self.returns is None else returned) - low) / (high - low), 0.0, 1.0)
+        part = np.clip(
+            ((steps if self.returns is None else returned) - low) / (high - low), 0.0, 1.0
+        )
         first, last = np.array(self.first), np.array(self.last)
         return (first + part * (last - first)).tolist()
 
@@ -157,7 +176,9 @@ class Task(Strict):
         """Check that there is a key that can grow."""
         section: Any = self
         for number, name in enumerate(key.split(".")):
-            known = section if isinstance(section, dict) else getattr(type(section), "model_fields", {})
+            known = (
+                section if isinstance(section, dict) else getattr(type(section), "model_fields", {})
+            )
             one_of(
                 message("learning.key_for_grows", "key of the task, for grows.{key}", key=key),
                 name,
@@ -185,13 +206,17 @@ class Task(Strict):
                 found[key] = distribution.quantile(part)
         return found
 
-    def config(self, station: str | None, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
+    def config(
+        self, station: str | None, overrides: Mapping[str, Any], where: Path | str
+    ) -> StationConfig:
         """Return the station in which this is learnt.
 
         Raises:
             SimrobError: there is no such station, or it has no place for a policy, or several.
         """
-        config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
+        config = load_station(
+            station or self.station, {"duration": self.duration, **self.overrides, **overrides}
+        )
         if len(found := policies_of(config)) != 1:
             expected = message(
                 "learning.one_policy",
@@ -202,9 +227,16 @@ class Task(Strict):
         (policy,) = found.values()
         self._check_goals(len(policy.goal), where)
         if self.pushes is not None:
-            pushes = [name for name, force in config.forces.items() if isinstance(force, Push) and force.at is None]
+            pushes = [
+                name
+                for name, force in config.forces.items()
+                if isinstance(force, Push) and force.at is None
+            ]
             one_of(
-                message("learning.push_of_station", "push of the station, without a place of its own, for pushes.name"),
+                message(
+                    "learning.push_of_station",
+                    "push of the station, without a place of its own, for pushes.name",
+                ),
                 self.pushes.name,
                 pushes,
             )
@@ -278,11 +310,20 @@ class Beginning:
 
 
 def beginning(
-    task: Task, draw: np.random.Generator, *, robot: StationRobot, forces: Mapping[str, ForceConfig], period: float
+    task: Task,
+    draw: np.random.Generator,
+    *,
+    robot: StationRobot,
+    forces: Mapping[str, ForceConfig],
+    period: float,
 ) -> Beginning:
     """Draw what is random in an episode; pushes begin with a control period [s]."""
     away = task.noise_deg * robot.model.user_units * draw.standard_normal(len(robot.axes))
-    start = np.clip(robot.initial + away, *robot.model.axis_limits) if task.noise_deg > 0 else robot.initial
+    start = (
+        np.clip(robot.initial + away, *robot.model.axis_limits)
+        if task.noise_deg > 0
+        else robot.initial
+    )
     goal = None if task.goals is None else draw.uniform(task.goals.low, task.goals.high)
     pushes, drawn = task.pushes, dict[str, Push]()
     if pushes is not None:
@@ -291,7 +332,9 @@ def beginning(
         direction = draw.standard_normal(3) * [1, 1, 0 if pushes.level else 1]
         force = draw.uniform(*pushes.force) * direction / np.linalg.norm(direction)
         begins = period * round(draw.uniform(*pushes.start) / period)
-        drawn[pushes.name] = section.model_copy(update={"start": begins, "force": tuple(force.tolist())})
+        drawn[pushes.name] = section.model_copy(
+            update={"start": begins, "force": tuple(force.tolist())}
+        )
     return Beginning(start, goal, drawn)
 
 

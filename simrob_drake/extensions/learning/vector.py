@@ -89,7 +89,10 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             SimrobError: a task or a station that cannot be, or that MuJoCo or this environment cannot tell.
         """
-        num_envs, threads = whole(num_envs, "num_envs", 1, _MOST), whole(threads, "threads", 0, _MOST)
+        num_envs, threads = (
+            whole(num_envs, "num_envs", 1, _MOST),
+            whole(threads, "threads", 0, _MOST),
+        )
         self.task, path = load_task(task)
         self.config = self.task.config(station, overrides or {}, path)
         self.num_envs, self.render_mode = num_envs, render_mode
@@ -99,9 +102,14 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._ports, self._plant = self._built.ports, self._built.ports.plant
         self.robot = self._ports.robot(self.section.robot)
         context = self._plant.plant.CreateDefaultContext()
-        self._home = self._plant.plant.GetPositions(context), self._plant.plant.GetVelocities(context)
+        self._home = (
+            self._plant.plant.GetPositions(context),
+            self._plant.plant.GetVelocities(context),
+        )
         self.period = 1 / self.section.rate
-        self._steps = self._whole(self.period, message("learning.control_period", "a control period"))
+        self._steps = self._whole(
+            self.period, message("learning.control_period", "a control period")
+        )
         self._sensors = PolicySensors(num_envs, self.section, self.config, self.robot, self._value)
         for kind, rate in self._sensors.rates.items():
             self._whole(1 / rate, message("learning.sample_of", "a sample of {kind}", kind=kind))
@@ -122,8 +130,17 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._data = [mujoco.MjData(self._built.model) for _ in range(max(threads, 1))]
         self._draws = [np.random.default_rng() for _ in range(num_envs)]
         self._make_room()
-        sizes = {"position": len(self._reach), "velocity": len(self._reach), "angular_velocity": 3, **TURNED}
-        sizes |= {"action": len(self._moved), "clock": 2 * len(self._clock), "goal": self._goals.shape[1]}
+        sizes = {
+            "position": len(self._reach),
+            "velocity": len(self._reach),
+            "angular_velocity": 3,
+            **TURNED,
+        }
+        sizes |= {
+            "action": len(self._moved),
+            "clock": 2 * len(self._clock),
+            "goal": self._goals.shape[1],
+        }
         self._bounds, self.single_action_space = spaces(self.section, self.robot, sizes)
         self.single_observation_space = self._bounds
         self.metadata = {**self.metadata, "render_fps": self.section.rate}
@@ -131,7 +148,10 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Vector, dict[str, Any]]:
         """Begin all episodes; all that is random follows from the seeds: of a number, that of the first robot."""
         if not isinstance(seed, Sequence):
@@ -193,7 +213,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise InvalidParameter(
                 "step",
                 compound("{step:g} s", step=self._built.step),
-                message("learning.part_of_period", "a part of {what}, {time:g} s", what=what, time=time),
+                message(
+                    "learning.part_of_period", "a part of {what}, {time:g} s", what=what, time=time
+                ),
             )
         return count
 
@@ -205,16 +227,22 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                     f"{key}.observes",
                     name,
                     message(
-                        "learning.known_in_mujoco", "of {known}: MuJoCo tells no more here", known=", ".join(_KNOWN)
+                        "learning.known_in_mujoco",
+                        "of {known}: MuJoCo tells no more here",
+                        known=", ".join(_KNOWN),
                     ),
                 )
         if len(self.config.controllers) > 1:
             raise InvalidParameter(
-                "controllers", ", ".join(self.config.controllers), message("learning.key_alone", "{key} alone", key=key)
+                "controllers",
+                ", ".join(self.config.controllers),
+                message("learning.key_alone", "{key} alone", key=key),
             )
         if "yielding" in self.task.rewards:
             raise InvalidParameter(
-                "rewards", "yielding", message("learning.other_term", "another term: speeds of tools are not told here")
+                "rewards",
+                "yielding",
+                message("learning.other_term", "another term: speeds of tools are not told here"),
             )
         self._check_servos(self._built)
 
@@ -222,9 +250,17 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Check that steps are short enough for servos at their limits, which MuJoCo takes explicitly."""
         model, found = built.model, list[tuple[float, str, float]]()
         for robot in built.ports.plant.robots.values():
-            for axis, kd in zip(robot.axes, (robot.gains.kd - robot.gains.damping).tolist(), strict=True):
+            for axis, kd in zip(
+                robot.axes, (robot.gains.kd - robot.gains.damping).tolist(), strict=True
+            ):
                 joint = int(model.actuator(f"{robot.prefix}{axis}").trnid[0])
-                found.append((kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]), f"{robot.prefix}{axis}", kd))
+                found.append(
+                    (
+                        kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]),
+                        f"{robot.prefix}{axis}",
+                        kd,
+                    )
+                )
         rate, axis, kd = max(found)
         if rate * self._built.step > _STEADY:
             longest = message(
@@ -244,7 +280,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 compound("{longest}: {why}", longest=longest, why=why),
             )
 
-    def _drawn_models(self, many: int, config_of: Callable[[dict[str, Any]], StationConfig]) -> list[mujoco.MjModel]:
+    def _drawn_models(
+        self, many: int, config_of: Callable[[dict[str, Any]], StationConfig]
+    ) -> list[mujoco.MjModel]:
         """Return the models in which episodes are: the station's own, or those that are drawn, always the same.
 
         Raises:
@@ -275,7 +313,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                     "random",
                     ", ".join(drawn),
                     message(
-                        "learning.keys_that_leave_joints", "keys that leave joints and where they begin as they are"
+                        "learning.keys_that_leave_joints",
+                        "keys that leave joints and where they begin as they are",
                     ),
                 )
             self._check_servos(built)
@@ -298,7 +337,11 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Make room for all that changes, and keep what each episode begins with."""
         k = self.num_envs
         self._state = np.tile(self._built.state(*self._home), (k, 1))
-        self._ticks, self._returns, self._means = np.zeros(k, np.intp), np.zeros(k), np.zeros((k, 2))
+        self._ticks, self._returns, self._means = (
+            np.zeros(k, np.intp),
+            np.zeros(k),
+            np.zeros((k, 2)),
+        )
         self._own = [self._built.model] * k
         self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
@@ -314,7 +357,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         task, robot, model = self._curriculum.of(self.task), self.robot, self._built.model
         for place in places:
             draw, (q, v) = self._draws[place], (each.copy() for each in self._home)
-            begun = beginning(task, draw, robot=robot, forces=self.config.forces, period=self.period)
+            begun = beginning(
+                task, draw, robot=robot, forces=self.config.forces, period=self.period
+            )
             q[robot.axis_map.position_places] = robot.axis_map.signs * begun.start
             if begun.goal is not None:
                 self._goals[place] = begun.goal
@@ -325,7 +370,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 )
             if len(self._models) > 1:
                 self._own[place] = self._models[draw.integers(len(self._models))]
-            self._state[place, 1 : 1 + model.nq + model.nv] = self._built.coordinates.to_mujoco(np.append(q, v))
+            self._state[place, 1 : 1 + model.nq + model.nv] = self._built.coordinates.to_mujoco(
+                np.append(q, v)
+            )
         self._state[places, 0] = self._ticks[places] = 0
         self._action[places] = self._returns[places] = self._means[places] = 0.0
         for onsets in self._onsets.values():
@@ -354,7 +401,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         known = self._ports.outputs.of_state.get(f"{self.robot.prefix}{output}")
         if known is not None:
             return np.asarray(known.of(motion))
-        fixed = xyz_quaternion_from_transform(self.robot.base) if output == "base_pose" else np.zeros(6)
+        fixed = (
+            xyz_quaternion_from_transform(self.robot.base) if output == "base_pose" else np.zeros(6)
+        )
         return np.tile(fixed, (len(motion), 1))
 
     def _observation(self) -> Vector:
@@ -368,7 +417,10 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             part = measured[name] if name in reads else self._value(name, self._motion)
             part = part - self.robot.initial if name == "position" else part
         elif name in TURNED:
-            turned, time = turned_from(self._upright, sensors.orientation), self._time[:, np.newaxis]
+            turned, time = (
+                turned_from(self._upright, sensors.orientation),
+                self._time[:, np.newaxis],
+            )
             part = observed_of_turn(name, turned, self._goals, time)
         elif name == "angular_velocity":
             part = sensors.angular_velocity
@@ -385,17 +437,28 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         astray = ~(np.abs(self._motion) < RUNAWAY).all(axis=1)
         times = self._time.tolist()
         for name, trigger in self._ports.outputs.monitors.items():
-            values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]
-            for place, (time, onset, *row) in enumerate(zip(times, onsets.tolist(), *values, strict=True)):
+            values, onsets = (
+                [self._watched(output, sensed) for output in trigger.condition.watched],
+                self._onsets[name],
+            )
+            for place, (time, onset, *row) in enumerate(
+                zip(times, onsets.tolist(), *values, strict=True)
+            ):
                 onsets[place] = since = trigger.next_onset(onset, time, row)
                 if since != NOT_YET and not ended[place] and trigger.ends_run(since, time):
                     ended[place] = trigger.condition.why(*row)
-        ended[astray] = message("learning.diverged_to_infinity", "diverged: a state ran away to infinity")
+        ended[astray] = message(
+            "learning.diverged_to_infinity", "diverged: a state ran away to infinity"
+        )
         return ended
 
     def _watched(self, output: str, sensed: Vector) -> Vector:
         known = self._ports.outputs.of_state.get(output)
-        return self._built.output(output, sensed) if known is None else np.asarray(known.of(self._motion))
+        return (
+            self._built.output(output, sensed)
+            if known is None
+            else np.asarray(known.of(self._motion))
+        )
 
     def _now(self, last: Vector, sensed: Vector, ended: npt.NDArray[np.bool_]) -> RewardSample:
         """Return what is true of all robots."""
@@ -404,10 +467,13 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._origin.sample(
             base,
             moving,
-            effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.judged_limit,
+            effort=self._built.output(f"{self.robot.prefix}torque", sensed)
+            / self.robot.gains.judged_limit,
             action=self._action,
             last_action=last,
-            tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3] if arm else base[:, :3],
+            tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3]
+            if arm
+            else base[:, :3],
             goal=self._goals,
             time=self._time,
             **self._curriculum.of(self.task).targets,

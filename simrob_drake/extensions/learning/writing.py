@@ -18,7 +18,11 @@ _IR = 8  # versions of the format that every ONNX Runtime of the last years read
 
 
 def write_network(
-    file: Path | str, layers: Sequence[tuple[Vector, Vector]], *, activation: str = "Tanh", last: str = "Identity"
+    file: Path | str,
+    layers: Sequence[tuple[Vector, Vector]],
+    *,
+    activation: str = "Tanh",
+    last: str = "Identity",
 ) -> Path:
     r"""Write a network of full layers, :math:`x_{l+1} = \sigma(W_l x_l + b_l)`.
 
@@ -45,7 +49,10 @@ def write_network(
     nodes, stored, name = list[Any](), list[Any](), "observation"
     for number, layer in enumerate(layers):
         names = [f"weights_{number}", f"biases_{number}"]
-        stored += [numpy_helper.from_array(np.asarray(a, np.float32), n) for a, n in zip(layer, names, strict=True)]
+        stored += [
+            numpy_helper.from_array(np.asarray(a, np.float32), n)
+            for a, n in zip(layer, names, strict=True)
+        ]
         at_end = number == len(layers) - 1
         sums, values = f"sums_{number}", "action" if at_end else f"values_{number}"
         nodes.append(helper.make_node("Gemm", [name, *names], [sums], transB=1))
@@ -56,7 +63,9 @@ def write_network(
         for port, size in (("observation", layers[0][0].shape[1]), ("action", len(layers[-1][1])))
     ]
     graph = helper.make_graph(nodes, "policy", ports[:1], ports[1:], stored)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR
+    )
     checker.check_model(model)
     with replaced_at_once(file) as work:
         work.write_bytes(model.SerializeToString())

@@ -15,7 +15,15 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
-from simrob_drake.stations.legs import Leg, chain_lengths, ends_of, has_equal_length, legs_of, put_upright, straight
+from simrob_drake.stations.legs import (
+    Leg,
+    chain_lengths,
+    ends_of,
+    has_equal_length,
+    legs_of,
+    put_upright,
+    straight,
+)
 from simrob_drake.walking.knees import Knee, knee_of
 
 _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side: then the robot looks along its y
@@ -24,7 +32,9 @@ _PLACED = 0.05  # part of the distance between hips by which a pair may stand un
 _TOES = 0.05  # part of its length by which the middle of a sole is ahead of the ankle, to tell where the robot looks
 _PITCHES = 0.7  # cosine of an axis and the side, from which on it pitches
 _BEND = 0.5  # rad
-_LOPSIDED = 0.05  # part of its range by which a joint turns farther to one side, to tell which way it bends
+_LOPSIDED = (
+    0.05  # part of its range by which a joint turns farther to one side, to tell which way it bends
+)
 _JOINTS = 2, 7
 _ROWS_OF_LEGS = {1: ("",), 2: ("front_", "rear_"), 3: ("front_", "middle_", "rear_")}
 _KINDS = "roll", "pitch", "yaw"
@@ -82,10 +92,15 @@ class Anatomy:
         for limb in self.legs:
             for place, axis in enumerate(limb.leg.axes):
                 part = "hip" if place < limb.knee.place else "ankle"
-                names[axis] = f"{limb.name}_{part}_{self._kind(axis)[0]}" if place != limb.knee.place else ""
+                names[axis] = (
+                    f"{limb.name}_{part}_{self._kind(axis)[0]}" if place != limb.knee.place else ""
+                )
                 names[axis] = names[axis] or f"{limb.name}_knee"
         count = Counter(names)
-        return [name if count[name] == 1 else own for name, own in zip(names, self.robot.axes, strict=True)]
+        return [
+            name if count[name] == 1 else own
+            for name, own in zip(names, self.robot.axes, strict=True)
+        ]
 
     def signs(self, posture: Vector) -> list[int]:
         """Return the senses of all axes; knees bend to positive angles as they do in a posture (n,) [rad]."""
@@ -121,7 +136,10 @@ class Anatomy:
     def origin(self, axis: int) -> Vector:
         """Return where a joint is as the robot is placed, shape (3,) [m]."""
         return np.asarray(
-            self.robot.joints[axis].frame_on_child().CalcPoseInWorld(self.clearance.context).translation()
+            self.robot.joints[axis]
+            .frame_on_child()
+            .CalcPoseInWorld(self.clearance.context)
+            .translation()
         )
 
     def ahead(self, way: Vector) -> Vector:
@@ -133,7 +151,9 @@ class Anatomy:
         put_upright(self.clearance, self.robot, posture)
         leg = self.legs[0].leg
         hip, knee = (self.origin(leg.axes[place]) for place in (0, self.legs[0].knee.place))
-        foot = self.clearance.plant.EvalBodyPoseInWorld(self.clearance.context, leg.foot).translation()
+        foot = self.clearance.plant.EvalBodyPoseInWorld(
+            self.clearance.context, leg.foot
+        ).translation()
         share = (hip - knee)[2] / max((hip - foot)[2], 1e-6)
         return bool(self.ahead(knee - hip - share * (foot - hip))[0] > 0)
 
@@ -147,11 +167,17 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     put_upright(clearance, robot, straight(robot))
     hips = np.array([_hip(clearance, leg) for leg in legs])
     across, along = np.ptp(hips[:, 1]), np.ptp(hips[:, 0])
-    facing = 0.0 if (along <= _LONG * across if len(legs) == 2 else across <= _LONG * along) else math.pi / 2
+    facing = (
+        0.0
+        if (along <= _LONG * across if len(legs) == 2 else across <= _LONG * along)
+        else math.pi / 2
+    )
     try:
         limbs = list(_named(clearance, robot, legs, facing))
     except _Unpaired:
-        facing = math.pi / 2 - facing  # a body as wide as it is long does not tell, but its pairs do
+        facing = (
+            math.pi / 2 - facing
+        )  # a body as wide as it is long does not tell, but its pairs do
         limbs = list(_named(clearance, robot, legs, facing))
     put_upright(clearance, robot, straight(robot))
     ahead = float(np.mean([_toes(clearance, robot, leg, facing) for leg in legs]))
@@ -162,23 +188,39 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
         limbs = list(_named(clearance, robot, legs, facing))
     found = Anatomy(robot, clearance, limbs, facing, [], [])
     arms = _arms(found, max(across, along))
-    rest = {*range(len(robot.axes))} - {axis for axes in [*arms, *(limb.leg.axes for limb in limbs)] for axis in axes}
+    rest = {*range(len(robot.axes))} - {
+        axis for axes in [*arms, *(limb.leg.axes for limb in limbs)] for axis in axes
+    }
     return replace(found, arms=arms, head=sorted(rest))
 
 
 def _arms(anatomy: Anatomy, wide: float) -> list[list[int]]:
     """Return the axes of chains that have a like one on the other side, and are no legs."""
-    used, sides = {axis for limb in anatomy.legs for axis in limb.leg.axes}, dict[tuple[int, ...], Vector]()
-    chains = {tuple(axes) for _, axes in anatomy.clearance.chains(anatomy.robot) if axes and not used & {*axes}}
+    used, sides = (
+        {axis for limb in anatomy.legs for axis in limb.leg.axes},
+        dict[tuple[int, ...], Vector](),
+    )
+    chains = {
+        tuple(axes)
+        for _, axes in anatomy.clearance.chains(anatomy.robot)
+        if axes and not used & {*axes}
+    }
     put_upright(anatomy.clearance, anatomy.robot, straight(anatomy.robot))
     inner = {chain[:count] for chain in chains for count in range(len(chain))}
     for axes in sorted(chains - inner):
-        own = tuple(axis for axis in axes if sum(axis in other for other in chains if len(other) >= len(axes)) == 1)
+        own = tuple(
+            axis
+            for axis in axes
+            if sum(axis in other for other in chains if len(other) >= len(axes)) == 1
+        )
         sides[own] = anatomy.ahead(anatomy.origin(axes[-1]))
     return [
         list(axes)
         for axes, place in sides.items()
-        if any(np.abs(place * [1, -1, 1] - other).max() < _PLACED * wide < abs(place[1]) for other in sides.values())
+        if any(
+            np.abs(place * [1, -1, 1] - other).max() < _PLACED * wide < abs(place[1])
+            for other in sides.values()
+        )
     ]
 
 
@@ -219,7 +261,11 @@ def _legs(clearance: Clearance, robot: StationRobot) -> list[Leg]:
         )
     found = groups[0]
     for other in groups[1:]:
-        if len(other[0].axes) == len(found[0].axes) and len(other) == len(found) == 2 and not _is_arm(robot, other[0]):
+        if (
+            len(other[0].axes) == len(found[0].axes)
+            and len(other) == len(found) == 2
+            and not _is_arm(robot, other[0])
+        ):
             found = [*found, *other]
     fewest, most = _JOINTS
     if len(found) % 2 or len(found) > 6:
@@ -251,7 +297,9 @@ def _bare_ends(clearance: Clearance, robot: StationRobot) -> list[str]:
     shaped, chains = clearance.lowest(robot).keys(), clearance.chains(robot)
     inner = {tuple(axes[:count]) for _, axes in chains for count in range(len(axes))}
     return [
-        body.name() for body, axes in chains if len(axes) > 1 and tuple(axes) not in inner and body.name() not in shaped
+        body.name()
+        for body, axes in chains
+        if len(axes) > 1 and tuple(axes) not in inner and body.name() not in shaped
     ]
 
 
@@ -261,7 +309,9 @@ def _is_arm(robot: StationRobot, leg: Leg) -> bool:
 
 
 def _hip(clearance: Clearance, leg: Leg) -> Vector:
-    return np.asarray(clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.links[0]).translation())
+    return np.asarray(
+        clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.links[0]).translation()
+    )
 
 
 def _toes(clearance: Clearance, robot: StationRobot, leg: Leg, facing: float) -> float:
@@ -271,15 +321,22 @@ def _toes(clearance: Clearance, robot: StationRobot, leg: Leg, facing: float) ->
     """
     if leg.normal is None:
         return 0.0
-    way, side = (np.array([math.cos(turn), math.sin(turn), 0.0]) for turn in (facing, facing + math.pi / 2))
+    way, side = (
+        np.array([math.cos(turn), math.sin(turn), 0.0]) for turn in (facing, facing + math.pi / 2)
+    )
     pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.foot)
     ankle = pose.translation()
     for axis in leg.axes:
         joint = robot.joints[axis]
         place = joint.frame_on_child().CalcPoseInWorld(clearance.context)
-        if isinstance(joint, RevoluteJoint) and abs(place.rotation() @ joint.revolute_axis() @ side) > _PITCHES:
+        if (
+            isinstance(joint, RevoluteJoint)
+            and abs(place.rotation() @ joint.revolute_axis() @ side) > _PITCHES
+        ):
             ankle = place.translation()
-    ahead = (pose.rotation() @ outline(clearance.station, leg.foot).T).T @ way + (pose.translation() - ankle) @ way
+    ahead = (pose.rotation() @ outline(clearance.station, leg.foot).T).T @ way + (
+        pose.translation() - ankle
+    ) @ way
     return float((ahead.max() + ahead.min()) / 2 / max(np.ptp(ahead), 1e-6))
 
 
@@ -288,7 +345,10 @@ def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: fl
 
     Where a knee bends as well to both sides, the hip before it tells: it turns farther when the thigh goes ahead.
     """
-    for place, straightened, sense in ((limb.knee.place, limb.knee.straight, -1.0), (limb.knee.place - 1, 0.0, 1.0)):
+    for place, straightened, sense in (
+        (limb.knee.place, limb.knee.straight, -1.0),
+        (limb.knee.place - 1, 0.0, 1.0),
+    ):
         axis, tried = limb.leg.axes[place], straight(robot)
         lower, upper = (limit[axis] - straightened for limit in robot.model.axis_limits)
         if place < 0 or abs(upper + lower) <= _LOPSIDED * (upper - lower):
@@ -303,7 +363,9 @@ def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: fl
     return 0.0
 
 
-def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[NamedLeg]:
+def _named(
+    clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float
+) -> Iterator[NamedLeg]:
     """Yield the legs with their names, right before left, front before rear.
 
     Raises SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
@@ -312,7 +374,9 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
     put_upright(clearance, robot, straight(robot))
     hips = {id(leg): turn @ _hip(clearance, leg) for leg in legs}
     left = sorted((leg for leg in legs if hips[id(leg)][1] > 0), key=lambda leg: -hips[id(leg)][0])
-    right = sorted((leg for leg in legs if hips[id(leg)][1] <= 0), key=lambda leg: -hips[id(leg)][0])
+    right = sorted(
+        (leg for leg in legs if hips[id(leg)][1] <= 0), key=lambda leg: -hips[id(leg)][0]
+    )
     apart = max(float(np.ptp(list(hips.values()), axis=0).max()), 1e-6)
     pairs = list(zip(right, left, strict=False))
     off = [float(np.abs(hips[id(a)] * [1, -1, 1] - hips[id(b)]).max()) for a, b in pairs]
@@ -337,7 +401,9 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
                 " and ",
             )
             expected = message(
-                "legged.legs_alike", "a right and a left one are to be alike, within {alike:.0%}", alike=_ALIKE
+                "legged.legs_alike",
+                "a right and a left one are to be alike, within {alike:.0%}",
+                alike=_ALIKE,
             )
             raise SimrobError(
                 message(
@@ -351,7 +417,9 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
     for row, pair in zip(_ROWS_OF_LEGS[len(pairs)], pairs, strict=True):
         for side, leg in zip(("right", "left"), pair, strict=True):
             joints = [robot.joints[axis] for axis in leg.axes]
-            sliding = next((joint.name() for joint in joints if not isinstance(joint, RevoluteJoint)), None)
+            sliding = next(
+                (joint.name() for joint in joints if not isinstance(joint, RevoluteJoint)), None
+            )
             if sliding is not None:
                 remedy = message(
                     "legged.legs_are_to_turn",
@@ -367,6 +435,10 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
                     )
                 )
             put_upright(clearance, robot, robot.model.home)
-            knee = knee_of(clearance.plant, clearance.context, joints, leg.foot.body_frame(), leg.point)
-            signed = replace(knee, straight=robot.axis_map.signs[leg.axes[knee.place]] * knee.straight)
+            knee = knee_of(
+                clearance.plant, clearance.context, joints, leg.foot.body_frame(), leg.point
+            )
+            signed = replace(
+                knee, straight=robot.axis_map.signs[leg.axes[knee.place]] * knee.straight
+            )
             yield NamedLeg(f"{row}{side}", side == "left", leg, signed)

@@ -20,14 +20,21 @@ def legged(
     file: FileArgument,
     out: Annotated[
         Path | None,
-        typer.Option(help=message("legged.help_legged_out", "Folder of the result; NAME_legged unless given.")),
+        typer.Option(
+            help=message(
+                "legged.help_legged_out", "Folder of the result; NAME_legged unless given."
+            )
+        ),
     ] = None,
     tune: Annotated[
         float,
         typer.Option(
             min=0,
             metavar="MINUTES",
-            help=message("legged.help_legged_tune", "Search for better parameters for this time, and prove them."),
+            help=message(
+                "legged.help_legged_tune",
+                "Search for better parameters for this time, and prove them.",
+            ),
         ),
     ] = 0.0,
     options: ImportOptions | None,

@@ -61,8 +61,17 @@ _BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.
 _PARTS = 1.0, 0.5, 0.25  # of the speed that a first walk is asked for
 _WAYS = 2  # of standing, that are tried for walking
 _STIFFER = 1.0, 2.0  # factors of the gains
-_SLOWER = 1.25, 1.5, 2.0  # factors of the time of a step, tried where joints are faster than their motors
-_INWARD = 0.5, 0.25, 0.75, 1.0  # parts of how far the weight stays inside in the walk, that are tried for a kick
+_SLOWER = (
+    1.25,
+    1.5,
+    2.0,
+)  # factors of the time of a step, tried where joints are faster than their motors
+_INWARD = (
+    0.5,
+    0.25,
+    0.75,
+    1.0,
+)  # parts of how far the weight stays inside in the walk, that are tried for a kick
 _FALLEN, _TILT = 0.55, 60.0  # part of the height of the root, deg
 _STEP: dict[str, Any] = {
     "kind": "continuous", "scheme": "cenic", "accuracy": 1.0e-3, "max_step": 0.01, "error_control": False,
@@ -70,7 +79,11 @@ _STEP: dict[str, Any] = {
 
 
 def make_legged(
-    source: Path | str, folder: Path | str, options: ImportOptions | None = None, *, force: bool = False
+    source: Path | str,
+    folder: Path | str,
+    options: ImportOptions | None = None,
+    *,
+    force: bool = False,
 ) -> Made:
     """Make a robot of a URDF ready to stand and to walk: from its tree alone.
 
@@ -97,11 +110,14 @@ def make_legged(
         robot = write_robot(source, work, options, report)
         if robot.links_without_inertia:
             estimates = ImportReport(source)
-            robot = write_robot(source, work, options.model_copy(update={"estimate_inertia": True}), estimates)
+            robot = write_robot(
+                source, work, options.model_copy(update={"estimate_inertia": True}), estimates
+            )
             known = {(entry.element, entry.text) for entry in report.entries}
             new = [entry for entry in estimates.entries if (entry.element, entry.text) not in known]
             made.assumed.extend(
-                compound("{element}: {entry}", element=entry.element, entry=entry.text) for entry in new
+                compound("{element}: {entry}", element=entry.element, entry=entry.text)
+                for entry in new
             )
         made.name = robot.name
         try:
@@ -123,7 +139,9 @@ def make_legged(
         except Exception as problem:
             made.problem = reason_of(problem) + _shapes_lost(report)
             if not (work / STAND).is_file():
-                (work / STAND).write_text(draft_station(robot.urdf_path, folder=work), encoding="utf-8")
+                (work / STAND).write_text(
+                    draft_station(robot.urdf_path, folder=work), encoding="utf-8"
+                )
         made.rename_folder(work, folder)
         save_report(made, work)
     return made
@@ -217,7 +235,8 @@ class _Making:
         self._soles = write_soles(self._robot.urdf_path, anatomy, ways[0].soles)
         made.found += [_mass_text(ways[0].build), _soles_text(ways[0])]
         stands = self._first(
-            [_Choice(way, examples[0], stiffer) for stiffer, way in product(_STIFFER, ways)], TRIALS[0]
+            [_Choice(way, examples[0], stiffer) for stiffer, way in product(_STIFFER, ways)],
+            TRIALS[0],
         )
         made.attempts.append(stands[0])
         choices = product(_PARTS, (False, True), _STIFFER, ways[:_WAYS], examples)
@@ -229,18 +248,33 @@ class _Making:
         made.attempts.append(walks)
         if not walks.done:
             raise SimrobError(
-                message("legged.does_not_walk", "{name} does not walk: {outcome}", name=name, outcome=walks.outcome)
+                message(
+                    "legged.does_not_walk",
+                    "{name} does not walk: {outcome}",
+                    name=name,
+                    outcome=walks.outcome,
+                )
             )
         build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
         joints = len(anatomy.legs[0].leg.axes)
         if count == 2 and joints in ROWS:
-            kicks = (kick_of(build, walk, inward, part) for part, inward in product(_PARTS[:2], _INWARD))
+            kicks = (
+                kick_of(build, walk, inward, part) for part, inward in product(_PARTS[:2], _INWARD)
+            )
             made.attempts.append(self._adds(Kick, kicks, attempt_kick))
-        if (count == 2 and joints == 6 and choice.way.soles[0].flat) or (count == 4 and joints in ROWS):
-            step = partial(attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing)))
-            made.attempts.append(self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step))
+        if (count == 2 and joints == 6 and choice.way.soles[0].flat) or (
+            count == 4 and joints in ROWS
+        ):
+            step = partial(
+                attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing))
+            )
+            made.attempts.append(
+                self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step)
+            )
 
-    def _adds(self, kind: type[Gait], gaits: Iterable[dict[str, Any]], tried: Callable[[Path], Attempt]) -> Attempt:
+    def _adds(
+        self, kind: type[Gait], gaits: Iterable[dict[str, Any]], tried: Callable[[Path], Attempt]
+    ) -> Attempt:
         """Add the first gait of a kind that the robot can do to its file; return what became of it, or of the last."""
         known = read_yaml(self._work / GAITS_FILE)
         for gait in gaits:
@@ -254,7 +288,11 @@ class _Making:
         """Return how the robot stands with its legs bent to a part of their length; None if it cannot."""
         anatomy = self._anatomy
         for stance in self._stances.bent_stances([limb.leg for limb in anatomy.legs], (part,)):
-            if len(anatomy.legs) > 2 or not anatomy.has_soles or anatomy.knees_ahead(stance.posture):
+            if (
+                len(anatomy.legs) > 2
+                or not anatomy.has_soles
+                or anatomy.knees_ahead(stance.posture)
+            ):
                 soles = soles_of(anatomy, stance)
                 return _Standing(stance, soles, build_of(anatomy, stance, soles))
         return None
@@ -294,19 +332,29 @@ class _Making:
         units = np.where(self._robot.prismatic, 1.0, np.rad2deg(1.0)) * signs
         values = [round(float(value), 3) + 0.0 for value in units * way.stance.posture]
         posture = dict(zip(anatomy.names, values, strict=True))
-        servo = {key: float(f"{value * stiffer:.3g}") for key, value in gains(way.build, example).items()}
+        servo = {
+            key: float(f"{value * stiffer:.3g}") for key, value in gains(way.build, example).items()
+        }
         stands: Any = {"height": way.stance.height, "groups": anatomy.groups, "posture": posture}
         walk = walk_of(way.build, example, **stands, quick=quick)
         walk["step_time"] = float(f"{slower * walk['step_time']:.3g}")
         speed = asked_speed(walk, part)
-        own = {"servo": servo, "feet": feet_section(way.soles, self._soles, way.build.load / way.build.height**2)}
+        own = {
+            "servo": servo,
+            "feet": feet_section(way.soles, self._soles, way.build.load / way.build.height**2),
+        }
         self._yaml(ROBOT_FILE, {**self._description(signs), "home_deg": posture, **own})
-        self._yaml(GAITS_FILE, {"facing_deg": round(float(np.rad2deg(anatomy.facing)), 3), REACTING: walk})
+        self._yaml(
+            GAITS_FILE, {"facing_deg": round(float(np.rad2deg(anatomy.facing)), 3), REACTING: walk}
+        )
         station = self._station(way.stance.height, posture, servo)
         if trial == TRIALS[0]:
             return self._yaml(STAND, {**station, "reference": {"kind": "hold"}}), trial, speed
         loop = {"walk": {"kind": "walk", "commands": [{"time": 0.5, "ahead": speed}]}}
-        station |= {"description": f"{self._robot.name} walks by commands", "inputs": ["reference_velocity"]}
+        station |= {
+            "description": f"{self._robot.name} walks by commands",
+            "inputs": ["reference_velocity"],
+        }
         return self._yaml(WALK, {**station, "controllers": loop}), trial, speed
 
     def _description(self, signs: Sequence[int]) -> dict[str, Any]:
@@ -323,10 +371,15 @@ class _Making:
             "base": "floating",
             "root": robot.root,
             "axes": axes,
-            "tools": {**feet, **{tool: link for tool, link in robot.tools.items() if tool not in feet}},
+            "tools": {
+                **feet,
+                **{tool: link for tool, link in robot.tools.items() if tool not in feet},
+            },
         }
 
-    def _station(self, height: float, posture: Mapping[str, float], servo: Mapping[str, float]) -> dict[str, Any]:
+    def _station(
+        self, height: float, posture: Mapping[str, float], servo: Mapping[str, float]
+    ) -> dict[str, Any]:
         """Return a station in which the robot stands in a posture [deg], watched by a monitor."""
         base = [0.0, 0.0, round(height, 5), 0.0, 0.0, 0.0]
         return {
@@ -341,7 +394,9 @@ class _Making:
         }
 
     def _yaml(self, name: str, content: Mapping[str, Any]) -> Path:
-        text = yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+        text = yaml.safe_dump(
+            dict(content), sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+        )
         (self._work / name).write_text(text, encoding="utf-8")
         return self._work / name
 
@@ -365,7 +420,11 @@ def _mass_text(build: Build) -> str:
 
 def _soles_text(way: _Standing) -> str:
     sole, build = way.soles[0], way.build
-    kind = f"soles of {build.sole[0]:.3f} x {build.sole[1]:.3f} m between spheres" if sole.flat else "balls"
+    kind = (
+        f"soles of {build.sole[0]:.3f} x {build.sole[1]:.3f} m between spheres"
+        if sole.flat
+        else "balls"
+    )
     return f"feet: {kind} of radius {sole.radius * 1e3:.1f} mm, {build.spread:.3f} m apart"
 
 

@@ -50,7 +50,9 @@ class Attempt:
     outcome: str  # what happened, in words
     ahead: float = 0.0  # how far it came [m]
     result: SimulationResult | None = None  # the run; None if it could not begin
-    fastest: FastestAxis | None = None  # the axis that came nearest to the speed of its motor, or beyond it
+    fastest: FastestAxis | None = (
+        None  # the axis that came nearest to the speed of its motor, or beyond it
+    )
 
     @property
     def lasted(self) -> float:
@@ -87,16 +89,23 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
         return Attempt(trial, False, f"diverged at {result.stop_time:.1f} s", result=result)
     found = locomotion(result)
     fastest = fastest_axis(result)
-    lean, far = np.rad2deg(found.tilt), f"{found.ahead:.2f} m ahead and {abs(found.drift):.2f} m aside"
+    lean, far = (
+        np.rad2deg(found.tilt),
+        f"{found.ahead:.2f} m ahead and {abs(found.drift):.2f} m aside",
+    )
     if result.ending != "completed":
-        return Attempt(trial, False, f"fell at {result.stop_time:.1f} s ({far})", found.ahead, result)
+        return Attempt(
+            trial, False, f"fell at {result.stop_time:.1f} s ({far})", found.ahead, result
+        )
     if trial == TRIALS[3] and found.ahead < _PART * speed * _SECONDS:
         outcome = f"stays on its feet but comes only {far}, of {speed * _SECONDS:.2f} m"
         return Attempt(trial, False, outcome, found.ahead, result)
     outcome = f"{_SECONDS:g} s, {far}, leans by {lean:.0f} deg at most"
     outcome += f"; its busiest joint takes {found.peak_torque['ratio']:.0%} of its torque"
     outcome += f", {fastest.name} {fastest.share:.0%} of its speed"
-    return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result, fastest)
+    return Attempt(
+        trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result, fastest
+    )
 
 
 def fastest_axis(result: SimulationResult) -> FastestAxis:
@@ -109,7 +118,11 @@ def fastest_axis(result: SimulationResult) -> FastestAxis:
 
 KICKS, CLIMBS = "kicks", "climbs"
 _RISE = {2: 0.05, 4: 0.1}  # of the step, by the number of legs, in heights of the centre of mass
-_TREAD, _BEFORE, _BEHIND = 0.5, 0.05, 0.15  # of the step, and of the ground before and behind feet, likewise
+_TREAD, _BEFORE, _BEHIND = (
+    0.5,
+    0.05,
+    0.15,
+)  # of the step, and of the ground before and behind feet, likewise
 _LONGER = 1.2  # times a sole, that the step is long at least
 
 
@@ -127,13 +140,29 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
     rise, tread = round(_RISE[legs] * height, 4), round(max(_TREAD * height, _LONGER * sole), 4)
     start = round(front + _BEFORE * height, 4)
     way = round(start + tread + front + _BEHIND * height, 4)
-    step = {"kind": "stairs", "height": rise, "size": tread, "length": tread, "start": start, "heading_deg": facing_deg}
+    step = {
+        "kind": "stairs",
+        "height": rise,
+        "size": tread,
+        "length": tread,
+        "start": start,
+        "heading_deg": facing_deg,
+    }
     ground: dict[str, Any] = {
-        "floor": {"size": max(8.0, 8 * way), "terrain": {**step, "width": max(1.6, 2 * tread, 2 * front)}}
+        "floor": {
+            "size": max(8.0, 8 * way),
+            "terrain": {**step, "width": max(1.6, 2 * tread, 2 * front)},
+        }
     }
     if legs == 2:
         ground |= {"robot.feet": EDGED, "contact": {"model": "hydroelastic_with_fallback"}}
-    return _attempt_move(CLIMBS, station, ClimbMove(distance=way), ground, f"comes over a step of {1e3 * rise:.0f} mm")
+    return _attempt_move(
+        CLIMBS,
+        station,
+        ClimbMove(distance=way),
+        ground,
+        f"comes over a step of {1e3 * rise:.0f} mm",
+    )
 
 
 def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
@@ -141,11 +170,16 @@ def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
     robot = LeggedRobot(load_station(station))
     root = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
     feet = Walker.of(robot.model).feet(robot.worn_feet)
-    ahead = [foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over) for foot in feet]
+    ahead = [
+        foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over)
+        for foot in feet
+    ]
     return float(max(ahead)), 2 * float(max(foot.half[0] for foot in feet)), len(feet)
 
 
-def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:
+def _attempt_move(
+    trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str
+) -> Attempt:
     """Return what becomes of a robot in a changed station that does a move, and then stands."""
     try:
         robot = LeggedRobot(load_station(station, overrides))
@@ -156,9 +190,8 @@ def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str,
         return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
     lean = np.rad2deg(locomotion(result).tilt)
     fastest = fastest_axis(result)
-    outcome = (
-        f"{did}, and then leans by {lean:.0f} deg at most; {fastest.name} turns at {fastest.share:.0%} of its speed"
-    )
+    speed = f"{fastest.name} turns at {fastest.share:.0%} of its speed"
+    outcome = f"{did}, and then leans by {lean:.0f} deg at most; {speed}"
     return Attempt(trial, True, outcome, result=result, fastest=fastest)
 
 
@@ -168,9 +201,13 @@ _SLOWER_WALK = message(
     "robot faster motors",
 )
 _SLOWER_ACTS = {
-    KICKS: message("legged.slower_kick", "give the kick a smaller speed in gaits.yaml, or the robot faster motors"),
+    KICKS: message(
+        "legged.slower_kick",
+        "give the kick a smaller speed in gaits.yaml, or the robot faster motors",
+    ),
     CLIMBS: message(
-        "legged.slower_climb", "give the climb a longer step_time in gaits.yaml, or the robot faster motors"
+        "legged.slower_climb",
+        "give the climb a longer step_time in gaits.yaml, or the robot faster motors",
     ),
 }
 """What to change where a motor is too slow, by the trial; for all others it is `_SLOWER_WALK`."""
@@ -221,7 +258,9 @@ class Made:
         places = str(old), str(new)
         self.found = [_with_other_folder(line, *places) for line in self.found]
         self.assumed = [_with_other_folder(line, *places) for line in self.assumed]
-        self.attempts = [replace(one, outcome=_with_other_folder(one.outcome, *places)) for one in self.attempts]
+        self.attempts = [
+            replace(one, outcome=_with_other_folder(one.outcome, *places)) for one in self.attempts
+        ]
         self.problem = _with_other_folder(self.problem, *places)
 
     def can(self, trial: str) -> bool:
@@ -249,14 +288,25 @@ def save_report(made: Made, folder: Path) -> None:
             save_film_strip(runs[-1], folder / PICTURE)
         except RuntimeError as problem:  # of a renderer, about a mesh
             made.found.append(f"no picture: {problem}")
-    (folder / REPORT).write_text("\n".join(_lines(made, (folder / PICTURE).is_file())) + "\n", encoding="utf-8")
+    (folder / REPORT).write_text(
+        "\n".join(_lines(made, (folder / PICTURE).is_file())) + "\n", encoding="utf-8"
+    )
 
 
 def _lines(made: Made, picture: bool) -> Iterator[str]:
-    yield from (f"# {made.name}", "", "## Found", "", *(f"- {line}" for line in made.found or ["nothing"]), "")
+    yield from (
+        f"# {made.name}",
+        "",
+        "## Found",
+        "",
+        *(f"- {line}" for line in made.found or ["nothing"]),
+        "",
+    )
     yield from ("## Assumed", "", *(f"- {line}" for line in made.assumed or ["nothing"]), "")
     yield from ("## Tried", "", "| trial | done | what happened |", "|---|---|---|")
-    yield from (f"| {one.trial} | {'yes' if one.done else 'no'} | {one.outcome} |" for one in made.attempts)
+    yield from (
+        f"| {one.trial} | {'yes' if one.done else 'no'} | {one.outcome} |" for one in made.attempts
+    )
     failed = next((one.trial for one in made.attempts if not one.done), None)
     yield from ("", "## Next", "")
     yield f"- {made.problem}" if made.problem else "- nothing failed"

@@ -69,12 +69,15 @@ EXAMPLES = {
 def build_of(anatomy: Anatomy, stance: Stance, soles: Sequence[FootSole]) -> Build:
     """Return the build of a robot as it stands."""
     poses = [
-        anatomy.clearance.plant.EvalBodyPoseInWorld(anatomy.clearance.context, limb.leg.foot) @ sole.pose
+        anatomy.clearance.plant.EvalBodyPoseInWorld(anatomy.clearance.context, limb.leg.foot)
+        @ sole.pose
         for limb, sole in zip(anatomy.legs, soles, strict=True)
     ]
     apart = poses[0].inverse() @ poses[1].translation()
     length, width = np.ptp(soles[0].points[:, :2], axis=0).tolist()
-    return Build(stance.standing.height, stance.standing.mass, abs(float(apart[1])), (length, width))
+    return Build(
+        stance.standing.height, stance.standing.mass, abs(float(apart[1])), (length, width)
+    )
 
 
 def gains(build: Build, model: Example) -> dict[str, float]:
@@ -97,9 +100,13 @@ def walk_of(
     The robot stands in a ``posture`` by axis [deg], its root at a ``height`` [m], on feet of which ``groups`` stand
     together. ``quick`` lets a larger robot take lower steps more often, and answer as quickly as the smaller one.
     """
-    known = WalkingParameters(**gaits_file(load_robot(model.name)).section(REACTING)).model_dump(mode="json")
+    known = WalkingParameters(**gaits_file(load_robot(model.name)).section(REACTING)).model_dump(
+        mode="json"
+    )
     length, time = build.height / model.build.height, build.time / model.build.time
-    feet = [_ratio(own, other, length) for own, other in zip(build.sole, model.build.sole, strict=True)]
+    feet = [
+        _ratio(own, other, length) for own, other in zip(build.sole, model.build.sole, strict=True)
+    ]
     walk = _scaled(known, length, time)
     if quick and length > 1.0:
         walk |= {"lift": known["lift"], "step_time": _short(known["step_time"] * sqrt(time))}
@@ -112,10 +119,13 @@ def walk_of(
     }
     feedback = walk["feedback"]
     feedback["zmp_limit"] = [
-        _short(limit * foot) for limit, foot in zip(known["feedback"]["zmp_limit"], feet, strict=True)
+        _short(limit * foot)
+        for limit, foot in zip(known["feedback"]["zmp_limit"], feet, strict=True)
     ]
     if feedback["touch_force"] is not None:
-        feedback["touch_force"] = _short(known["feedback"]["touch_force"] * build.mass / model.build.mass)
+        feedback["touch_force"] = _short(
+            known["feedback"]["touch_force"] * build.mass / model.build.mass
+        )
     if build.sole[1] > 0 and len(groups[0]) == 1:
         spread = model.build.spread + 2.0 * known["widen"]
         own = max(length * spread, _CLEAR * build.sole[1])
@@ -126,7 +136,9 @@ def walk_of(
     return walk
 
 
-def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 1.0) -> dict[str, Any]:
+def kick_of(
+    build: Build, walk: Mapping[str, Any], inward: float, part: float = 1.0
+) -> dict[str, Any]:
     """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot known, beside its ``walk``.
 
     The weight stays ``inward`` of the standing foot's middle, as a part of what it does in the walk; ``part`` is that
@@ -153,7 +165,10 @@ def climb_of(build: Build, walk: Mapping[str, Any], part: float = 1.0) -> dict[s
     length, time = build.height / model.build.height, build.time / model.build.time
     lower = known.bearing.height / file.section(REACTING)["bearing"]["height"]
     climb: dict[str, Any] = {
-        "bearing": {**walk["bearing"], "height": _short((1 - part * (1 - lower)) * walk["bearing"]["height"])},
+        "bearing": {
+            **walk["bearing"],
+            "height": _short((1 - part * (1 - lower)) * walk["bearing"]["height"]),
+        },
         "lift": _short(part * known.lift * length),
         "stride": _short(known.stride * length),
         "double_support": known.double_support,
@@ -179,10 +194,18 @@ def asked_speed(walk: Mapping[str, Any], part: float = 1.0) -> float:
 _QUICK = "com_rate", "lean_rate", "upright_rate", "deadband", "hurry_threshold"
 """Keys of the feedback that stay in a walk of quick, low steps."""
 _POWERS: Mapping[str, tuple[float, float]] = {
-    **dict.fromkeys(("step_time", "settle", "min_swing_time", "max_swing_time", "late_touchdown"), (0, 1)),
-    **dict.fromkeys(("lift", "landing_height", "zmp_ahead", "deadband", "hurry_threshold", "brace_threshold"), (1, 0)),
+    **dict.fromkeys(
+        ("step_time", "settle", "min_swing_time", "max_swing_time", "late_touchdown"), (0, 1)
+    ),
+    **dict.fromkeys(
+        ("lift", "landing_height", "zmp_ahead", "deadband", "hurry_threshold", "brace_threshold"),
+        (1, 0),
+    ),
     **dict.fromkeys(("ahead", "backward", "sideways", "max_foot_speed", "search_speed"), (1, -1)),
-    **dict.fromkeys(("turn_deg", "com_rate", "lean_rate", "upright_rate", "lean_integral", "offset_rate"), (0, -1)),
+    **dict.fromkeys(
+        ("turn_deg", "com_rate", "lean_rate", "upright_rate", "lean_integral", "offset_rate"),
+        (0, -1),
+    ),
     **dict.fromkeys(("heading_gain", "height_rate", "level_rate", "slope_rate"), (0, -1)),
     "time_weight": (2, -2),
 }
@@ -205,14 +228,22 @@ def _scaled(section: Mapping[str, Any], length: float, time: float) -> dict[str,
     found = {key: scaled(key, value) for key, value in section.items()}
     if "max_speed_change" in found:
         ahead, left, turn = section["max_speed_change"]
-        found["max_speed_change"] = [_short(ahead * length / time), _short(left * length / time), _short(turn / time)]
+        found["max_speed_change"] = [
+            _short(ahead * length / time),
+            _short(left * length / time),
+            _short(turn / time),
+        ]
     return found
 
 
 def _times(value: Any, factor: float) -> Any:
     if factor == 1.0 or isinstance(value, (str, bool)) or value is None:
         return value
-    return [_times(one, factor) for one in value] if isinstance(value, list) else _short(value * factor)
+    return (
+        [_times(one, factor) for one in value]
+        if isinstance(value, list)
+        else _short(value * factor)
+    )
 
 
 def _ratio(own: float, other: float, otherwise: float) -> float:

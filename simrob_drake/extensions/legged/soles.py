@@ -18,7 +18,9 @@ from simrob_drake.stations.clearance import outline
 from simrob_drake.stations.legs import put_upright
 from simrob_drake.stations.stances import Stance
 
-_NEAR = 0.02  # part of the height of the root within which points over the lowest one are of the sole
+_NEAR = (
+    0.02  # part of the height of the root within which points over the lowest one are of the sole
+)
 _SMALL = 0.05  # part of it that a sole measures at least either way; less is a ball
 _ROUND = 0.01, 0.1  # radius of spheres under a sole, and the largest of a ball, as parts of it
 EDGED = "soles"  # kind of feet whose edges touch, too
@@ -62,28 +64,45 @@ def _sole(anatomy: Anatomy, limb: NamedLeg, height: float) -> FootSole:
                 body=body.name(),
             )
         )
-    points = outside @ (ahead.inverse() @ pose.rotation()).matrix().T + ahead.inverse() @ pose.translation()
+    points = (
+        outside @ (ahead.inverse() @ pose.rotation()).matrix().T
+        + ahead.inverse() @ pose.translation()
+    )
     lowest = points[:, 2].min()
     under = points[points[:, 2] < lowest + _NEAR * height]
     low, high = under.min(axis=0), under.max(axis=0)
     ball = _ball(anatomy, limb)
-    if ball is None and min(high[:2] - low[:2]) >= _SMALL * height / 2 and max(high[:2] - low[:2]) >= _SMALL * height:
+    if (
+        ball is None
+        and min(high[:2] - low[:2]) >= _SMALL * height / 2
+        and max(high[:2] - low[:2]) >= _SMALL * height
+    ):
         radius = _ROUND[0] * height
-        inner = np.minimum(low[:2] + radius, (low + high)[:2] / 2), np.maximum(high[:2] - radius, (low + high)[:2] / 2)
+        inner = (
+            np.minimum(low[:2] + radius, (low + high)[:2] / 2),
+            np.maximum(high[:2] - radius, (low + high)[:2] / 2),
+        )
         middle = np.array([*(low + high)[:2] / 2, lowest])
-        corners = [(x, y, radius) for x in (inner[0][0], inner[1][0]) for y in (inner[0][1], inner[1][1])]
+        corners = [
+            (x, y, radius) for x in (inner[0][0], inner[1][0]) for y in (inner[0][1], inner[1][1])
+        ]
         spheres, flat = np.array(corners) - [*middle[:2], 0.0], True
     else:
         centre, radius = ball or _roundness(points, height)
         seen = centre if ball is None else ahead.inverse() @ (pose @ centre)
         middle, flat = np.array([*seen[:2], seen[2] - radius]), False
         spheres = np.array([[0.0, 0.0, radius]])
-    return FootSole(pose.inverse() @ RigidTransform(ahead, ahead @ middle), spheres, float(radius), flat)
+    return FootSole(
+        pose.inverse() @ RigidTransform(ahead, ahead @ middle), spheres, float(radius), flat
+    )
 
 
 def _ball(anatomy: Anatomy, limb: NamedLeg) -> tuple[Vector, float] | None:
     """Return middle, in its body, and radius of the sphere that a foot stands on; None where it is no sphere."""
-    clearance, inspector = anatomy.clearance, anatomy.clearance.station.scene_graph.model_inspector()
+    clearance, inspector = (
+        anatomy.clearance,
+        anatomy.clearance.station.scene_graph.model_inspector(),
+    )
     pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, limb.leg.foot)
     found = []
     for shape in clearance.plant.GetCollisionGeometriesForBody(limb.leg.foot):
@@ -114,13 +133,17 @@ def write_soles(urdf: Path, anatomy: Anatomy, soles: list[FootSole]) -> list[str
     tree = ET.parse(urdf)  # written by the importer
     robot = tree.getroot()
     parts, names = bodies(robot), []
-    taken = {name_of(link) for link in robot.iterfind("link")} | {name_of(joint) for joint in robot.iterfind("joint")}
+    taken = {name_of(link) for link in robot.iterfind("link")} | {
+        name_of(joint) for joint in robot.iterfind("joint")
+    }
     for limb, sole in zip(anatomy.legs, soles, strict=True):
         body = limb.leg.foot.name()
         for link in parts[body]:
             for shape in link.findall("collision"):
                 link.remove(shape)
-        name = next(name for name in (f"{limb.name}_sole", f"{limb.name}_contact_sole") if name not in taken)
+        name = next(
+            name for name in (f"{limb.name}_sole", f"{limb.name}_contact_sole") if name not in taken
+        )
         ET.SubElement(robot, "link", name=name)
         add_joint(robot, f"{name}_mount", parent=body, child=name, pose=sole.pose)
         names.append(name)
@@ -142,9 +165,13 @@ def feet_section(soles: list[FootSole], names: list[str], load: float) -> dict[s
     }
     radius = round(float(np.mean([sole.radius for sole in soles])), 5)
     stiffness = float(f"{max(1e5, 500 * load):.2g}")
-    contacts: dict[str, object] = {"spheres": {"radius": radius, "stiffness": stiffness, "points": points}}
+    contacts: dict[str, object] = {
+        "spheres": {"radius": radius, "stiffness": stiffness, "points": points}
+    }
     if all(sole.flat for sole in soles):
-        contacts[EDGED] = {"boxes": {name: _box(sole) for name, sole in zip(names, soles, strict=True)}}
+        contacts[EDGED] = {
+            "boxes": {name: _box(sole) for name, sole in zip(names, soles, strict=True)}
+        }
     return {"default": "spheres", "contacts": contacts}
 
 

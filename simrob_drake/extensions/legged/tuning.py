@@ -24,7 +24,14 @@ from simrob_drake.walking.parameters import REACTING
 
 TUNING = "tuning"
 _LOOP = "controllers.walk.gait"
-_VARIED = "step_time", "lift", "double_support", "bearing.height", "feedback.com_rate", "feedback.upright_rate"
+_VARIED = (
+    "step_time",
+    "lift",
+    "double_support",
+    "bearing.height",
+    "feedback.com_rate",
+    "feedback.upright_rate",
+)
 _INWARD = 0.02  # m: either way where the zero-moment point goes, of robots with soles
 _WIDE = {"bearing.height": 0.06}
 _USUAL = 0.35  # part either way in which a figure is looked for
@@ -40,7 +47,9 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
     cannot be tried.
     """
     station, begun = folder / WALK, time.monotonic()
-    attempt(station, TRIALS[3], float(read_yaml(station)["controllers"]["walk"]["commands"][0]["ahead"]))
+    attempt(
+        station, TRIALS[3], float(read_yaml(station)["controllers"]["walk"]["commands"][0]["ahead"])
+    )
     trials = max(int(60 * minutes / (_RUNS * (time.monotonic() - begun))), _TOGETHER)
     file = folder / GAITS_FILE
     gaits = read_yaml(file)
@@ -62,9 +71,14 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
         yield f"{key.removeprefix(f'{_LOOP}.')}: {section[last]:g} -> {float(value):.4g}"
         section[last] = float(f"{float(value):.4g}")
     written_at_once(
-        file, yaml.safe_dump(gaits, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+        file,
+        yaml.safe_dump(
+            gaits, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+        ),
     )
-    _, words = ProofFolder(folder / TUNING / "prove", Proof.of(str(folder / TUNING), _SEEDS), force=True).run(workers=1)
+    _, words = ProofFolder(
+        folder / TUNING / "prove", Proof.of(str(folder / TUNING), _SEEDS), force=True
+    ).run(workers=1)
     yield from words
 
 
@@ -76,19 +90,31 @@ def _study(station: Path, walk: Mapping[str, Any], trials: int) -> dict[str, Any
         for name in key.split("."):
             value = value[name]
         part = _WIDE.get(key, _USUAL)
-        vary[f"{_LOOP}.{key}"] = {"low": value * (1 - part), "high": value * (1 + part), "start": value}
+        vary[f"{_LOOP}.{key}"] = {
+            "low": value * (1 - part),
+            "high": value * (1 + part),
+            "start": value,
+        }
     if walk["zmp_inward"]:
         value = walk["zmp_inward"]
-        vary[f"{_LOOP}.zmp_inward"] = {"low": value - _INWARD, "high": value + _INWARD, "start": value}
+        vary[f"{_LOOP}.zmp_inward"] = {
+            "low": value - _INWARD,
+            "high": value + _INWARD,
+            "start": value,
+        }
     robot = load_robot_file(station.parent / ROBOT_FILE).element
     weight = STANDARD_GRAVITY * sum(mass_of(link) for link in robot.iterfind("link"))
 
     def pushed(*ways: complex) -> list[dict[str, Any]]:
         """Return cases: undisturbed, and with a push each, as part of the weight along x and y, at some moment."""
         force = [
-            (start, [_PUSH * weight * way.real, _PUSH * weight * way.imag, 0.0]) for start, way in enumerate(ways, 3)
+            (start, [_PUSH * weight * way.real, _PUSH * weight * way.imag, 0.0])
+            for start, way in enumerate(ways, 3)
         ]
-        return [{"forces.push": {"kind": "push", "start": start + 0.13, "force": push}} for start, push in force]
+        return [
+            {"forces.push": {"kind": "push", "start": start + 0.13, "force": push}}
+            for start, push in force
+        ]
 
     return {
         "station": str(station.absolute()),

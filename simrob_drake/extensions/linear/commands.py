@@ -41,7 +41,8 @@ def linearize_station(
         Path | None,
         typer.Option(
             help=message(
-                "linear.help_linearize_station_out", "Folder of the result; runs/STATION-linear-TIME by default."
+                "linear.help_linearize_station_out",
+                "Folder of the result; runs/STATION-linear-TIME by default.",
             )
         ),
     ] = None,
@@ -60,7 +61,11 @@ def linearize_station(
     model = linearize(config, None if at is None else _postures(config, parse_yaml(at, "--at")))
     model.save(folder, force=force)
     console.print(_modes_table(model))
-    verdict = message("linear.stable", "stable") if model.is_stable else message("linear.not_stable", "not stable")
+    verdict = (
+        message("linear.stable", "stable")
+        if model.is_stable
+        else message("linear.not_stable", "not stable")
+    )
     say_text(compound("{station}: {verdict}", station=model.name, verdict=verdict))
     for note in model.notes:
         say_text(message("linear.left_out", "left out: {note}", note=note))
@@ -71,7 +76,11 @@ def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
     """Return postures (n,) [rad or m] of figures in degrees, by robot; raises InvalidParameter: no figures per axis."""
     robots = resolve(config).robots
     by_robot = isinstance(content, Mapping) and set(content) <= set(robots)
-    values = content if by_robot else dict.fromkeys([config.only_robot] if config.only_robot else robots, content)
+    values = (
+        content
+        if by_robot
+        else dict.fromkeys([config.only_robot] if config.only_robot else robots, content)
+    )
     postures = {}
     for name, positions in values.items():
         model = robots[name].model
@@ -82,7 +91,11 @@ def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
             raise
         except (TypeError, ValueError) as problem:
             raise InvalidParameter(
-                "--at", content, message("linear.numbers_per_axis", "numbers per axis, such as 30 or {{joint_2: 30}}")
+                "--at",
+                content,
+                message(
+                    "linear.numbers_per_axis", "numbers per axis, such as 30 or {{joint_2: 30}}"
+                ),
             ) from problem
     return postures
 

@@ -49,7 +49,10 @@ class NoRest(SimrobError):
 
 
 def linearize(
-    station: LinearizedStation, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+    station: LinearizedStation,
+    at: Posture | None = None,
+    *,
+    overrides: Mapping[str, Any] | None = None,
 ) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
@@ -79,16 +82,26 @@ def linearize(
             raise InvalidParameter(
                 f"robots.{name}",
                 robot.model.name,
-                message("linear.robot_on_fixed_base", "one on a fixed base: only contact holds this one"),
+                message(
+                    "linear.robot_on_fixed_base", "one on a fixed base: only contact holds this one"
+                ),
             )
     plant = add_plant(builder, resolved)
     state = plant.plant.get_state_output_port()
     registry = OutputRegistry(state, plant.plant)
-    ports = StationPorts(station=resolved, plant=plant, state=state, outputs=registry, config=config)
+    ports = StationPorts(
+        station=resolved, plant=plant, state=state, outputs=registry, config=config
+    )
     add_dynamic_robots(builder, ports)
     gather_forces(builder, ports)
-    outputs = [ports.outputs[f"{robot.prefix}{name}"] for robot in plant.robots.values() for name in _OUTPUTS]
-    split = builder.AddNamedSystem("inputs", Demultiplexer([port.size() for port in ports.inputs.values()]))
+    outputs = [
+        ports.outputs[f"{robot.prefix}{name}"]
+        for robot in plant.robots.values()
+        for name in _OUTPUTS
+    ]
+    split = builder.AddNamedSystem(
+        "inputs", Demultiplexer([port.size() for port in ports.inputs.values()])
+    )
     for place, port in enumerate(ports.inputs.values()):
         builder.Connect(split.get_output_port(place), port)
     builder.ExportInput(split.get_input_port(), "inputs")
@@ -113,9 +126,13 @@ def _config_of(station: LinearizedStation, overrides: Mapping[str, Any] | None) 
         return config_of(station.config, overrides)
     if isinstance(station, Diagram) and not isinstance(station, Station):
         problem = message(
-            "linear.diagram_of_own", "it is a Diagram, and linearize() makes the model of a station alone"
+            "linear.diagram_of_own",
+            "it is a Diagram, and linearize() makes the model of a station alone",
         )
-        remedy = message("linear.pass_ports", "pass the ports that add_station() returned, as in linearize(ports)")
+        remedy = message(
+            "linear.pass_ports",
+            "pass the ports that add_station() returned, as in linearize(ports)",
+        )
         raise Unsuitable("station", problem, remedy)
     return config_of(station, overrides)
 
@@ -126,14 +143,21 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         raise InvalidParameter(
             "station",
             config.name,
-            message("linear.dynamic_with_robots", "a dynamic one with robots: others have no motion of their own"),
+            message(
+                "linear.dynamic_with_robots",
+                "a dynamic one with robots: others have no motion of their own",
+            ),
         )
     if config.free_pieces:
         listed, first = ", ".join(config.free_pieces), config.free_pieces[0]
         raise InvalidParameter(
             "pieces",
             message("linear.pieces_free", "{pieces} free", pieces=listed),
-            message("linear.all_held", "all held: set pieces.{first}.free to false, or leave it out", first=first),
+            message(
+                "linear.all_held",
+                "all held: set pieces.{first}.free to false, or leave it out",
+                first=first,
+            ),
         )
     left_out = {
         "contact": message("linear.contact_left_out", "contact: things pass through each other"),
@@ -157,17 +181,29 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         servo = config.servo_of(name)
         if servo.realization == "implicit":
             servo = servo.model_copy(update={"realization": "vector"})
-        drives = (entry.drives or Drives()).model_copy(update={"friction": 0.0, "backlash_deg": 0.0})
+        drives = (entry.drives or Drives()).model_copy(
+            update={"friction": 0.0, "backlash_deg": 0.0}
+        )
         robots[name] = entry.model_copy(update={"servo": servo, "drives": drives})
     models = [robot.model for robot in resolve(config).robots.values()]
     if any(model.friction.any() for model in models):
         notes.append(
-            message("linear.friction_left_out", "Coulomb friction, whose slope at rest tells nothing of motion")
+            message(
+                "linear.friction_left_out",
+                "Coulomb friction, whose slope at rest tells nothing of motion",
+            )
         )
     if any(model.play.any() for model in models):
         notes.append(message("linear.backlash_left_out", "backlash: gears do not let go"))
-    changes: dict[str, object] = {key: {} for key in ("sensors", "monitors", "forces", "controllers")}
-    changes |= {"contact": None, "floor": None, "robots": robots, "solver": ContinuousSolver(kind="continuous")}
+    changes: dict[str, object] = {
+        key: {} for key in ("sensors", "monitors", "forces", "controllers")
+    }
+    changes |= {
+        "contact": None,
+        "floor": None,
+        "robots": robots,
+        "solver": ContinuousSolver(kind="continuous"),
+    }
     return config.model_copy(update=changes), notes
 
 
@@ -225,7 +261,10 @@ class _Rest:
             if f"{robot.prefix}feedforward" in self._ports.inputs:
                 driven = ~robot.gains.passive  # no feedforward holds a passive axis
                 free[start + robot.axis_map.position_places[driven]] = False
-                free[len(state) + np.arange(len(self._inputs))[self._input(f"{robot.prefix}feedforward")]] = True
+                free[
+                    len(state)
+                    + np.arange(len(self._inputs))[self._input(f"{robot.prefix}feedforward")]
+                ] = True
         for _ in range(_MOST_STEPS):
             state = self._context.get_continuous_state_vector().CopyToVector()
             taylor = self._expanded()
@@ -236,8 +275,12 @@ class _Rest:
                     return
                 break
             step = np.zeros(len(free))
-            step[free] = np.linalg.lstsq(np.hstack([taylor.A(), taylor.B()])[:, free], -rate, rcond=None)[0]
-            step[: len(state)] *= min(1.0, _LONGEST / max(np.abs(step[start : start + count]).max(), 1e-300))
+            step[free] = np.linalg.lstsq(
+                np.hstack([taylor.A(), taylor.B()])[:, free], -rate, rcond=None
+            )[0]
+            step[: len(state)] *= min(
+                1.0, _LONGEST / max(np.abs(step[start : start + count]).max(), 1e-300)
+            )
             self._context.SetContinuousState(state + step[: len(state)])
             self._inputs += step[len(state) :]
         raise NoRest(self._why(postures))
@@ -247,16 +290,32 @@ class _Rest:
         taylor = self._expanded()
         names, turn = self._names()
         state = self._context.get_continuous_state_vector().CopyToVector()
-        rows, values, outputs = [taylor.C() @ turn.T], [self._diagram.get_output_port().Eval(self._context)], []
+        rows, values, outputs = (
+            [taylor.C() @ turn.T],
+            [self._diagram.get_output_port().Eval(self._context)],
+            [],
+        )
         for robot in self._robots:
-            outputs += [f"{robot.prefix}{column}.{axis}" for column in _OUTPUTS.values() for axis in robot.axes]
+            outputs += [
+                f"{robot.prefix}{column}.{axis}"
+                for column in _OUTPUTS.values()
+                for axis in robot.axes
+            ]
         for robot in self._robots:
             if robot.tcp:
-                tool, columns = robot.tools[robot.tcp], [names.index(f"{robot.prefix}q.{axis}") for axis in robot.axes]
+                tool, columns = (
+                    robot.tools[robot.tcp],
+                    [names.index(f"{robot.prefix}q.{axis}") for axis in robot.axes],
+                )
                 dynamics = Dynamics(robot.model, self._plant, robot.joints, tool=tool)
                 jacobian = np.zeros((6, len(names)))
-                jacobian[:, columns] = dynamics.jacobian(robot.axis_map.positions(self._plant.GetPositions(self._own)))
-                rows, outputs = [*rows, jacobian], [*outputs, *(f"{robot.prefix}tcp.{part}" for part in _TOOL)]
+                jacobian[:, columns] = dynamics.jacobian(
+                    robot.axis_map.positions(self._plant.GetPositions(self._own))
+                )
+                rows, outputs = (
+                    [*rows, jacobian],
+                    [*outputs, *(f"{robot.prefix}tcp.{part}" for part in _TOOL)],
+                )
                 values += [tool.CalcPoseInWorld(self._own).translation(), np.zeros(3)]
         through = np.zeros((len(outputs), len(self._inputs)))
         through[: len(taylor.D())] = taylor.D()
@@ -285,9 +344,13 @@ class _Rest:
         """Tell whether no motor is at its limit."""
         names = [f"{robot.prefix}torque" for robot in self._robots]
         ports = [self._ports.outputs[name] for name in names]
-        torques = [port.Eval(port.get_system().GetMyContextFromRoot(self._context)) for port in ports]
+        torques = [
+            port.Eval(port.get_system().GetMyContextFromRoot(self._context)) for port in ports
+        ]
         limits = [robot.gains.judged_limit for robot in self._robots]
-        return all((np.abs(torque) < limit).all() for torque, limit in zip(torques, limits, strict=True))
+        return all(
+            (np.abs(torque) < limit).all() for torque, limit in zip(torques, limits, strict=True)
+        )
 
     def _passive_axes_stay(self, postures: Mapping[str, Vector]) -> bool:
         """Whether passive axes rest where they are asked to, and not in another equilibrium that is far away.
@@ -316,7 +379,9 @@ class _Rest:
     def _input_names(self) -> Iterator[str]:
         for name, port in self._ports.inputs.items():
             robot = next(robot for robot in self._robots if name.startswith(robot.prefix))
-            parts = robot.axes if port.size() == len(robot.axes) and "external" not in name else "xyz"
+            parts = (
+                robot.axes if port.size() == len(robot.axes) and "external" not in name else "xyz"
+            )
             yield from (f"{name}.{part}" for part in parts)
 
     def _names(self) -> tuple[list[str], Vector]:
@@ -328,11 +393,23 @@ class _Rest:
                 own = robot.axis_map
                 places = own.position_places if letter == "q" else own.velocity_places
                 names = [f"{robot.prefix}{letter}.{axis}" for axis in robot.axes]
-                found |= zip((first + places).tolist(), zip(names, own.signs.tolist(), strict=True), strict=True)
-        others = [f"q.{name}" for name in plant.GetPositionNames()] + [f"v.{name}" for name in plant.GetVelocityNames()]
+                found |= zip(
+                    (first + places).tolist(),
+                    zip(names, own.signs.tolist(), strict=True),
+                    strict=True,
+                )
+        others = [f"q.{name}" for name in plant.GetPositionNames()] + [
+            f"v.{name}" for name in plant.GetVelocityNames()
+        ]
         for system in self._diagram.GetSystems():
             size, name = self._states_of(system), system.get_name()
-            parts = others if name == "plant" else [name] if size == 1 else [f"{name}.{part}" for part in range(size)]
+            parts = (
+                others
+                if name == "plant"
+                else [name]
+                if size == 1
+                else [f"{name}.{part}" for part in range(size)]
+            )
             for part in range(size):
                 found.setdefault(self._starts[name] + part, (parts[part], 1.0))
         turn = np.zeros((len(found), len(found)))

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MODEL_FILE = "linear.yaml"
-_MATRICES, _POINT, _NAMES = ("A", "B", "C", "D"), ("x0", "u0", "y0"), ("states", "inputs", "outputs")
+_MATRICES, _POINT, _NAMES = (
+    ("A", "B", "C", "D"),
+    ("x0", "u0", "y0"),
+    ("states", "inputs", "outputs"),
+)
 _POINTS = 600
 _BEYOND = 10.0  # how many times slower and faster than the slowest and the fastest motion the frequencies go
 
@@ -96,9 +100,15 @@ class LinearModel:
         parts = np.abs(np.linalg.pinv(right).T * right)
         owners = [re.sub(r"(^|\.)[qv]\.", r"\1", state) for state in self.states]  # an axis has two
         names = list(dict.fromkeys(owners))
-        shares = np.array([parts[[owner == name for owner in owners]].sum(axis=0) for name in names])
+        shares = np.array(
+            [parts[[owner == name for owner in owners]].sum(axis=0) for name in names]
+        )
         mostly = [names[row] for row in shares.argmax(axis=0)]
-        modes = [Mode(complex(pole), name) for pole, name in zip(poles, mostly, strict=True) if pole.imag >= 0]
+        modes = [
+            Mode(complex(pole), name)
+            for pole, name in zip(poles, mostly, strict=True)
+            if pole.imag >= 0
+        ]
         return sorted(modes, key=lambda mode: abs(mode.pole))
 
     def response(self, frequencies: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -106,12 +116,16 @@ class LinearModel:
         found = np.atleast_1d(finite(frequencies))
         if not found.size or found.ndim != 1:
             raise InvalidParameter(
-                "frequencies", quoted(frequencies), message("linear.finite_frequencies", "finite numbers [Hz]")
+                "frequencies",
+                quoted(frequencies),
+                message("linear.finite_frequencies", "finite numbers [Hz]"),
             )
         resolvents = 2j * np.pi * found[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A
         return np.asarray(self.C @ np.linalg.solve(resolvents, self.B.astype(complex)) + self.D)
 
-    def part(self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "LinearModel":
+    def part(
+        self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> "LinearModel":
         """Return the model between some of its ports.
 
         Args:
@@ -121,7 +135,10 @@ class LinearModel:
         Raises:
             UnknownName: no such input or output.
         """
-        columns, rows = _places("input", inputs, self.inputs), _places("output", outputs, self.outputs)
+        columns, rows = (
+            _places("input", inputs, self.inputs),
+            _places("output", outputs, self.outputs),
+        )
         return replace(
             self,
             B=self.B[:, columns],
@@ -145,8 +162,13 @@ class LinearModel:
         """
         target = Path(folder)
         with filled_at_once(target, marker=MODEL_FILE, force=force) as work:
-            (work / MODEL_FILE).write_text(yaml.safe_dump(self._content(), sort_keys=False, allow_unicode=True))
-            np.savez(work / "linear.npz", **{key: getattr(self, key) for key in (*_MATRICES, *_POINT, *_NAMES)})
+            (work / MODEL_FILE).write_text(
+                yaml.safe_dump(self._content(), sort_keys=False, allow_unicode=True)
+            )
+            np.savez(
+                work / "linear.npz",
+                **{key: getattr(self, key) for key in (*_MATRICES, *_POINT, *_NAMES)},
+            )
             bode_figure(self).savefig(work / "bode.png", dpi=110)
         return target
 
@@ -170,9 +192,15 @@ def _places(kind: str, names: Sequence[str] | None, known: tuple[str, ...]) -> l
         return list(range(len(known)))
     places = []
     for name in names:
-        found = [place for place, other in enumerate(known) if other == name or other.rpartition(".")[0] == name]
+        found = [
+            place
+            for place, other in enumerate(known)
+            if other == name or other.rpartition(".")[0] == name
+        ]
         if not found:
-            one_of(kind, name, [*dict.fromkeys(other.rpartition(".")[0] for other in known), *known])
+            one_of(
+                kind, name, [*dict.fromkeys(other.rpartition(".")[0] for other in known), *known]
+            )
         places += found
     return places
 
@@ -186,7 +214,9 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
 
     from simrob_drake.results.plots.grid import style
 
-    own = [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]
+    own = [
+        (name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name
+    ]
     chosen = own if pairs is None else list(pairs)
     sizes = np.abs(model.poles[model.poles != 0]) / (2 * np.pi)
     slowest, fastest = (sizes.min(), sizes.max()) if sizes.size else (1.0, 1.0)

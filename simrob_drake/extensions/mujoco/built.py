@@ -27,7 +27,9 @@ from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
 _NO_MODEL = message("mujoco.servos_without_model", "MJCF's servos do not know the arm's model")
 
 
-def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *, moved_by_torque: bool = True) -> None:
+def check_sayable(
+    config: StationConfig, robots: Mapping[str, ResolvedRobot], *, moved_by_torque: bool = True
+) -> None:
     """Check that MuJoCo moves a station as Drake does; what only measures is no hindrance.
 
     Where it is not ``moved_by_torque``, bodies are all that counts. Raises InvalidParameter: key, why, what would be
@@ -39,7 +41,10 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
         raise InvalidParameter(
             "mode",
             "kinematic",
-            message("mujoco.dynamic_only", "dynamic: MJCF moves things by forces, not along a given motion"),
+            message(
+                "mujoco.dynamic_only",
+                "dynamic: MJCF moves things by forces, not along a given motion",
+            ),
         )
     if config.controllers:
         expected = message("mujoco.no_controllers", "MJCF holds no controllers")
@@ -48,7 +53,9 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
         expected = message("mujoco.point_only", "point: MuJoCo knows no pressure over a surface")
         raise InvalidParameter("contact.model", config.contact.model, expected)
     if config.prescribed:
-        raise Unsuitable("prescribed", message("mujoco.joints_by_forces", "MJCF moves all joints by forces"))
+        raise Unsuitable(
+            "prescribed", message("mujoco.joints_by_forces", "MJCF moves all joints by forces")
+        )
     for name, force in config.forces.items():
         if isinstance(force, Drag):
             raise InvalidParameter(
@@ -73,7 +80,9 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
     key = "servo" if config.robots[robot].servo is None else f"robots.{robot}.servo"
     if servo.law != "pid":
         raise InvalidParameter(
-            f"{key}.law", servo.law, message("mujoco.pid_only", "pid: MJCF's servos know no other law")
+            f"{key}.law",
+            servo.law,
+            message("mujoco.pid_only", "pid: MJCF's servos know no other law"),
         )
     # A motor's largest torque falls with its speed by `slope`. MJCF can do that only as a damper of the joint, which
     # the plant has where the whole fall is one (`servo.motor.realization: implicit`).
@@ -85,16 +94,25 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
         raise InvalidParameter(
             f"{key}.motor",
             "given",
-            message("mujoco.mujoco_has_motors", "{expected}; solver.kind mujoco has motors", expected=expected),
+            message(
+                "mujoco.mujoco_has_motors",
+                "{expected}; solver.kind mujoco has motors",
+                expected=expected,
+            ),
         )
     if servo.bus is not None:
         raise Unsuitable(
             f"{key}.bus",
-            message("mujoco.commands_without_delay", "the servos of MJCF get their commands without delay"),
+            message(
+                "mujoco.commands_without_delay",
+                "the servos of MJCF get their commands without delay",
+            ),
         )
     if servo.feedforward != "none":
         raise InvalidParameter(
-            f"{key}.feedforward", servo.feedforward, message("mujoco.none_because", "none: {reason}", reason=_NO_MODEL)
+            f"{key}.feedforward",
+            servo.feedforward,
+            message("mujoco.none_because", "none: {reason}", reason=_NO_MODEL),
         )
     if servo.admittance_gain > 0:
         raise InvalidParameter(
@@ -110,10 +128,14 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
             "with the input reference_velocity, which MJCF's servos have through kp alone",
         )
         if gains.ki.any():
-            raise InvalidParameter(f"{key}.ki", gains.ki.tolist(), message("mujoco.zero_with", "0 {why}", why=why))
+            raise InvalidParameter(
+                f"{key}.ki", gains.ki.tolist(), message("mujoco.zero_with", "0 {why}", why=why)
+            )
         if ((gains.kp == 0) & (gains.kd > 0)).any():
             raise InvalidParameter(
-                f"{key}.kp", gains.kp.tolist(), message("mujoco.positive_with", "positive {why}", why=why)
+                f"{key}.kp",
+                gains.kp.tolist(),
+                message("mujoco.positive_with", "positive {why}", why=why),
             )
 
 
@@ -171,7 +193,9 @@ class BuiltStation:
     # of MuJoCo, and the model that is made of it
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    outputs: dict[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    outputs: dict[
+        str, OutputSensors
+    ]  # how the model's sensors give outputs of the station, by their names
     columns: dict[str, slice]  # of the sensors in their data, by their names
     coordinates: Coordinates  # between Drake's positions and velocities and MuJoCo's
     step: float  # length of a step [s]
@@ -195,15 +219,27 @@ class BuiltStation:
         check_sayable(config, station.robots, moved_by_torque=moved_by_torque)
         closed = closed_station(station)
         driver: Driver = "controls" if moved_by_torque else "motion"
-        made = mujoco_model(station, closed.ports.plant, step=step, integrator=integrator, seen=seen, driver=driver)
+        made = mujoco_model(
+            station, closed.ports.plant, step=step, integrator=integrator, seen=seen, driver=driver
+        )
         columns = {
             made.model.sensor(index).name: slice(start, start + size)
-            for index, (start, size) in enumerate(zip(made.model.sensor_adr, made.model.sensor_dim, strict=True))
+            for index, (start, size) in enumerate(
+                zip(made.model.sensor_adr, made.model.sensor_dim, strict=True)
+            )
         }
         plant = closed.ports.plant.plant
         coordinates = Coordinates.of(plant, made.model, Names(plant))
         return cls(
-            station, closed.diagram, closed.ports, made.spec, made.model, dict(made.outputs), columns, coordinates, step
+            station,
+            closed.diagram,
+            closed.ports,
+            made.spec,
+            made.model,
+            dict(made.outputs),
+            columns,
+            coordinates,
+            step,
         )
 
     @property

@@ -19,7 +19,9 @@ class Names:
 
     def __init__(self, plant: MultibodyPlant) -> None:
         self._plant = plant
-        self._bodies = Counter(plant.get_body(BodyIndex(index)).name() for index in range(plant.num_bodies()))
+        self._bodies = Counter(
+            plant.get_body(BodyIndex(index)).name() for index in range(plant.num_bodies())
+        )
         self._joints = Counter(plant.get_joint(index).name() for index in plant.GetJointIndices())
 
     def body(self, body: RigidBody) -> str:
@@ -40,7 +42,11 @@ class Names:
 
 def free_name(own: str, taken: Collection[str]) -> str:
     """Return a name that none has yet: its own, with a number behind where that is taken."""
-    return own if own not in taken else next(name for n in count(1) if (name := f"{own}.{n}") not in taken)
+    return (
+        own
+        if own not in taken
+        else next(name for n in count(1) if (name := f"{own}.{n}") not in taken)
+    )
 
 
 Places = npt.NDArray[np.intp]
@@ -71,7 +77,11 @@ class Coordinates:
         there = np.zeros(nq + plant.num_velocities(), np.intp)
         for index in plant.GetJointIndices():
             joint = plant.get_joint(index)
-            q, v, count = joint.position_start(), nq + joint.velocity_start(), joint.num_velocities()
+            q, v, count = (
+                joint.position_start(),
+                nq + joint.velocity_start(),
+                joint.num_velocities(),
+            )
             if not count:
                 continue
             own = model.joint(names.joint(joint))
@@ -79,7 +89,9 @@ class Coordinates:
             if count == 1:
                 there[q], there[v] = position, speed
                 continue
-            there[q : q + 7] = position + np.array([3, 4, 5, 6, 0, 1, 2])  # Drake has the quaternion first
+            there[q : q + 7] = position + np.array(
+                [3, 4, 5, 6, 0, 1, 2]
+            )  # Drake has the quaternion first
             there[v : v + 6] = speed + np.array([3, 4, 5, 0, 1, 2])
             free.append((slice(position + 3, position + 7), slice(speed + 3, speed + 6)))
         return cls(nq, there, np.argsort(there), tuple(free))

@@ -49,7 +49,9 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
         if np.isfinite(limit) and limit > 0:
             servo.forcelimited, servo.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-limit, limit]
         if ki > 0:
-            servo.set_to_pid(kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most / ki), ctrlspec=_POSITION)
+            servo.set_to_pid(
+                kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most / ki), ctrlspec=_POSITION
+            )
         else:
             servo.set_to_position(kp=float(kp), kv=float(kd))
 
@@ -60,7 +62,9 @@ def add_motors(spec: mujoco.MjSpec, plant: MultibodyPlant, names: Names) -> None
         motor = plant.get_joint_actuator(JointActuatorIndex(number))
         if motor.has_controller():
             gains, joint = motor.get_controller_gains(), names.joint(motor.joint())
-            servo = spec.add_actuator(name=str(number), trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+            servo = spec.add_actuator(
+                name=str(number), trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint
+            )
             servo.set_to_position(kp=gains.p, kv=gains.d)
 
 
@@ -68,7 +72,12 @@ def add_force(spec: mujoco.MjSpec, frame: Frame, point: Vector, *, name: str, na
     """Add a force in a frame's axes, at a point (3,) [m] in it: three actuators, whose controls are its parts [N]."""
     add_site(spec, frame, name=name, names=names, point=point)
     for axis, along in zip("xyz", np.eye(3).tolist(), strict=True):
-        spec.add_actuator(name=f"{name}.{axis}", trntype=mujoco.mjtTrn.mjTRN_SITE, target=name, gear=[*along, 0, 0, 0])
+        spec.add_actuator(
+            name=f"{name}.{axis}",
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            target=name,
+            gear=[*along, 0, 0, 0],
+        )
 
 
 def add_site(
@@ -94,7 +103,9 @@ class OutputSensors:
     # how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense; ``sum``
     # of vectors; ``least`` of numbers
     kind: Literal["row", "pose", "sum", "least"] = "row"
-    damping: Vector | None = None  # of dampers that brake beside servos: their speeds follow in a row, shape (n,)
+    damping: Vector | None = (
+        None  # of dampers that brake beside servos: their speeds follow in a row, shape (n,)
+    )
 
     def of(self, columns: Mapping[str, slice], data: Vector) -> Vector:
         """Return the output (m, size) of a model's sensor data (m, k)."""
@@ -127,7 +138,10 @@ def add_sensors(
     for robot in plant.robots.values():
         if moved_by_torque:
             outputs |= _of_servos(spec, robot)
-        frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
+        frames = {
+            "base_pose": robot.root,
+            **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()},
+        }
         for output, frame in frames.items():
             place = f"{robot.prefix}{output.removesuffix('_pose').removeprefix('tcp_pose.')}"
             add_site(spec, frame, name=place, names=names)
@@ -136,14 +150,19 @@ def add_sensors(
             outputs[f"{robot.prefix}tcp_pose"] = outputs[f"{robot.prefix}tcp_pose.{robot.tcp}"]
     for piece, body in plant.free_pieces.items():
         seen = spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body)
-        outputs |= {f"piece_pose.{piece}": _of_frame(*seen), f"piece_velocity.{piece}": _of_frame(*seen, "row")}
+        outputs |= {
+            f"piece_pose.{piece}": _of_frame(*seen),
+            f"piece_velocity.{piece}": _of_frame(*seen, "row"),
+        }
     pairs = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
     for name, section in station.sensors.items():
         if isinstance(section, Force | Distance) and station.has_contact:
             own = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.body)]
             others = list(shapes.values())
             if section.other is not None:
-                others = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.other)]
+                others = [
+                    shapes.get(shape, "") for shape in shapes_of(plant, station, section.other)
+                ]
             found = [(a, b) for a in own for b in others if (a, b) in pairs or (b, a) in pairs]
             outputs |= _of_shapes(spec, section.kind, name, found)
     return outputs
@@ -158,32 +177,59 @@ def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, OutputSens
     ):
         sensors = [f"{robot.prefix}{column}.{axis}" for axis in robot.axes]
         for name, axis in zip(sensors, robot.axes, strict=True):
-            spec.add_sensor(name=name, type=sense, objtype=_OBJECTS.mjOBJ_ACTUATOR, objname=f"{robot.prefix}{axis}")
+            spec.add_sensor(
+                name=name,
+                type=sense,
+                objtype=_OBJECTS.mjOBJ_ACTUATOR,
+                objname=f"{robot.prefix}{axis}",
+            )
         outputs[f"{robot.prefix}{output}"] = OutputSensors(tuple(sensors))
     if robot.gains.damping.any():
-        torque, speed = (outputs[f"{robot.prefix}{output}"].names for output in ("torque", "velocity"))
-        outputs[f"{robot.prefix}torque"] = OutputSensors((*torque, *speed), damping=robot.gains.damping)
+        torque, speed = (
+            outputs[f"{robot.prefix}{output}"].names for output in ("torque", "velocity")
+        )
+        outputs[f"{robot.prefix}torque"] = OutputSensors(
+            (*torque, *speed), damping=robot.gains.damping
+        )
     return outputs
 
 
 def _of_frame(
-    spec: mujoco.MjSpec, name: str, objtype: mujoco.mjtObj, objname: str, kind: Literal["pose", "row"] = "pose"
+    spec: mujoco.MjSpec,
+    name: str,
+    objtype: mujoco.mjtObj,
+    objname: str,
+    kind: Literal["pose", "row"] = "pose",
 ) -> OutputSensors:
     """Add sensors of a frame's pose, or in a row of its linear and its angular velocity."""
     poses = {"position": _SENSES.mjSENS_FRAMEPOS, "quaternion": _SENSES.mjSENS_FRAMEQUAT}
-    speeds = {"velocity": _SENSES.mjSENS_FRAMELINVEL, "angular_velocity": _SENSES.mjSENS_FRAMEANGVEL}
-    sensors = {f"{name}.{part}": sense for part, sense in (poses if kind == "pose" else speeds).items()}
+    speeds = {
+        "velocity": _SENSES.mjSENS_FRAMELINVEL,
+        "angular_velocity": _SENSES.mjSENS_FRAMEANGVEL,
+    }
+    sensors = {
+        f"{name}.{part}": sense for part, sense in (poses if kind == "pose" else speeds).items()
+    }
     for sensor, sense in sensors.items():
         spec.add_sensor(name=sensor, type=sense, objtype=objtype, objname=objname)
     return OutputSensors(tuple(sensors), kind)
 
 
-def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]) -> dict[str, OutputSensors]:
+def _of_shapes(
+    spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]
+) -> dict[str, OutputSensors]:
     """Add a sensor of force or distance as one for each pair of shapes that may touch."""
     sensors = tuple(f"{kind}.{name}.{number}" for number in range(len(pairs)))
-    sense, geom = _SENSES.mjSENS_CONTACT if kind == "force" else _SENSES.mjSENS_GEOMDIST, _OBJECTS.mjOBJ_GEOM
-    for sensor, (own, other) in zip(sensors, pairs, strict=True):  # MuJoCo tells the force on the second
-        added = spec.add_sensor(name=sensor, type=sense, objtype=geom, objname=other, reftype=geom, refname=own)
+    sense, geom = (
+        _SENSES.mjSENS_CONTACT if kind == "force" else _SENSES.mjSENS_GEOMDIST,
+        _OBJECTS.mjOBJ_GEOM,
+    )
+    for sensor, (own, other) in zip(
+        sensors, pairs, strict=True
+    ):  # MuJoCo tells the force on the second
+        added = spec.add_sensor(
+            name=sensor, type=sense, objtype=geom, objname=other, reftype=geom, refname=own
+        )
         if kind == "force":
             added.intprm = np.resize([_FORCE_BIT, _NET, 1], len(added.intprm))
         else:

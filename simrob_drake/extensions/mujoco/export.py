@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.folders import check_ending, check_new_file, filled_at_once, replaced_at_once, writing
+from simrob_drake.base.folders import (
+    check_ending,
+    check_new_file,
+    filled_at_once,
+    replaced_at_once,
+    writing,
+)
 from simrob_drake.extensions.mujoco.model import STEP
 from simrob_drake.extensions.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
@@ -15,7 +21,9 @@ from simrob_drake.stations.config import StationConfig
 CONTROLS = "controls.csv"  # the file beside an MJCF file that holds a row of controls for each step
 
 
-def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, force: bool = False) -> list[Path]:
+def save_mjcf(
+    config: StationConfig, file: Path | str, *, step: float = STEP, force: bool = False
+) -> list[Path]:
     """Write a station as MJCF for steps of a length [s], and return what was written; ``force`` replaces what is there.
 
     Beside ``station.xml`` a folder ``station_mjcf`` holds the meshes, and the controls over the station's duration: a
@@ -36,8 +44,12 @@ def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, fo
         file.parent.mkdir(parents=True, exist_ok=True)
     with filled_at_once(folder, marker=CONTROLS, force=force) as work:
         names = ["time", *(model.actuator(index).name for index in range(model.nu))]
-        rows = np.column_stack([runner.built.step * np.arange(len(prepared.controls)), prepared.controls])
-        np.savetxt(work / CONTROLS, rows, delimiter=",", header=",".join(names), comments="", fmt="%.10g")
+        rows = np.column_stack(
+            [runner.built.step * np.arange(len(prepared.controls)), prepared.controls]
+        )
+        np.savetxt(
+            work / CONTROLS, rows, delimiter=",", header=",".join(names), comments="", fmt="%.10g"
+        )
         written = ET.fromstring(spec.to_xml())
         for mesh in written.iter("mesh"):
             kept = f"{mesh.get('name')}{Path(mesh.get('file', '')).suffix}"
@@ -45,5 +57,7 @@ def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, fo
             mesh.set("file", f"{folder.name}/{kept}")
         with replaced_at_once(file) as whole:
             lines = ET.tostring(written, encoding="unicode").splitlines()
-            whole.write_text("\n".join(line for line in lines if line.strip()) + "\n", encoding="utf-8")
+            whole.write_text(
+                "\n".join(line for line in lines if line.strip()) + "\n", encoding="utf-8"
+            )
     return [file, folder]

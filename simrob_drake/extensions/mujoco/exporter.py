@@ -16,17 +16,23 @@ from simrob_drake.stations.config import StationConfig
 class MjcfOptions:
     """Options of the export as MJCF."""
 
-    step: Annotated[float, typer.Option(help=message("mujoco.help_mjcf_step", "Length of MuJoCo's steps [s]."))] = 2e-3
+    step: Annotated[
+        float, typer.Option(help=message("mujoco.help_mjcf_step", "Length of MuJoCo's steps [s]."))
+    ] = 2e-3
 
 
 class MjcfExporter(StationExporter):
     """Writes a station as an MJCF file that MuJoCo loads by itself (extra `mujoco`)."""
 
-    help: ClassVar[str] = message("mujoco.help_mjcf_file", "The MJCF file of MuJoCo to write, FILE.xml.")
+    help: ClassVar[str] = message(
+        "mujoco.help_mjcf_file", "The MJCF file of MuJoCo to write, FILE.xml."
+    )
     suffix: ClassVar[str] = ".xml"
     options_class: ClassVar[type[Any]] = MjcfOptions
 
-    def export_station(self, config: StationConfig, file: Path, options: MjcfOptions, *, force: bool) -> list[Path]:
+    def export_station(
+        self, config: StationConfig, file: Path, options: MjcfOptions, *, force: bool
+    ) -> list[Path]:
         """Write a station as MJCF, with a folder of its meshes and controls.
 
         Args:

@@ -14,7 +14,9 @@ class MjcfImporter(RobotImporter):
 
     title: ClassVar[str] = message("mujoco.an_mjcf_file", "an MJCF file")
 
-    def robot_element(self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+    def robot_element(
+        self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport
+    ) -> ET.Element:
         """Translate an MJCF file into the element ``robot`` of a URDF.
 
         Args:

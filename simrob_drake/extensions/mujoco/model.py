@@ -49,7 +49,13 @@ from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, Co
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
-from simrob_drake.extensions.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
+from simrob_drake.extensions.mujoco.drives import (
+    OutputSensors,
+    add_force,
+    add_motors,
+    add_sensors,
+    add_servos,
+)
 from simrob_drake.extensions.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.station_plant import StationPlant
@@ -91,7 +97,9 @@ def softness(stiffness: float, ratio: float, inverse_mass: float, step: float) -
 
     The step [s] is that of an integrator that looks at its start, and 0 for ``discrete``.
     """
-    free = min(1 - LEAST_IMPEDANCE, 1 / max((_STEPS_A_SWING * step) ** 2 * stiffness * inverse_mass, _TINY))
+    free = min(
+        1 - LEAST_IMPEDANCE, 1 / max((_STEPS_A_SWING * step) ** 2 * stiffness * inverse_mass, _TINY)
+    )
     impedance = float(np.clip(1 - free, LEAST_IMPEDANCE, LARGEST_IMPEDANCE))
     swing = stiffness * inverse_mass * (1 - impedance)
     return Softness((-swing, -2 * min(ratio, 1.0) * np.sqrt(swing)), impedance)
@@ -112,7 +120,9 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
     """
     free = min(1 - LEAST_IMPEDANCE, 1 / max(slope * inverse_inertia * step, _TINY))
     impedance = max(1 - free, LEAST_IMPEDANCE)
-    return Softness((0.0, -slope * inverse_inertia * (1 - impedance)), min(impedance, LARGEST_IMPEDANCE))
+    return Softness(
+        (0.0, -slope * inverse_inertia * (1 - impedance)), min(impedance, LARGEST_IMPEDANCE)
+    )
 
 
 def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: float) -> float:
@@ -134,16 +144,25 @@ def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, Touchi
     for pair in touching_pairs(station):
         own = [inspector.GetProximityProperties(shape) for shape in pair]
         (k1, d1), (k2, d2) = (_stiffness_and_damping(properties, usual) for properties in own)
-        rubs = [p.GetPropertyOrDefault("material", "coulomb_friction", CoulombFriction(1.0, 1.0)) for p in own]
+        rubs = [
+            p.GetPropertyOrDefault("material", "coulomb_friction", CoulombFriction(1.0, 1.0))
+            for p in own
+        ]
         friction = CalcContactFrictionFromSurfaceProperties(*rubs).dynamic_friction()
-        found.append((*pair, TouchingPair(k1 * k2 / (k1 + k2), (k2 * d1 + k1 * d2) / (k1 + k2), friction)))
+        found.append(
+            (*pair, TouchingPair(k1 * k2 / (k1 + k2), (k2 * d1 + k1 * d2) / (k1 + k2), friction))
+        )
     return found
 
 
-def _stiffness_and_damping(properties: ProximityProperties, usual: DefaultProximityProperties) -> tuple[float, float]:
+def _stiffness_and_damping(
+    properties: ProximityProperties, usual: DefaultProximityProperties
+) -> tuple[float, float]:
     own = properties.GetPropertyOrDefault
     stiffness: float = own("material", "point_contact_stiffness", usual.point_stiffness)
-    dissipation: float = own("material", "hunt_crossley_dissipation", usual.hunt_crossley_dissipation)
+    dissipation: float = own(
+        "material", "hunt_crossley_dissipation", usual.hunt_crossley_dissipation
+    )
     return stiffness, dissipation
 
 
@@ -160,7 +179,9 @@ class MujocoModel:
 
     spec: mujoco.MjSpec  # of the model, with the figures for its step
     model: mujoco.MjModel  # compiled
-    outputs: Mapping[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    outputs: Mapping[
+        str, OutputSensors
+    ]  # how the model's sensors give outputs of the station, by their names
     shapes: Mapping[str, GeometryId]  # of the plant, by the names of the model's geoms
 
 
@@ -203,7 +224,9 @@ def mujoco_model(
     elif driver == "diagram":
         add_motors(spec, plant.plant, names)
     if driver != "diagram":
-        outputs = add_sensors(spec, station, plant, names, shapes, moved_by_torque=driver == "controls")
+        outputs = add_sensors(
+            spec, station, plant, names, shapes, moved_by_torque=driver == "controls"
+        )
     model = _compiled(spec)
     if driver != "motion":
         _soften(spec, model, station, plant, names, [surface for _, _, surface in pairs])
@@ -229,13 +252,19 @@ def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrat
     option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # of walkers a quarter quicker, of arms as quick
+    option.jacobian = (
+        mujoco.mjtJacobian.mjJAC_SPARSE
+    )  # of walkers a quarter quicker, of arms as quick
     off = mujoco.mjtDisableBit  # runs that go astray stay so, and contacts are as stiff as they are
-    option.disableflags = sum(map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE)))
+    option.disableflags = sum(
+        map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE))
+    )
 
 
 def _add_pairs(
-    spec: mujoco.MjSpec, shapes: Mapping[GeometryId, str], pairs: list[tuple[GeometryId, GeometryId, TouchingPair]]
+    spec: mujoco.MjSpec,
+    shapes: Mapping[GeometryId, str],
+    pairs: list[tuple[GeometryId, GeometryId, TouchingPair]],
 ) -> None:
     for first, second, surface in pairs:
         rubs = surface.friction > 0
@@ -275,29 +304,48 @@ def _soften(
 
 
 def _soften_joints(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, station: ResolvedStation, plant: StationPlant, names: Names, step: float
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    station: ResolvedStation,
+    plant: StationPlant,
+    names: Names,
+    step: float,
 ) -> None:
     for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):
             if most > 0:
-                own, slope = spec.joint(names.joint(joint)), most / robot.model.drives.friction_speed
+                own, slope = (
+                    spec.joint(names.joint(joint)),
+                    most / robot.model.drives.friction_speed,
+                )
                 found = dry_friction(slope, _inverse_inertia(model, own.name), step)
-                own.solref_friction, own.solimp_friction, own.frictionloss = found.solref, found.solimp, most
+                own.solref_friction, own.solimp_friction, own.frictionloss = (
+                    found.solref,
+                    found.solimp,
+                    most,
+                )
     stops = stops_of(station.config, plant)
     for joint in map(plant.plant.get_joint, plant.plant.GetJointIndices()):
         if joint.num_velocities() == 1:
             own = spec.joint(names.joint(joint))
-            weight, (stiffness, damping) = _inverse_inertia(model, own.name), stops[:, joint.velocity_start()].tolist()
+            weight, (stiffness, damping) = (
+                _inverse_inertia(model, own.name),
+                stops[:, joint.velocity_start()].tolist(),
+            )
             found = softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step)
             own.solref_limit, own.solimp_limit = found.solref, found.solimp
 
 
-def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnesses: list[Softness]) -> None:
+def _weigh_again(
+    spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnesses: list[Softness]
+) -> None:
     """Correct contacts by the inverse masses that ``discrete`` takes where the station begins."""
     model = spec.compile()
     model.pair_margin[:] = _FAR  # so that all touch
     data, context = mujoco.MjData(model), plant.plant.CreateDefaultContext()
-    Coordinates.of(plant.plant, model, names).put(data, plant.plant.GetPositionsAndVelocities(context))
+    Coordinates.of(plant.plant, model, names).put(
+        data, plant.plant.GetPositionsAndVelocities(context)
+    )
     mujoco.mj_kinematics(model, data)
     mujoco.mj_transmission(model, data)
     servos = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)  # the other ones are forces

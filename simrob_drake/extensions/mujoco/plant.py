@@ -11,7 +11,14 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import Context, DiscreteValues, EventStatus, InputPort, OutputPort, ValueProducer
+from pydrake.systems.framework import (
+    Context,
+    DiscreteValues,
+    EventStatus,
+    InputPort,
+    OutputPort,
+    ValueProducer,
+)
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
@@ -55,15 +62,28 @@ class MujocoPlant(Block):
         """
         super().__init__()
         self.set_name("plant")
-        own, made = plant.plant, mujoco_model(station, plant, step=station.engine.time_step, driver="diagram")
-        self._plant, self._model, self._data = weakref.proxy(own), made.model, mujoco.MjData(made.model)
+        own, made = (
+            plant.plant,
+            mujoco_model(station, plant, step=station.engine.time_step, driver="diagram"),
+        )
+        self._plant, self._model, self._data = (
+            weakref.proxy(own),
+            made.model,
+            mujoco.MjData(made.model),
+        )
         self._scratch, names = own.CreateDefaultContext(), Names(own)
         self._coordinates = Coordinates.of(own, made.model, names)
-        self._geoms = [made.shapes.get(made.model.geom(index).name) for index in range(made.model.ngeom)]
+        self._geoms = [
+            made.shapes.get(made.model.geom(index).name) for index in range(made.model.ngeom)
+        ]
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
         self._servos = Servos(plant, made.model, self._data, names)
-        self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
+        self._qpos, self._qvel, self._guess = (
+            self._data.qpos,
+            self._data.qvel,
+            self._data.qacc_warmstart,
+        )
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
         self._warm = self.DeclareDiscreteState(np.full(self._nv, _NOT_YET))
@@ -82,18 +102,28 @@ class MujocoPlant(Block):
         """The discrete group of its own that each output hands on, by the output's name."""
         self._motors: dict[int, _Motors] = {}
         for instance, places in self._servos.instances.items():
-            name, count = self._plant.GetModelInstanceName(ModelInstanceIndex(instance)), len(places)
+            name, count = (
+                self._plant.GetModelInstanceName(ModelInstanceIndex(instance)),
+                len(places),
+            )
             actuation = self.DeclareVectorInputPort(f"actuation.{name}", count).get_index()
             desired = self.DeclareVectorInputPort(f"desired_state.{name}", 2 * count).get_index()
             torque = self.DeclareDiscreteState(count)
             self.outputs[f"net_actuation.{name}"] = int(torque)
             applied = self.DeclareStateOutputPort(f"net_actuation.{name}", torque).get_index()
-            self._motors[instance] = _Motors(in_a_row(places), count, actuation, desired, applied, torque)
+            self._motors[instance] = _Motors(
+                in_a_row(places), count, actuation, desired, applied, torque
+            )
         tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
         step = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
-        self._step = self.DeclareCacheEntry("step", step, tickets).cache_index()  # the entry would keep the block
+        self._step = self.DeclareCacheEntry(
+            "step", step, tickets
+        ).cache_index()  # the entry would keep the block
         self.DeclareAbstractOutputPort(
-            "contact_results", Value[object], weakly(self._tell_contacts), {self.get_cache_entry(self._step).ticket()}
+            "contact_results",
+            Value[object],
+            weakly(self._tell_contacts),
+            {self.get_cache_entry(self._step).ticket()},
         )
         self.DeclareAbstractOutputPort(
             "body_poses", Value[list[RigidTransform]], weakly(self._tell_poses), {self.xd_ticket()}
@@ -102,13 +132,19 @@ class MujocoPlant(Block):
     @property
     def optional_inputs(self) -> tuple[str, ...]:
         """Names of its inputs: what is not connected does not act, as with Drake's plant."""
-        return tuple(self.get_input_port(index).get_name() for index in range(self.num_input_ports()))
+        return tuple(
+            self.get_input_port(index).get_name() for index in range(self.num_input_ports())
+        )
 
     get_state_output_port = partialmethod(Block.GetOutputPort, "state")
     get_contact_results_output_port = partialmethod(Block.GetOutputPort, "contact_results")
     get_body_poses_output_port = partialmethod(Block.GetOutputPort, "body_poses")
-    get_applied_spatial_force_input_port = partialmethod(Block.GetInputPort, "applied_spatial_force")
-    get_applied_generalized_force_input_port = partialmethod(Block.GetInputPort, "applied_generalized_force")
+    get_applied_spatial_force_input_port = partialmethod(
+        Block.GetInputPort, "applied_spatial_force"
+    )
+    get_applied_generalized_force_input_port = partialmethod(
+        Block.GetInputPort, "applied_generalized_force"
+    )
 
     def get_actuation_input_port(self, instance: ModelInstanceIndex) -> InputPort:
         """Return ``actuation.<instance>``."""
@@ -167,14 +203,20 @@ class MujocoPlant(Block):
         touching = np.flatnonzero(self._data.contact.efc_address >= 0)
         contact, shapes = self._data.contact, self._geoms
         frames, first = contact.frame[touching].reshape(-1, 3, 3), contact.efc_address[touching]
-        sizes = np.minimum(contact.dim[touching], 3)  # of elliptic cones: along the normal, then across
+        sizes = np.minimum(
+            contact.dim[touching], 3
+        )  # of elliptic cones: along the normal, then across
         force = np.zeros((len(touching), 3))
         for across in range(3):
             rows = sizes > across
             force[rows, across] = self._data.efc_force[first[rows] + across]
-        pairs = [(shapes[second], shapes[first]) for first, second in contact.geom[touching].tolist()]
+        pairs = [
+            (shapes[second], shapes[first]) for first, second in contact.geom[touching].tolist()
+        ]
         forces = np.einsum("ki,kij->kj", force, frames)
-        output.set_value(Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0]))
+        output.set_value(
+            Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0])
+        )
 
     def _tell_poses(self, context: Context, output: AbstractValue) -> None:
         self._plant.SetPositions(self._scratch, self.GetPositions(context))
@@ -198,9 +240,13 @@ class MujocoPlant(Block):
                 body, force = self._bodies[int(applied.body_index)], applied.F_Bq_W.translational()
                 point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ applied.p_BoBq_B
                 data.xfrc_applied[body, :3] += force
-                data.xfrc_applied[body, 3:] += applied.F_Bq_W.rotational() + np.cross(point - data.xipos[body], force)
+                data.xfrc_applied[body, 3:] += applied.F_Bq_W.rotational() + np.cross(
+                    point - data.xipos[body], force
+                )
         forces: Vector | float = 0.0
-        if (generalized := self.EvalVectorInput(context, self._generalized.get_index())) is not None:
+        if (
+            generalized := self.EvalVectorInput(context, self._generalized.get_index())
+        ) is not None:
             turned = np.concatenate([kept.value(self._motion)[:nq], generalized.value()])
             forces = self._coordinates.to_mujoco(turned)[nq:]
         torque = self._servos.step(desired, extra, forces, begun=spatial is not None)

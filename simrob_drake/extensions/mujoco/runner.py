@@ -25,7 +25,13 @@ from simrob_drake.results.record.run import DIVERGED
 from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import simulate
-from simrob_drake.simulation.run import ReferencesLike, by_robot, sample_times, with_duration, with_pushes
+from simrob_drake.simulation.run import (
+    ReferencesLike,
+    by_robot,
+    sample_times,
+    with_duration,
+    with_pushes,
+)
 from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
@@ -71,7 +77,9 @@ class Stepped:
         outputs = self._outputs(steps, times)
         outcome = self._outcome(stop, float(times[-1]), astray=count < len(sane))
         columns = [
-            outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
+            outputs[signal.output]
+            if signal.entries is None
+            else outputs[signal.output][:, signal.entries]
             for signal in built.signals
         ]
         final_state = self._state(steps, float(times[-1]))
@@ -102,9 +110,13 @@ class Stepped:
         sensed = _between(steps, self.sensed, times)
         outputs = {name: built.output(name, sensed) for name in built.outputs}
         for robot in built.ports.plant.robots.values():
-            outputs[f"{robot.prefix}reference"] = reference_values(self.references[robot.name], times)
+            outputs[f"{robot.prefix}reference"] = reference_values(
+                self.references[robot.name], times
+            )
         for name in built.station.config.forces:
-            outputs[f"applied_force.{name}"] = force_values(self.config.forces.get(name), times, times + built.step)
+            outputs[f"applied_force.{name}"] = force_values(
+                self.config.forces.get(name), times, times + built.step
+            )
         return outputs
 
     def _motion(self, steps: Vector, times: Vector) -> tuple[Vector, Vector]:
@@ -118,10 +130,14 @@ class Stepped:
         found = self._looked(steps, times, dict(onsets), onsets)
         if found is None:
             return None
-        between = steps[(steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)]
+        between = steps[
+            (steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)
+        ]
         return self._looked(steps, between, found.onsets, dict(found.onsets)) or found
 
-    def _looked(self, steps: Vector, times: Vector, before: Onsets, onsets: Onsets) -> Stopped | None:
+    def _looked(
+        self, steps: Vector, times: Vector, before: Onsets, onsets: Onsets
+    ) -> Stopped | None:
         """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
         monitors = self.built.ports.outputs.monitors
         if not monitors:
@@ -159,7 +175,11 @@ class Stepped:
         return Outcome(
             "completed",
             None,
-            message("mujoco.ran_to_its_end", "ran to its end at {duration:g} s", duration=self.config.duration),
+            message(
+                "mujoco.ran_to_its_end",
+                "ran to its end at {duration:g} s",
+                duration=self.config.duration,
+            ),
         )
 
     def _warnings(self, sensed: Vector) -> list[str]:
@@ -167,24 +187,35 @@ class Stepped:
         built, found = self.built, []
         for robot in built.ports.plant.robots.values():
             torque = np.abs(built.output(f"{robot.prefix}torque", sensed)).max(axis=0)
-            light = built.model.dof_invweight0[built.coordinates.velocities[robot.axis_map.velocity_places]]
+            light = built.model.dof_invweight0[
+                built.coordinates.velocities[robot.axis_map.velocity_places]
+            ]
             at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
             jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
-            found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
+            found += [
+                f"{robot.prefix}{axis}"
+                for axis, jumped in zip(robot.axes, jumps, strict=True)
+                if jumped
+            ]
         reached = message(
             "mujoco.reached_torque_limit",
             "reached the limit of torque, where MuJoCo takes no account of the damping within a "
             "step; take shorter ones",
         )
         silent = message(
-            "mujoco.left_out_in_rollouts", "are left out by quick roll-outs; a run with solver.kind mujoco has them"
+            "mujoco.left_out_in_rollouts",
+            "are left out by quick roll-outs; a run with solver.kind mujoco has them",
         )
         left: list[str] = (
             [compound("{left_out} {silent}", left_out=", ".join(built.left_out), silent=silent)]
             if built.left_out
             else []
         )
-        return [compound("{found} {reached}", found=", ".join(found), reached=reached), *left] if found else left
+        return (
+            [compound("{found} {reached}", found=", ".join(found), reached=reached), *left]
+            if found
+            else left
+        )
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""
@@ -193,8 +224,14 @@ class Stepped:
         return State(
             positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
             velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
-            references={name: reference_values(self.references[name], np.array([time]))[0] for name in robots},
-            joints={joint.name: JointState(q[joint.positions], v[joint.velocities]) for joint in joints_of(plant)},
+            references={
+                name: reference_values(self.references[name], np.array([time]))[0]
+                for name in robots
+            },
+            joints={
+                joint.name: JointState(q[joint.positions], v[joint.velocities])
+                for joint in joints_of(plant)
+            },
         )
 
 
@@ -203,7 +240,9 @@ def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
     after = np.clip(np.searchsorted(steps, times - _ROUNDING), 1, max(len(steps) - 1, 1))
     if len(steps) == 1:
         return np.repeat(rows[:1], len(times), axis=0)
-    part = np.clip((times - steps[after - 1]) / (steps[after] - steps[after - 1]), 0.0, 1.0)[:, np.newaxis]
+    part = np.clip((times - steps[after - 1]) / (steps[after] - steps[after - 1]), 0.0, 1.0)[
+        :, np.newaxis
+    ]
     return np.asarray(rows[after - 1] + part * (rows[after] - rows[after - 1]))
 
 
@@ -214,7 +253,9 @@ class RunRequest:
     reference: ReferencesLike = None  # as of :func:`simrob_drake.simulate`
     # in place of the station's, at the same places: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``
     pushes: Mapping[str, Any] | None = None
-    start: State | None = None  # where it begins, such as the ``final_state`` of another result, also of one in Drake
+    start: State | None = (
+        None  # where it begins, such as the ``final_state`` of another result, also of one in Drake
+    )
 
 
 Wanted = RunRequest  # its former name
@@ -239,14 +280,21 @@ class MujocoRunner:
     """
 
     def __init__(
-        self, station: StationLike, *, step: float = STEP, integrator: str | None = None, seen: bool = False
+        self,
+        station: StationLike,
+        *,
+        step: float = STEP,
+        integrator: str | None = None,
+        seen: bool = False,
     ) -> None:
         """Build a station as :func:`simrob_drake.simulate` takes it, for steps [s] and an integrator of MuJoCo.
 
         ``seen`` adds the pictures of all bodies. Raises SimrobError: no such station, or a part that MJCF cannot say.
         """
         self.config = config_of(station)
-        self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen)
+        self.built = BuiltStation.of(
+            self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen
+        )
 
     def __repr__(self) -> str:
         return f"<MujocoRunner of {self.config!r}>"
@@ -274,7 +322,10 @@ class MujocoRunner:
         config = with_duration(self.config, duration)
         prepared = [self.prepared(config, one) for one in requests]
         began = perf_counter()
-        starts, rows = np.array([run.start for run in prepared]), np.array([run.controls for run in prepared])
+        starts, rows = (
+            np.array([run.start for run in prepared]),
+            np.array([run.controls for run in prepared]),
+        )
         data = [mujoco.MjData(self.built.model) for _ in range(max(threads, 1))]
         with Rollout(nthread=threads) as loop:
             states, sensed = loop.rollout(self.built.model, data, starts, rows)
@@ -282,7 +333,9 @@ class MujocoRunner:
         results = []
         for run, after, sensors, one in zip(prepared, states, sensed, requests, strict=True):
             before = np.vstack([run.start, after[:-1]])  # sensors tell of the state before a step
-            stepped = Stepped(self.built, run.config, run.references, before, sensors, seconds, one.start)
+            stepped = Stepped(
+                self.built, run.config, run.references, before, sensors, seconds, one.start
+            )
             results.append(stepped.result())
         return results
 
@@ -326,13 +379,17 @@ class MujocoRunner:
             start.check()
             return self.built.state(*start.of_plant(station))
         context = station.plant.CreateDefaultContext()
-        return self.built.state(station.plant.GetPositions(context), station.plant.GetVelocities(context))
+        return self.built.state(
+            station.plant.GetPositions(context), station.plant.GetVelocities(context)
+        )
 
 
 def inverse_run(config: StationConfig) -> SimulationResult:
     """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: no run."""
     run = simulate(config, progress=False)
-    built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
+    built = BuiltStation.of(
+        config, integrator="RK4", moved_by_torque=False
+    )  # others count damping over a step
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     references, plant = station_references(built.station), built.ports.plant.plant
     q, v, a = np.zeros((3, len(run.times), plant.num_velocities()))
@@ -343,10 +400,16 @@ def inverse_run(config: StationConfig) -> SimulationResult:
         q = robot.axis_map.spread_positions(position, q)
         v = robot.axis_map.spread_velocities(velocity, v)
         a = robot.axis_map.spread_velocities(acceleration, a)
-    data, forces, sensed = mujoco.MjData(built.model), np.empty_like(v), np.empty((len(q), built.model.nsensordata))
+    data, forces, sensed = (
+        mujoco.MjData(built.model),
+        np.empty_like(v),
+        np.empty((len(q), built.model.nsensordata)),
+    )
     for row in range(len(q)):
         built.coordinates.put(data, np.append(q[row], v[row]))
-        data.qacc[:] = built.coordinates.to_mujoco(np.append(q[row], a[row]))[plant.num_positions() :]
+        data.qacc[:] = built.coordinates.to_mujoco(np.append(q[row], a[row]))[
+            plant.num_positions() :
+        ]
         mujoco.mj_inverse(built.model, data)
         mujoco.mj_sensorPos(built.model, data)
         forces[row], sensed[row] = data.qfrc_inverse[built.coordinates.velocities], data.sensordata
@@ -356,7 +419,13 @@ def inverse_run(config: StationConfig) -> SimulationResult:
             robot.axis_map.velocities(v) / robot.model.drives.friction_speed, -1, 1
         )
         outputs[f"{robot.prefix}torque"] = robot.axis_map.efforts(forces) + sliding
-    signals = [signal for signal in built.ports.outputs.signals if signal.compute is None and signal.output in outputs]
-    columns = [outputs[s.output] if s.entries is None else outputs[s.output][:, s.entries] for s in signals]
+    signals = [
+        signal
+        for signal in built.ports.outputs.signals
+        if signal.compute is None and signal.output in outputs
+    ]
+    columns = [
+        outputs[s.output] if s.entries is None else outputs[s.output][:, s.entries] for s in signals
+    ]
     names = [name for signal in signals for name in signal.names]
     return replace(run, names=names, signals=tuple(signals), values=np.hstack(columns))

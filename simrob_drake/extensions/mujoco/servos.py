@@ -39,42 +39,65 @@ class Servos:
         instances: the places of each model instance's motors, by its number.
     """
 
-    def __init__(self, station: StationPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
+    def __init__(
+        self, station: StationPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names
+    ) -> None:
         """Find the motors of a station's plant in the model that was made of it."""
         plant = station.plant
-        motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
-        gains = [motor.get_controller_gains() if motor.has_controller() else None for motor in motors]
+        motors = [
+            plant.get_joint_actuator(JointActuatorIndex(index))
+            for index in range(plant.num_actuators())
+        ]
+        gains = [
+            motor.get_controller_gains() if motor.has_controller() else None for motor in motors
+        ]
         joints = [model.joint(names.joint(motor.joint())) for motor in motors]
         owners = np.array([int(motor.model_instance()) for motor in motors], np.intp)
         self.count = len(motors)
-        self.instances = {owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())}
+        self.instances = {
+            owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())
+        }
         self._servos = in_a_row(np.flatnonzero([own is not None for own in gains]))
         self._angles = in_a_row(np.array([joint.qposadr[0] for joint in joints], np.intp))
         self._driven = np.array([joint.dofadr[0] for joint in joints], np.intp)
         self._speeds = in_a_row(self._driven)
-        limits = [motor.effort_limit() if own else np.inf for motor, own in zip(motors, gains, strict=True)]
+        limits = [
+            motor.effort_limit() if own else np.inf
+            for motor, own in zip(motors, gains, strict=True)
+        ]
         self._limits = np.minimum(limits, _NO_LIMIT)
         self._stalls, self._slopes = np.full(self.count, _NO_LIMIT), np.zeros(self.count)
         places = {motor.joint().index(): place for place, motor in enumerate(motors)}
         for robot in station.robots.values():
             driven = np.flatnonzero(~robot.gains.passive)  # passive axes have no motor
             own = [places[robot.joints[axis].index()] for axis in driven]
-            if (line := robot.gains.line) is not None and all(gains[place] for place in own):  # else blocks have it
+            if (line := robot.gains.line) is not None and all(
+                gains[place] for place in own
+            ):  # else blocks have it
                 self._stalls[own] = np.minimum(line.stall[driven], _NO_LIMIT)
                 self._slopes[own] = line.slope[driven]
                 self._limits[own] = np.minimum(robot.gains.limit_at_any_speed[driven], _NO_LIMIT)
         self._has_lines = bool(self._slopes.any())
-        self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
+        self._kp, self._kd = (
+            np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd"
+        )
         self._model, self._data, self._step = model, data, model.opt.timestep
         self._gains, self._biases = model.actuator_gainprm[:, 0], model.actuator_biasprm
-        self._qpos, self._qvel, self._control, self._applied = data.qpos, data.qvel, data.ctrl, data.qfrc_applied
+        self._qpos, self._qvel, self._control, self._applied = (
+            data.qpos,
+            data.qvel,
+            data.ctrl,
+            data.qfrc_applied,
+        )
 
     def torques(self, desired: Vector, extra: Vector | None) -> Vector:
         """Return what the law asks of each motor where the data stands (m,), without limits [N·m or N].
 
         Positions are desired (m,) [rad or m]; ``extra`` (m,) are torques beside those of servos, None for none.
         """
-        asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds]
+        asked = (
+            self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds]
+        )
         return np.asarray(asked if extra is None else asked + extra)
 
     def limited(self, torques: Vector) -> Vector:
@@ -86,7 +109,9 @@ class Servos:
         line = side * self._stalls - self._slopes * self._qvel[self._speeds]
         return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
-    def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
+    def step(
+        self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool
+    ) -> Vector:
         """Step the data, and return what each motor gave (m,) [N·m or N]; arguments as of :meth:`torques`.
 
         ``forces`` (nv,) act on MuJoCo's velocities from elsewhere; ``begun``: ``mj_step1`` was called. Raises
@@ -100,7 +125,9 @@ class Servos:
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
         found = self._sides(torque)
-        return torque if found is None else self._settled(desired, extra, forces, start, torque, found)
+        return (
+            torque if found is None else self._settled(desired, extra, forces, start, torque, found)
+        )
 
     def _settled(
         self,
@@ -117,14 +144,18 @@ class Servos:
         try:
             for again in range(_ROUNDS):
                 found = np.zeros(self.count) if found is None else found
-                found[found * sides < 0] = 0.0  # from one limit the way to the other leads between them
+                found[found * sides < 0] = (
+                    0.0  # from one limit the way to the other leads between them
+                )
                 if (found == sides).all():
                     return np.where(sides, self._bound(np.sign(sides)), torque)
                 sides = found if again < _TOGETHER else _first_changed(sides, found)
                 self._drive(sides, extra, forces)
                 for twice in (False, True):
                     if again or twice:
-                        self._data.contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
+                        self._data.contact.solref[:] = (
+                            softness * (self._inverse_masses() / felt)[:, np.newaxis]
+                        )
                     self._qpos[:], self._qvel[:] = start
                     mujoco.mj_step2(self._model, self._data)
                 torque = self.torques(desired, extra)
@@ -148,7 +179,9 @@ class Servos:
         most = np.maximum(line, limit)
         if not most.max(initial=0.0) > 0:
             return None
-        return np.where(most > 0, np.where(line > limit, _LINE * np.sign(braked), np.sign(torque)), 0.0)
+        return np.where(
+            most > 0, np.where(line > limit, _LINE * np.sign(braked), np.sign(torque)), 0.0
+        )
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
         """Let servos within their limits follow their gains, those at lines brake, and the others give their limits."""
@@ -156,7 +189,9 @@ class Servos:
         self._give_gains(within * self._kp, np.where(within, self._kd, lines * self._slopes))
         self._applied[:] = forces
         ends = np.sign(sides) * np.where(lines, self._stalls, self._limits)
-        np.add.at(self._applied, self._driven, np.where(within, 0.0 if extra is None else extra, ends))
+        np.add.at(
+            self._applied, self._driven, np.where(within, 0.0 if extra is None else extra, ends)
+        )
 
     def _give_gains(self, kp: Vector, kd: Vector) -> None:
         kp = kp[self._servos]

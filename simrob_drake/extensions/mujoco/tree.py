@@ -24,7 +24,14 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, RevoluteJoint, RigidBody, WeldJoint
+from pydrake.multibody.tree import (
+    Joint,
+    JointActuatorIndex,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
@@ -57,7 +64,10 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
     if plant.num_constraints() or plant.num_force_elements() > 1:  # gravity is one force element
         raise Unsuitable(
             "robots",
-            message("mujoco.tree_of_free_joints", "their files have constraints, and MJCF gets a tree of free joints"),
+            message(
+                "mujoco.tree_of_free_joints",
+                "their files have constraints, and MJCF gets a tree of free joints",
+            ),
             message("mujoco.use_other_solver", "use another solver"),
         )
     # Reflected rotor inertias by the index of the joint. Of several actuators of a joint, Drake uses the last one's.
@@ -87,7 +97,9 @@ _GEAR_IMPEDANCE = 0.9999
 """MuJoCo's impedance of a gear, from 0 (no constraint force) to 1 (a hard constraint): the largest that it allows."""
 
 
-def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
+def add_gears(
+    spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names
+) -> None:
     """Add the gears of a station to a MuJoCo model, as equality constraints.
 
     A gear keeps a sum of joint positions q with ratios r constant: r_1 q_1 + r_2 q_2 + ... = c.
@@ -125,7 +137,9 @@ def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant
             equality.data[:5] = [total, 0.0, 0.0, 0.0, 0.0]
 
 
-def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float) -> None:
+def _add_joint(
+    onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float
+) -> None:
     """Add the child body of a joint, and the joint itself, to a body of the MuJoCo model.
 
     Args:
@@ -153,9 +167,14 @@ def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names:
         return
     kind = _JOINTS.get(type(joint))
     if kind is None:
-        expected = message("mujoco.types_of_joints", "revolute, continuous, prismatic or fixed: MJCF is given no other")
+        expected = message(
+            "mujoco.types_of_joints",
+            "revolute, continuous, prismatic or fixed: MJCF is given no other",
+        )
         raise InvalidParameter(
-            message("mujoco.joint", "joint {joint}", joint=names.joint(joint)), joint.type_name(), expected
+            message("mujoco.joint", "joint {joint}", joint=names.joint(joint)),
+            joint.type_name(),
+            expected,
         )
     limits = np.array([joint.position_lower_limit(), joint.position_upper_limit()])
     axis = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
@@ -167,11 +186,15 @@ def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names:
         damping=[joint.default_damping(), 0, 0],
         armature=armature,
         limited=np.isfinite(limits).any(),
-        range=np.clip(limits, -_ANY_POSITION, _ANY_POSITION),  # only one of the limits may be infinite
+        range=np.clip(
+            limits, -_ANY_POSITION, _ANY_POSITION
+        ),  # only one of the limits may be infinite
     )
 
 
-def _add_body(onto: mujoco.MjsBody, link: RigidBody, names: Names, pose: RigidTransform) -> mujoco.MjsBody:
+def _add_body(
+    onto: mujoco.MjsBody, link: RigidBody, names: Names, pose: RigidTransform
+) -> mujoco.MjsBody:
     """Add a body with its mass and inertia to another body of the MuJoCo model, and return it.
 
     Args:
@@ -207,7 +230,9 @@ _COLLISION_GROUP = 3
 _MESH_SUFFIXES = (".obj", ".stl")  # formats of meshes that MuJoCo reads
 
 
-def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen: bool) -> dict[GeometryId, str]:
+def add_shapes(
+    spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen: bool
+) -> dict[GeometryId, str]:
     """Add the shapes of all bodies to a MuJoCo model.
 
     No shape touches another one by itself: the caller adds contacts for pairs of shapes.
@@ -233,7 +258,15 @@ def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen
         if shape in can_touch:
             name = free_name(own_name(inspector, shape), shape_names.values())
             shape_names[shape] = name
-            _add_geom(spec, station, names, shape, name=name, group=_COLLISION_GROUP, rgba=[0.6, 0.6, 0.6, 0.5])
+            _add_geom(
+                spec,
+                station,
+                names,
+                shape,
+                name=name,
+                group=_COLLISION_GROUP,
+                rgba=[0.6, 0.6, 0.6, 0.5],
+            )
     if not seen:
         return shape_names
     for shape in inspector.GetAllGeometryIds(Role.kIllustration):
@@ -335,7 +368,9 @@ def _primitive(shape: Shape) -> _Primitive:
         case Sphere():
             return _Primitive(kinds.mjGEOM_SPHERE, [shape.radius()])
         case Box():
-            return _Primitive(kinds.mjGEOM_BOX, [shape.width() / 2, shape.depth() / 2, shape.height() / 2])
+            return _Primitive(
+                kinds.mjGEOM_BOX, [shape.width() / 2, shape.depth() / 2, shape.height() / 2]
+            )
         case Cylinder():
             return _Primitive(kinds.mjGEOM_CYLINDER, [shape.radius(), shape.length() / 2])
         case Capsule():

@@ -19,7 +19,10 @@ from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
 from simrob_drake.stations.coupled_references import with_partners
 
-BASE, TOOL = "base", "tool"  # frames of every arm: of its foot, and of its tool centre point where its reference has it
+BASE, TOOL = (
+    "base",
+    "tool",
+)  # frames of every arm: of its foot, and of its tool centre point where its reference has it
 
 _UNITS = np.repeat([1.0, np.deg2rad(1.0)], 3)
 _EASY = 2.0  # times slower than the joints can
@@ -33,9 +36,18 @@ def frames(arm: Arm) -> list[str]:
         name
         for piece in pieces.values()
         if piece.carrier != arm.name
-        for name in (piece.name, *(f"{piece.name}.{frame}" for frame in list(piece.model.frame_poses)[1:]))
+        for name in (
+            piece.name,
+            *(f"{piece.name}.{frame}" for frame in list(piece.model.frame_poses)[1:]),
+        )
     ]
-    return [BASE, TOOL, WORLD, *around, *(robot for robot in arm.cell.config.robots if robot != arm.name)]
+    return [
+        BASE,
+        TOOL,
+        WORLD,
+        *around,
+        *(robot for robot in arm.cell.config.robots if robot != arm.name),
+    ]
 
 
 def where(arm: Arm, frame: str = BASE) -> dict[str, Any]:
@@ -62,7 +74,10 @@ def where(arm: Arm, frame: str = BASE) -> dict[str, Any]:
 def _off(arm: Arm) -> list[float]:
     """Return how far the tool is from where the reference has it [m], and how much it is turned from there [deg]."""
     error = _tool(arm).inverse() @ arm.tool_pose()
-    return [float(np.linalg.norm(error.translation())), float(np.degrees(error.rotation().ToAngleAxis().angle()))]
+    return [
+        float(np.linalg.norm(error.translation())),
+        float(np.degrees(error.rotation().ToAngleAxis().angle())),
+    ]
 
 
 def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
@@ -70,7 +85,9 @@ def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
     return _pose_values(_frame(arm, frame).inverse() @ _tool(arm))
 
 
-def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[float] | None = None) -> list[float]:
+def jogged(
+    arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[float] | None = None
+) -> list[float]:
     """Return the pose in the base after a jog by [x y z Rz Ry Rx] [m, deg] along a frame's axes, about the tool itself.
 
     ``start`` is the pose in the base that it counts from, as the middle of sliders is; where the arm's reference has it
@@ -80,7 +97,9 @@ def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[
     begin, by = _tool(arm) if start is None else base @ posed(start, "start"), posed(delta, "delta")
     axes = begin.rotation() if frame == TOOL else _frame(arm, frame).rotation()
     turn: RotationMatrix = axes @ by.rotation() @ axes.inverse() @ begin.rotation()
-    return _pose_values(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
+    return _pose_values(
+        base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation())
+    )
 
 
 def jogged_axes(arm: Arm, **how: Any) -> dict[str, float]:
@@ -109,7 +128,9 @@ def retaught(
     }
 
 
-def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
+def jog_move(
+    arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None
+) -> dict[str, Any]:
     """Return the move that brings axes by name or alias to targets, as a program's file has it.
 
     Axes that are coupled to these move with them; others stay.
@@ -123,11 +144,16 @@ def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None 
         posture[place] = position
     posture = with_partners(arm.cell.model.resolved, arm.name, posture, targets)
     time = _EASY * arm.plan.move_abs_j(posture, points=1).duration if duration is None else duration
-    move = {"targets": posture.tolist(), "duration": float(max(1, np.ceil(time / _TICK - 1e-9)) * _TICK)}
+    move = {
+        "targets": posture.tolist(),
+        "duration": float(max(1, np.ceil(time / _TICK - 1e-9)) * _TICK),
+    }
     return {"move_abs_j": move if arm.cell.config.only_robot else {**move, "robot": arm.name}}
 
 
-def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, tool: str = "") -> list[dict[str, Any]]:
+def branches(
+    arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, tool: str = ""
+) -> list[dict[str, Any]]:
     """Return every posture that brings a tool, the one in use unless named, to a pose; without a pose, where it is now.
 
     Usable ones come first. Each is ``{axes, torque, limit, load, room, gap, collision, usable}``: positions [deg or m],
@@ -142,7 +168,10 @@ def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, t
 
 def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
     robot = arm.cell.robot(arm.name)
-    units, limits = dict(zip(arm.axes, robot.model.unit_names, strict=True)), robot.gains.torque_limit
+    units, limits = (
+        dict(zip(arm.axes, robot.model.unit_names, strict=True)),
+        robot.gains.torque_limit,
+    )
     near = branch.room.axis
     between = [branch.gap.body, branch.gap.other]
     return {
@@ -193,7 +222,10 @@ def posed(values: Sequence[float], name: str) -> RigidTransform:
         raise InvalidParameter(
             name,
             quoted(values),
-            message("pendant.six_numbers_of_pose", "six finite numbers [x y z Rz Ry Rx] in m and degrees"),
+            message(
+                "pendant.six_numbers_of_pose",
+                "six finite numbers [x y z Rz Ry Rx] in m and degrees",
+            ),
         )
     return as_transform(found * _UNITS)
 

@@ -14,7 +14,13 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import SOURCE_LANGUAGE, compound, message, message_of, set_output_language
+from simrob_drake.base.messages import (
+    SOURCE_LANGUAGE,
+    compound,
+    message,
+    message_of,
+    set_output_language,
+)
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
@@ -85,13 +91,22 @@ class Bench:
     # Idle
 
     def open(
-        self, station: str, settings: dict[str, Any], robot: str | None = None, *, allow_code: bool = False
+        self,
+        station: str,
+        settings: dict[str, Any],
+        robot: str | None = None,
+        *,
+        allow_code: bool = False,
     ) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
         config = load_station(station, settings, allow_code=allow_code)
-        self._tell_view("handles", [NO_HANDLES])  # those of the station before are not where the new ones will be
+        self._tell_view(
+            "handles", [NO_HANDLES]
+        )  # those of the station before are not where the new ones will be
         self._cell = cell = Workcell(config)
-        self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
+        self._robot = (
+            "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
+        )
         self._start = config
         cell.watcher = self.pacer.on_step
         self._view.scene = None
@@ -126,7 +141,9 @@ class Bench:
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
-        program = validated(Program, {"moves": list(moves)}, message("pendant.the_moves", "the moves"))
+        program = validated(
+            Program, {"moves": list(moves)}, message("pendant.the_moves", "the moves")
+        )
         program = program.model_copy(update={"robot": self._robot or None})
         self._settle()
         return self._begin(program)
@@ -183,7 +200,9 @@ class Bench:
         """
         pacer, steps = self.pacer, self.pacer.line.steps
         number = steps(time)
-        before = [place for place in self._checkpoints if steps(place.time) <= number <= steps(pacer.now)]
+        before = [
+            place for place in self._checkpoints if steps(place.time) <= number <= steps(pacer.now)
+        ]
         if positions is not None:
             self._view.show(positions)
         elif not before:
@@ -221,7 +240,9 @@ class Bench:
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
         push = validated(
-            PushNow, {"at": at, "force": list(force), "duration": duration}, message("pendant.the_push", "the push")
+            PushNow,
+            {"at": at, "force": list(force), "duration": duration},
+            message("pendant.the_push", "the push"),
         )
         self._ask(Change(time=0.0, push=push))
 
@@ -230,11 +251,17 @@ class Bench:
         one_of(message("pendant.body", "body"), at, self._bodies)
         if at in self.cell.config.pieces:  # forces on pieces count from their tool centre point
             model = self.cell.model
-            point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
+            point = (
+                model.pose(model.piece_frame(at)).inverse()
+                @ model.pose(model.piece_origin(at))
+                @ np.array(point)
+            )
         held = (at, tuple(point), tuple(target)) if target is not None else None
         self.pacer.drag = held if self.pacer.runs else None
 
-    def steer(self, ahead: float, sideways: float, turn_deg: float, robot: str | None = None) -> None:
+    def steer(
+        self, ahead: float, sideways: float, turn_deg: float, robot: str | None = None
+    ) -> None:
         """Drive a walk from the next tick on: ahead, to the left [m/s], turn to the left [deg/s].
 
         Nothing goes on that is not said again within a second on the clock.
@@ -252,7 +279,9 @@ class Bench:
             UnknownName: no station that was open has such an output; proposes the nearest name.
         """
         known = self._former_signals | self._columns.keys()
-        self._requested_signals = [one_of(message("pendant.signal", "signal"), name, known) for name in signals]
+        self._requested_signals = [
+            one_of(message("pendant.signal", "signal"), name, known) for name in signals
+        ]
         self._watch_known_signals()
 
     def _watch_known_signals(self) -> None:
@@ -265,7 +294,9 @@ class Bench:
         """Tell where a robot's axes are [deg or m]."""
         name = robot or self._robot
         own = self.cell.robot(name)
-        return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
+        return dict(
+            zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True)
+        )
 
     def torque_limits(self, robot: str | None = None) -> list[float]:
         """Return the torque limits of a robot's servos [N·m or N], one each axis, with what was changed since.
@@ -275,32 +306,49 @@ class Bench:
         """
         cell, name = self.cell, robot or self._robot
         changed = cell.timeline.settings()
-        now = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        now = (
+            resolve(cell.timeline.station(cell.config, GRID)).robots[name]
+            if changed
+            else cell.robot(name)
+        )
         limits: list[float] = now.gains.torque_limit.tolist()
         return limits
 
-    def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
+    def ghosts(
+        self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None
+    ) -> None:
         """Show the robot translucent, some axes at [deg or m], the others where they are; no posture: none is shown."""
         own, now = self.cell.robot(self._robot), self.posture()
-        at = [np.array([*{**now, **posture}.values()]) * own.model.user_units for posture in postures]
+        at = [
+            np.array([*{**now, **posture}.values()]) * own.model.user_units for posture in postures
+        ]
         if self._view.scene is not None:
             self._tell_view("ghosts", ghosts(self._view.scene, self._robot, at, good, marked))
 
     def handles(self, targets: dict[str, dict[str, Any]], near: dict[str, float]) -> None:
         """Tell the view what can be taken by hand, with some axes elsewhere [deg or m]."""
-        self._tell_view("handles", [{"type": "handles", **handles(self.cell, self._robot, targets, near)}])
+        self._tell_view(
+            "handles", [{"type": "handles", **handles(self.cell, self._robot, targets, near)}]
+        )
 
-    def reach(self, limb: str, pose: Sequence[float], near: dict[str, float], *, turned: bool) -> dict[str, float]:
+    def reach(
+        self, limb: str, pose: Sequence[float], near: dict[str, float], *, turned: bool
+    ) -> dict[str, float]:
         """Tell the axes that bring the end of a limb to a pose; see :func:`.handles.reached`."""
         return reached(self.cell, self._robot, limb, pose, near, turned=turned)
 
     def check(self) -> list[dict[str, str]]:
         """Tell what `simrob check` says of the station."""
-        return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
+        return [
+            {"level": one.level, "subject": one.subject, "text": one.text}
+            for one in check_station(self._start)
+        ]
 
     def picture(self, folded: Sequence[str] = (), language: str = SOURCE_LANGUAGE) -> str:
         """Draw the block picture as SVG, in a language, with the subsystems of some blocks folded."""
-        return _in_output_language(language, lambda: station_svg(self._start, live=True, folded=folded))
+        return _in_output_language(
+            language, lambda: station_svg(self._start, live=True, folded=folded)
+        )
 
     def loop_picture(
         self,
@@ -326,7 +374,9 @@ class Bench:
         if what == "signals":
             write_table(Path(file), self._result.names, self._result.times, self._result.values)
             return file
-        return str(self._result.film(file) if what == "page" else save_film_strip(self._result, Path(file)))
+        return str(
+            self._result.film(file) if what == "page" else save_film_strip(self._result, Path(file))
+        )
 
     # How
 
@@ -410,7 +460,9 @@ class Bench:
             finally:
                 self.pacer.end()
         end = begun + float(result.times[-1])
-        if result.ending == "monitor" and end < self.pacer.now:  # which was seen at the end of a step
+        if (
+            result.ending == "monitor" and end < self.pacer.now
+        ):  # which was seen at the end of a step
             self.pacer.cut(end, result.positions_at(result.times[-1:])[0])
         self._result, self._fell = result, line.now <= begun
         self.pacer.show_last()
@@ -433,10 +485,18 @@ class Bench:
 
     def _signals(self, result: SimulationResult, begun: float) -> dict[str, tuple[Vector, Vector]]:
         """Return of each signal of a run its times [s], shape (m,), and its values, shape (m, n), m bounded."""
-        rows = np.linspace(0, len(result.times) - 1, min(len(result.times), _ROWS)).round().astype(int)
-        times, places = begun + result.times[rows], {name: place for place, name in enumerate(result.names)}
+        rows = (
+            np.linspace(0, len(result.times) - 1, min(len(result.times), _ROWS)).round().astype(int)
+        )
+        times, places = (
+            begun + result.times[rows],
+            {name: place for place, name in enumerate(result.names)},
+        )
         return {
-            signal: (times, result.values[rows][:, [places[name] for name in columns]].astype(np.float32))
+            signal: (
+                times,
+                result.values[rows][:, [places[name] for name in columns]].astype(np.float32),
+            )
             for signal, columns in self._columns.items()
             if places.keys() >= set(columns)
         }
@@ -472,7 +532,9 @@ class Bench:
             finally:
                 self.pacer.end()
         self._fell = False
-        line.changes[:] = [change for change in line.changes if line.steps(change.time) < line.steps(line.now)]
+        line.changes[:] = [
+            change for change in line.changes if line.steps(change.time) < line.steps(line.now)
+        ]
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
         self.cell.timeline = self.pacer.line = Timeline(grid, changes)
@@ -499,6 +561,10 @@ def _moves_of(program: Program, result: SimulationResult, begun: float) -> list[
         begun: when the run began, since the start of the station [s]. So do the times of the list count.
     """
     return [
-        {"entry": program.moves[span.index].entry(), "begin": begun + span.begin, "end": begun + span.end}
+        {
+            "entry": program.moves[span.index].entry(),
+            "begin": begun + span.begin,
+            "end": begun + span.end,
+        }
         for span in result.move_spans
     ]

@@ -18,7 +18,10 @@ def teach(
         str,
         typer.Argument(
             metavar="ROBOT|STATION|FILE",
-            help=message("pendant.help_teach_subject", "A name of `simrob list`, a station's YAML, or a URDF."),
+            help=message(
+                "pendant.help_teach_subject",
+                "A name of `simrob list`, a station's YAML, or a URDF.",
+            ),
         ),
     ] = "irb120_teach",
     port: Annotated[
@@ -26,26 +29,42 @@ def teach(
         typer.Option(
             min=0,
             max=65535,
-            help=message("pendant.help_teach_port", "Port of the page; the first free one from 8100 by default."),
+            help=message(
+                "pendant.help_teach_port",
+                "Port of the page; the first free one from 8100 by default.",
+            ),
         ),
     ] = None,
     no_browser: Annotated[
         bool,
         typer.Option(
-            "--no-browser", help=message("pendant.help_teach_no_browser", "Tell the address, and open no browser.")
+            "--no-browser",
+            help=message("pendant.help_teach_no_browser", "Tell the address, and open no browser."),
         ),
     ] = False,
     folder: Annotated[
-        Path, typer.Option(help=message("pendant.help_teach_folder", "Folder for what is taught, and for downloads."))
+        Path,
+        typer.Option(
+            help=message(
+                "pendant.help_teach_folder", "Folder for what is taught, and for downloads."
+            )
+        ),
     ] = Path("taught"),
     language: Annotated[
         Literal["en", "es"],
-        typer.Option(envvar=LANGUAGE_VARIABLE, help=message("pendant.help_teach_language", "Language of the page.")),
+        typer.Option(
+            envvar=LANGUAGE_VARIABLE,
+            help=message("pendant.help_teach_language", "Language of the page."),
+        ),
     ] = "en",
     allow_code: AllowCode = False,
     lessons: Annotated[
         Path | None,
-        typer.Option(help=message("pendant.help_teach_lessons", "A folder with lessons, beside those that there are.")),
+        typer.Option(
+            help=message(
+                "pendant.help_teach_lessons", "A folder with lessons, beside those that there are."
+            )
+        ),
     ] = None,
     root_path: Annotated[
         str | None,
@@ -71,7 +90,9 @@ def teach(
 
     # It is shown with the first address only: a server that starts again has another one.
     more = [
-        message("pendant.kept_in", "what is taught is kept in {folder}; end with Ctrl+C", folder=folder),
+        message(
+            "pendant.kept_in", "what is taught is kept in {folder}; end with Ctrl+C", folder=folder
+        ),
     ]
 
     def ready(url: str) -> None:
@@ -80,6 +101,11 @@ def teach(
             say(more.pop())
 
     browse = not (no_browser or root_path)
-    how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
+    how: dict[str, Any] = {
+        "port": port,
+        "language": language,
+        "browse": browse,
+        "allow_code": allow_code,
+    }
     serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
     say(message("pendant.ended", "ended; what was taught is in {folder}", folder=folder))

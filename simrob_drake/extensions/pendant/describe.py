@@ -26,14 +26,17 @@ def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
     bodies = [name for name in (*config.robots, *frame_names(station)) if name != "world"]
-    shown = cell.runner_of(config).ports(watched=True).outputs.signals  # which the first run has built then
+    shown = (
+        cell.runner_of(config).ports(watched=True).outputs.signals
+    )  # which the first run has built then
     return {
         "station": config.name,
         "mode": config.mode,
         "robots": {name: _robot(cell, config, name) for name in config.robots},
         "pieces": list(config.pieces),
         "in_force": {
-            key: {"value": entry.value, "origin": entry.origin} for key, entry in values_in_force(config).items()
+            key: {"value": entry.value, "origin": entry.origin}
+            for key, entry in values_in_force(config).items()
         },
         "bodies": bodies,
         "push_sides": push_sides(cell, bodies),
@@ -43,7 +46,9 @@ def description(cell: Workcell) -> dict[str, Any]:
             {
                 "name": signal.output,
                 "unit": signal.units[0],
-                "title": signal.panel.title if signal.panel else signal.output.replace("_", " ").replace(".", ": "),
+                "title": signal.panel.title
+                if signal.panel
+                else signal.output.replace("_", " ").replace(".", ": "),
                 "columns": list(signal.names),
             }
             for signal in shown
@@ -66,7 +71,14 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
     now = cell.position(name) / model.user_units
     # The motion of a kinematic station is its input, so that its axes need no motors.
     passive = robot.gains.passive & config.engine.moves_by_forces
-    columns = model.axes, model.unit_names, lower.tolist(), upper.tolist(), now.tolist(), passive.tolist()
+    columns = (
+        model.axes,
+        model.unit_names,
+        lower.tolist(),
+        upper.tolist(),
+        now.tolist(),
+        passive.tolist(),
+    )
     axes = [
         {
             "name": axis,
@@ -115,10 +127,18 @@ def _possible_moves(config: StationConfig, name: str, model: RobotModel) -> dict
 
 def _drives(model: RobotModel) -> dict[str, float]:
     """Largest speeds of a robot that walks by commands [m/s, deg/s], and the direction in which it looks [deg]."""
-    return {**load_walking(model).max_speed.model_dump(), "facing_deg": gaits_file(model).facing_deg}
+    return {
+        **load_walking(model).max_speed.model_dump(),
+        "facing_deg": gaits_file(model).facing_deg,
+    }
 
 
-_PARTS = {"sensor": "sensors", "monitor": "monitors", "force": "forces", "controller": "controllers"}
+_PARTS = {
+    "sensor": "sensors",
+    "monitor": "monitors",
+    "force": "forces",
+    "controller": "controllers",
+}
 
 _RULES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "stops": (("joint_stops",), ()),
@@ -141,9 +161,13 @@ ALL_AXES = "*"
 class BlockMeaning:
     """What a block stands for."""
 
-    keys: tuple[str, ...]  # sections and keys of the station, dotted; all that stands below them belongs to it
+    keys: tuple[
+        str, ...
+    ]  # sections and keys of the station, dotted; all that stands below them belongs to it
     signals: tuple[str, ...]  # outputs of the station
-    axis: str = ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem
+    axis: str = (
+        ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem
+    )
     robot: str = ""  # name of the robot to which it belongs, in a station with several robots
 
     def holds(self, key: str) -> bool:
@@ -161,25 +185,43 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
         one = block_meaning(block.removeprefix(FOLDED), content, signals)
         return replace(one, axis=one.axis and ALL_AXES)
     robots = content.get("robots", {})
-    whose = next((robot for robot in robots if block.removeprefix(_OUTPUT).startswith(f"{robot}.")), "")
+    whose = next(
+        (robot for robot in robots if block.removeprefix(_OUTPUT).startswith(f"{robot}.")), ""
+    )
     local = block.replace(f"{whose}.", "", 1) if whose else block
-    part = local.partition(".")[2].removesuffix(".source") if local.partition(".")[0] in _PARTS else ""
-    axis = local.partition(".")[0] if "." in local and not (part or local.startswith((_OUTPUT, _SERVO))) else ""
+    part = (
+        local.partition(".")[2].removesuffix(".source") if local.partition(".")[0] in _PARTS else ""
+    )
+    axis = (
+        local.partition(".")[0]
+        if "." in local and not (part or local.startswith((_OUTPUT, _SERVO)))
+        else ""
+    )
     keys = _keys(local, f"robots.{whose}" if whose else "robot", content)
     if part:  # the outputs of a sensor, a force or a controller have its name in theirs
         whole = part.partition(".")[0]
-        shown = (part,) if part in signals else tuple(signal for signal in signals if whole in signal.split("."))
+        shown = (
+            (part,)
+            if part in signals
+            else tuple(signal for signal in signals if whole in signal.split("."))
+        )
         return BlockMeaning(keys, shown)
     if local in _PLANT:
-        return BlockMeaning(keys, tuple(signal for signal in signals if signal.split(".")[-1] == "position"))
+        return BlockMeaning(
+            keys, tuple(signal for signal in signals if signal.split(".")[-1] == "position")
+        )
     if local.startswith(_OUTPUT):
         shown = (block.removeprefix(_OUTPUT),)
     elif axis:
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in ("position", "torque"))
     else:
-        _, kinds = _RULES.get(local, ((), ("reference",) if local.startswith(_INPUTS) else ("torque",)))
+        _, kinds = _RULES.get(
+            local, ((), ("reference",) if local.startswith(_INPUTS) else ("torque",))
+        )
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in kinds)
-    return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), robot=whose, axis=axis)
+    return BlockMeaning(
+        keys, tuple(signal for signal in signals if signal in shown), robot=whose, axis=axis
+    )
 
 
 def axis_setting(
@@ -205,7 +247,9 @@ def axis_setting(
         values = {axis: axis_value(present, axis, axes) for axis in axes}
         own[name] = {**values, meaning.axis: value}
         return f"robots.{meaning.robot}.{section}", own
-    place = str(list(axes).index(meaning.axis)) if isinstance(present, (list, tuple)) else meaning.axis
+    place = (
+        str(list(axes).index(meaning.axis)) if isinstance(present, (list, tuple)) else meaning.axis
+    )
     return f"{key}.{place}", value
 
 
@@ -235,7 +279,11 @@ def wire_meaning(
     source: str, targets: Sequence[str], content: Mapping[str, Any], signals: Sequence[str]
 ) -> BlockMeaning:
     """Return what goes along a wire from a block to others; parameters as of :func:`block_meaning`."""
-    shown = tuple(name for target in targets if (name := target.removeprefix(_OUTPUT)) != target and name in signals)
+    shown = tuple(
+        name
+        for target in targets
+        if (name := target.removeprefix(_OUTPUT)) != target and name in signals
+    )
     if shown:
         return BlockMeaning((), shown)
     begin, end = (block_meaning(block, content, signals) for block in (source, targets[0]))

@@ -57,7 +57,9 @@ class Exports:
             own = text(book.station, book.settings, file.parent)
             return self._written(file, lambda: book.store.make(file, own))
         packed = file.with_suffix(".zip")
-        return self._written(packed, lambda: _pack(packed, book.config, lambda one: text(str(one), {}, one.parent)))
+        return self._written(
+            packed, lambda: _pack(packed, book.config, lambda one: text(str(one), {}, one.parent))
+        )
 
     def station(self) -> Future[Any]:
         """Write the station with its settings as YAML."""
@@ -99,7 +101,8 @@ class Exports:
             return file
 
         return commands.queued(
-            what, lambda: commands.travel("save", written, phase="saving", what=what, file=str(file))
+            what,
+            lambda: commands.travel("save", written, phase="saving", what=what, file=str(file)),
         )
 
 
@@ -111,7 +114,9 @@ def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> N
     with writing(file), TemporaryDirectory(dir=file.parent) as place:
         folder = Path(place)
         station = folder / f"{file.stem}-station.yaml"
-        station.write_text(station_yaml(_with_code(with_copied_files(config, folder), folder)), encoding="utf-8")
+        station.write_text(
+            station_yaml(_with_code(with_copied_files(config, folder), folder)), encoding="utf-8"
+        )
         (folder / f"{file.stem}.py").write_text(script(station), encoding="utf-8")
         files = [one for one in sorted(folder.rglob("*")) if one.is_file()]
         with ZipFile(folder / file.name, "w", ZIP_DEFLATED) as packed:
@@ -124,7 +129,10 @@ def _with_code(config: StationConfig, folder: Path) -> StationConfig:
     """Return a station that names copies of its own blocks' files in a folder, by paths from there."""
     controllers = dict(config.controllers)
     for name, section in controllers.items():
-        if isinstance(section, OwnController) and (file := Path(section.class_.partition(":")[0])).suffix == ".py":
+        if (
+            isinstance(section, OwnController)
+            and (file := Path(section.class_.partition(":")[0])).suffix == ".py"
+        ):
             copy = Path(name, file.name)
             (folder / name).mkdir()
             copyfile(file, folder / copy)

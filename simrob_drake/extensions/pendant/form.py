@@ -40,8 +40,12 @@ class Field:
     high: float | None = None  # largest number, likewise
     removable: bool = False  # whether a section can be taken out of the station
     whole: bool = False  # whether it is a whole number
-    in_force: Any = None  # value in force if the station leaves the key out, or None if it is unknown
-    origin: str = ""  # origin of the value in force, see `simrob_drake.stations.values_in_force.Origin`
+    in_force: Any = (
+        None  # value in force if the station leaves the key out, or None if it is unknown
+    )
+    origin: str = (
+        ""  # origin of the value in force, see `simrob_drake.stations.values_in_force.Origin`
+    )
 
     @property
     def top(self) -> str:
@@ -55,10 +59,16 @@ def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
     keys = [key for key in schema["properties"] if key != "robot"]
     if "robot" in content:
         keys[keys.index("robots")] = "robot"
-    return [field for key in keys for field in walk.fields(key, schema["properties"][key], content.get(key))]
+    return [
+        field
+        for key in keys
+        for field in walk.fields(key, schema["properties"][key], content.get(key))
+    ]
 
 
-def with_values_in_force(fields: Iterable[Field], in_force: Mapping[str, Mapping[str, Any]]) -> list[Field]:
+def with_values_in_force(
+    fields: Iterable[Field], in_force: Mapping[str, Mapping[str, Any]]
+) -> list[Field]:
     """Add the values in force to fields whose keys the station leaves out.
 
     Args:
@@ -87,14 +97,19 @@ def move_fields(kind: type[Move], keys: Iterable[str], content: Mapping[str, Any
     # The schema of a move that can contain moves of its own kind is a reference (`$ref`) to one of its definitions.
     section = next(branch for branch in schema_branches(schema, schema) if "properties" in branch)
     nodes = section["properties"]
-    return [_leaf(key, schema_branches(nodes[key], schema), nodes[key], content.get(key)) for key in keys]
+    return [
+        _leaf(key, schema_branches(nodes[key], schema), nodes[key], content.get(key))
+        for key in keys
+    ]
 
 
 def as_text(value: Any) -> str:
     """Return a value as it is typed into a field: empty for None, YAML in one line for lists and mappings."""
     if value is None or isinstance(value, str):
         return value or ""
-    text: str = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=_WIDE)
+    text: str = yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=_WIDE
+    )
     return text.removesuffix("\n").removesuffix("\n...")
 
 
@@ -120,7 +135,9 @@ class _Walk:
         entries = next((b for b in branches if self._holds_sections(b)), None)
         if entries is not None:
             yield from self._entries(key, node, entries["additionalProperties"], value or {})
-        elif not sections or (value is not None and not _fits(value, sections)):  # a motor by name, or by axis
+        elif not sections or (
+            value is not None and not _fits(value, sections)
+        ):  # a motor by name, or by axis
             yield _leaf(key, branches, node, value)
         elif optional and value is None:
             yield Field(key, "section", about, value=False, default=default, removable=True)
@@ -140,9 +157,13 @@ class _Walk:
             if "const" not in child:
                 yield from self.fields(f"{key}.{name}", child, value.get(name))
 
-    def _entries(self, key: str, node: Node, entry: Node, value: Mapping[str, Any]) -> Iterator[Field]:
+    def _entries(
+        self, key: str, node: Node, entry: Node, value: Mapping[str, Any]
+    ) -> Iterator[Field]:
         """Give what new entries can be of, and the entries that are there; one of another kind is another entry."""
-        sections = [branch for branch in schema_branches(entry, self._schema) if "properties" in branch]
+        sections = [
+            branch for branch in schema_branches(entry, self._schema) if "properties" in branch
+        ]
         kinds = tuple(kind for section in sections if (kind := section_kind(section)))
         yield Field(key, "entries", _about(node, key), choices=kinds, default={})
         for name, item in value.items():
@@ -171,10 +192,25 @@ def _leaf(key: str, branches: list[Node], node: Node, value: Any) -> Field:
         kind = "text"
     elif types <= {"number", "integer"}:
         kind = "number"
-    bounds = {name: number for branch in branches for name, number in branch.items() if name in _BOUNDS}
-    low, high = (next((bounds[name] for name in names if name in bounds), None) for names in (_LOW, _HIGH))
+    bounds = {
+        name: number for branch in branches for name, number in branch.items() if name in _BOUNDS
+    }
+    low, high = (
+        next((bounds[name] for name in names if name in bounds), None) for names in (_LOW, _HIGH)
+    )
     about, whole = _about(node, key), types == {"integer"}
-    return Field(key, kind, about, _unit(key, about), value, node.get("default"), choices, low, high, whole=whole)
+    return Field(
+        key,
+        kind,
+        about,
+        _unit(key, about),
+        value,
+        node.get("default"),
+        choices,
+        low,
+        high,
+        whole=whole,
+    )
 
 
 _LOW, _HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
@@ -189,14 +225,18 @@ def _about(node: Node, key: str) -> str:
 
 def _unit(key: str, about: str) -> str:
     found = _UNIT.search(about)
-    unit = re.split("[,;]| or ", found[1])[0] if found else ""  # of axes that turn; the help tells of those that slide
+    unit = (
+        re.split("[,;]| or ", found[1])[0] if found else ""
+    )  # of axes that turn; the help tells of those that slide
     if key.endswith("_deg") and not unit.startswith("deg"):
         return "deg"
     return "" if unit.startswith("x y z") else unit
 
 
 def _fits(value: Any, sections: list[Node]) -> bool:
-    return isinstance(value, Mapping) and any(value.keys() <= section["properties"].keys() for section in sections)
+    return isinstance(value, Mapping) and any(
+        value.keys() <= section["properties"].keys() for section in sections
+    )
 
 
 def _of_kind(sections: list[Node], kind: str) -> Node:

@@ -63,17 +63,24 @@ class Guard:
             raise InvalidParameter(
                 "--root-path",
                 root_path,
-                message("pendant.path_of_proxy", "a path as /user/ana/simrob, or the address of one"),
+                message(
+                    "pendant.path_of_proxy", "a path as /user/ana/simrob, or the address of one"
+                ),
             )
         place = urlsplit(root_path or f"http://{_NAMES[0]}:{port}/{secrets.token_urlsafe(16)}")
-        self.path, self._site = f"{place.path.rstrip('/')}/", f"{place.scheme}://{place.netloc}".removeprefix("://")
+        self.path, self._site = (
+            f"{place.path.rstrip('/')}/",
+            f"{place.scheme}://{place.netloc}".removeprefix("://"),
+        )
         self._hosts = [f"{name}:{port}" for name in _NAMES] if root_path is None else []
         self._cookie, self._key = f"simrob_{port}", secrets.token_urlsafe(24)
         self._proxy_key = os.environ.get(PROXY_TOKEN, "") if root_path is not None else ""
         if 0 < len(self._proxy_key) < _SHORTEST:
             raise InvalidParameter(
                 PROXY_TOKEN,
-                message("pendant.count_of_letters", "of {count} letters", count=len(self._proxy_key)),
+                message(
+                    "pendant.count_of_letters", "of {count} letters", count=len(self._proxy_key)
+                ),
                 message("pendant.at_least_letters", "of at least {shortest}", shortest=_SHORTEST),
             )
         self._tokens: dict[str, Callable[[], object]] = {}
@@ -93,27 +100,35 @@ class Guard:
             scope = self._from_proxy(scope)
         asked = HTTPConnection(scope)
         known = _same(asked.cookies.get(self._cookie, ""), self._key) or self._comes_by_proxy(asked)
-        is_page = scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == self.path
+        is_page = (
+            scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == self.path
+        )
         token = next(iter(asked.query_params.getlist(_TOKEN)), None) if is_page else None
         if why := self._refusal(asked) or ("" if known else self._refused_token(token)):
             await _refuse(scope, receive, send, why)
         elif token is not None:
             self._tokens.pop(token, lambda: None)()
             cookie = f"{self._cookie}={self._key}; Path={self.path}; HttpOnly; SameSite=Strict"
-            await HTMLResponse(LEADS_TO.format("./"), headers={"set-cookie": cookie, **_FRESH})(scope, receive, send)
+            await HTMLResponse(LEADS_TO.format("./"), headers={"set-cookie": cookie, **_FRESH})(
+                scope, receive, send
+            )
         else:
             await self.app({**scope, "root_path": self.path[:-1]}, receive, _with_headers(send))
 
     def _from_proxy(self, scope: Scope) -> Scope:
         """Return a question with its whole path, of which a proxy may have left out what is the proxy's."""
         path = scope["path"]
-        headers = [one for one in scope["headers"] if one[0] != b"x-forwarded-prefix"]  # which would count twice
+        headers = [
+            one for one in scope["headers"] if one[0] != b"x-forwarded-prefix"
+        ]  # which would count twice
         whole = path if path.startswith(self.path) else f"{self.path[:-1]}{path}"
         return {**scope, "path": whole, "raw_path": whole.encode(), "headers": headers}
 
     def _comes_by_proxy(self, asked: HTTPConnection) -> bool:
         """Tell whether a proxy says that it has let in its user."""
-        return bool(self._proxy_key) and _same(asked.headers.get(_PROXY_HEADER, ""), self._proxy_key)
+        return bool(self._proxy_key) and _same(
+            asked.headers.get(_PROXY_HEADER, ""), self._proxy_key
+        )
 
     def _refusal(self, asked: HTTPConnection) -> str:
         """Return why nobody is let through who comes like this; nothing if somebody may be."""
@@ -152,7 +167,9 @@ def _with_headers(send: Send) -> Send:
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
     """Answer 403 with the reason, to a websocket's handshake too where the server can."""
-    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get(
+        "extensions", {}
+    ):
         await send({"type": "websocket.close", "code": 1008})
     else:
         await PlainTextResponse(f"{why}\n", 403, _FRESH)(scope, receive, send)

@@ -59,7 +59,9 @@ class Hand:
             return
         self._leaning = dict(axes)
         postures = [self._leaning] if axes else []
-        self._client.ask("ghosts", lambda _: self._show(), postures=postures, good=[True] * len(postures))
+        self._client.ask(
+            "ghosts", lambda _: self._show(), postures=postures, good=[True] * len(postures)
+        )
 
     def _lean_again(self) -> None:
         """Show the ghost again in a station that was built anew: its view began without one."""
@@ -69,25 +71,34 @@ class Hand:
     def _show(self) -> None:
         """Let the view know what can be taken, and where it is now."""
         if self._on and self._client.phase == "idle":
-            targets = {name: {"pose": one.pose, "frame": one.frame} for name, one in self._targets.items()}
+            targets = {
+                name: {"pose": one.pose, "frame": one.frame} for name, one in self._targets.items()
+            }
             self._client.ask("handles", targets=targets, near=self._leaning)
 
     @property
     def _targets(self) -> dict[str, Any]:
         known = self._book.history.present.targets
-        return {name: target for name, target in known.items() if target.robot in ("", self._book.robot)}
+        return {
+            name: target for name, target in known.items() if target.robot in ("", self._book.robot)
+        }
 
     def _ask(self, axes: dict[str, float]) -> None:
         self.asked = {axis: round(value, _DIGITS) for axis, value in axes.items()}
         self._client.tell("hand")
 
     def _put_limb(self, name: str, pose: Sequence[float], turned: bool, over: bool) -> None:
-        self._client.ask("reach", self._ask, limb=name, pose=list(pose), turned=turned, near=self._leaning)
+        self._client.ask(
+            "reach", self._ask, limb=name, pose=list(pose), turned=turned, near=self._leaning
+        )
 
     def _put_piece(self, name: str, pose: Sequence[float], turned: bool, over: bool) -> None:
         if over:
             turns = [radians(angle) for angle in pose[3:]]
-            self._setup.set(f"pieces.{name}.pose", [round(value, _DIGITS) + 0.0 for value in (*pose[:3], *turns)])
+            self._setup.set(
+                f"pieces.{name}.pose",
+                [round(value, _DIGITS) + 0.0 for value in (*pose[:3], *turns)],
+            )
             self._show()  # where it is, if it could not be put
 
     def _put_target(self, name: str, pose: Sequence[float], turned: bool, over: bool) -> None:

@@ -70,15 +70,26 @@ def handles(
         arm = cell.arm(robot)
         found["tool:"] = {"pose": _matrix(arm.frame(arm))}
         for name, target in targets.items():
-            found[f"target:{name}"] = {"pose": _matrix(arm.frame(target["frame"]) @ posed(target["pose"], "target"))}
+            found[f"target:{name}"] = {
+                "pose": _matrix(arm.frame(target["frame"]) @ posed(target["pose"], "target"))
+            }
     else:
         for name, (frame, end) in _limbs(own, moved).items():
             found[f"limb:{name}"] = {"pose": _matrix(model.pose(frame) @ end)}
-    return {"handles": found, "links": _links(model, own, moved, _posture(own, cell.position(robot), near))}
+    return {
+        "handles": found,
+        "links": _links(model, own, moved, _posture(own, cell.position(robot), near)),
+    }
 
 
 def reached(
-    cell: Workcell, robot: str, limb: str, pose: Sequence[float], near: Mapping[str, float], *, turned: bool
+    cell: Workcell,
+    robot: str,
+    limb: str,
+    pose: Sequence[float],
+    near: Mapping[str, float],
+    *,
+    turned: bool,
 ) -> dict[str, float]:
     """Return the axes [deg or m] that bring the end of a limb as near to a pose as they can, the root staying.
 
@@ -93,7 +104,9 @@ def reached(
     target = model.pose(own.root).inverse() @ posed(pose, "pose")
     place, turn = (_LET, 1.0) if turned else (1.0, _LET)
     start = _posture(own, cell.position(robot), near)
-    starts = start + _BENT * np.array([0.0, 1.0, -1.0])[:, np.newaxis]  # one that is stretched has no way to begin with
+    starts = (
+        start + _BENT * np.array([0.0, 1.0, -1.0])[:, np.newaxis]
+    )  # one that is stretched has no way to begin with
     found = fit_postures(
         chain,
         np.tile(target.GetAsMatrix4(), (len(starts), 1, 1)),
@@ -128,11 +141,15 @@ def _moved(own: StationRobot) -> dict[str, list[int]]:
     beyond = [{*plant.GetBodiesKinematicallyAffectedBy([joint.index()])} for joint in own.joints]
     outward = sorted(range(len(beyond)), key=lambda axis: -len(beyond[axis]))
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(own.instance)]
-    axes = {body.name(): [axis for axis in outward if body.index() in beyond[axis]] for body in bodies}
+    axes = {
+        body.name(): [axis for axis in outward if body.index() in beyond[axis]] for body in bodies
+    }
     return {link: found for link, found in axes.items() if found}
 
 
-def _limbs(own: StationRobot, moved: Mapping[str, Sequence[int]]) -> dict[str, tuple[Frame, RigidTransform]]:
+def _limbs(
+    own: StationRobot, moved: Mapping[str, Sequence[int]]
+) -> dict[str, tuple[Frame, RigidTransform]]:
     """Return the frames at the ends of limbs, and where in them those are: tools, else links on which nothing hangs."""
     found, covered = dict[str, tuple[Frame, RigidTransform]](), list[set[int]]()
     for tool, name in own.model.tools.items():
@@ -145,8 +162,15 @@ def _limbs(own: StationRobot, moved: Mapping[str, Sequence[int]]) -> dict[str, t
     for link, axes in moved.items():
         beyond = (*covered, *({*others} for others in moved.values() if len(others) > len(axes)))
         if len(axes) >= _LIMB and not any({*axes} <= others for others in beyond):
-            end = feet.support_points(link).mean(axis=0) if feet and link in feet.links else np.zeros(3)
-            found[link] = own.plant.GetBodyByName(link, own.instance).body_frame(), RigidTransform(end)
+            end = (
+                feet.support_points(link).mean(axis=0)
+                if feet and link in feet.links
+                else np.zeros(3)
+            )
+            found[link] = (
+                own.plant.GetBodyByName(link, own.instance).body_frame(),
+                RigidTransform(end),
+            )
             covered.append({*axes})
     return found
 
@@ -169,7 +193,10 @@ def _links(
             "high": float(high[axis]) if np.isfinite(high[axis]) else None,
         }
 
-    return {_path(model.plant.GetBodyByName(link, own.instance)): described(axes[-1]) for link, axes in moved.items()}
+    return {
+        _path(model.plant.GetBodyByName(link, own.instance)): described(axes[-1])
+        for link, axes in moved.items()
+    }
 
 
 def _path(body: RigidBody) -> str:

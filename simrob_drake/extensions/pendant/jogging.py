@@ -39,7 +39,9 @@ class Jogging:
         """Give where the arm is, as :func:`simrob_drake.extensions.pendant.arm_questions.where` tells it."""
         return self._client.ask("where", frame=frame)
 
-    def jog_axes(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
+    def jog_axes(
+        self, targets_deg: Mapping[str, float], duration: float | None = None
+    ) -> Future[Any]:
         """Move axes to positions [deg or m]; of jogs that come while another runs the last is done."""
         return self._runner.when_idle(lambda: self._runner.jog(plain(targets_deg), duration))
 
@@ -52,7 +54,9 @@ class Jogging:
         or where the tool is.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
-        return self._runner.when_idle(lambda: self._client.ask("jogged_axes", self._runner.jog, **by))
+        return self._runner.when_idle(
+            lambda: self._client.ask("jogged_axes", self._runner.jog, **by)
+        )
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
@@ -61,7 +65,9 @@ class Jogging:
 
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
-        return self._runner.when_idle(lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})]))
+        return self._runner.when_idle(
+            lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})])
+        )
 
     def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
         """Keep where the arm is in ``targets``, by a name or as ``p1`` ...; the future gives that.
@@ -71,8 +77,12 @@ class Jogging:
 
         def keep(place: dict[str, Any]) -> str:
             known = self._book.history.present.targets
-            called = name or next(text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known)
-            self._record(called, place, frame=frame, tool=place["tool"] or "", robot=self._book.robot)
+            called = name or next(
+                text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known
+            )
+            self._record(
+                called, place, frame=frame, tool=place["tool"] or "", robot=self._book.robot
+            )
             return called
 
         return self._client.ask("where", keep, frame=frame)
@@ -95,7 +105,9 @@ class Jogging:
 
     def _record(self, name: str, place: Mapping[str, Any], **how: Any) -> None:
         axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
-        target = Target(axes=axes, pose=tuple(round(value, _DIGITS) + 0.0 for value in place["pose"]), **how)
+        target = Target(
+            axes=axes, pose=tuple(round(value, _DIGITS) + 0.0 for value in place["pose"]), **how
+        )
         taught = self._book.history.present
         self._book.record(taught.replaced(targets={**taught.targets, name: target}))
 
@@ -107,7 +119,15 @@ class Jogging:
         self._book.record(self._book.history.present.replaced(targets=left))
         return True
 
-    def add_line(self, kind: str, target: str, *, index: int | None = None, via: str | None = None, **how: Any) -> bool:
+    def add_line(
+        self,
+        kind: str,
+        target: str,
+        *,
+        index: int | None = None,
+        via: str | None = None,
+        **how: Any,
+    ) -> bool:
         """Store a line, a kind of move of arms, that goes to a taught target, before the line ``index`` or at the end.
 
         A line that changes the tool is put before it where the program has another one there. ``via`` is another
@@ -127,7 +147,11 @@ class Jogging:
         """Run one stored line from where the arm is (step)."""
         moves = self._book.program.moves
         move = self._client.or_wrong(lambda: moves[whole(index, "index", 0, len(moves) - 1)])
-        return done(None) if move is None else self._runner.when_idle(lambda: self._runner.run_free([move]))
+        return (
+            done(None)
+            if move is None
+            else self._runner.when_idle(lambda: self._runner.run_free([move]))
+        )
 
     def branches(self, target: str | None = None) -> Future[Any]:
         """Find every posture for a taught target into ``ghosts``. The view shows the first.
@@ -141,7 +165,9 @@ class Jogging:
 
         known = self._book.history.present.targets
         goal = known.get(target or "")
-        of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame, "tool": goal.tool} if goal else {}
+        of: dict[str, Any] = (
+            {"pose": list(goal.pose), "frame": goal.frame, "tool": goal.tool} if goal else {}
+        )
         return self._client.ask("branches", found, **of)
 
     def show_branch(self, number: int | None) -> Future[Any]:
@@ -158,11 +184,15 @@ class Jogging:
         self._client.tell("program")
         shown = [] if number is None else [self.ghosts[number]]
         postures, good = ([one[key] for one in shown] for key in ("axes", "usable"))
-        return self._client.ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=0)
+        return self._client.ask(
+            "ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=0
+        )
 
     def choose_branch(self, number: int) -> Future[Any]:
         """Go to one of ``ghosts``, and hide them."""
-        ghost = self._client.or_wrong(lambda: self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)])
+        ghost = self._client.or_wrong(
+            lambda: self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)]
+        )
         if ghost is None:
             return done(None)
         self.hide_ghosts()
@@ -174,14 +204,29 @@ class Jogging:
         return self.show_branch(None)
 
     def _lines(
-        self, program: Program, place: int, kind: str, goal: Target, via: str | None, how: Mapping[str, Any]
+        self,
+        program: Program,
+        place: int,
+        kind: str,
+        goal: Target,
+        via: str | None,
+        how: Mapping[str, Any],
     ) -> list[Move]:
         """Return the line to a target, and before it what its tool needs."""
         before = [move for move in program.moves[:place] if isinstance(move, ToolMove)]
-        now = next((tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)), self._first_tool)
-        lines = [self._book.checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
+        now = next(
+            (tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)),
+            self._first_tool,
+        )
+        lines = (
+            [self._book.checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
+        )
         content = dict(how)
-        if getattr(KINDS[one_of(message("pendant.kind_of_move", "kind of move"), kind, KINDS)], "of_axes", False):
+        if getattr(
+            KINDS[one_of(message("pendant.kind_of_move", "kind of move"), kind, KINDS)],
+            "of_axes",
+            False,
+        ):
             content["targets_deg"] = [goal.axes[axis] for axis in self._book.model.axes]
         else:
             content["targets_deg"] = list(goal.pose)
@@ -192,7 +237,11 @@ class Jogging:
                 raise InvalidParameter(
                     message("pendant.frame_of_via", "frame of {via}", via=via),
                     passed.frame,
-                    message("pendant.as_that_of_target", "{frame}, as that of the target", frame=goal.frame),
+                    message(
+                        "pendant.as_that_of_target",
+                        "{frame}, as that of the target",
+                        frame=goal.frame,
+                    ),
                 )
             content["via"] = list(passed.pose[:3])
         return [*lines, self._book.checked({kind: content})]
@@ -238,7 +287,9 @@ class Driving:
             self._client.refuse("no_drive")
             return done(None)
         if not self._client.run.moves.has_done(self._book.history.present.program.moves):
-            self._client.refuse("drive_elsewhere")  # a walk that was driven is nothing without what was asked for when
+            self._client.refuse(
+                "drive_elsewhere"
+            )  # a walk that was driven is nothing without what was asked for when
             return done(None)
         if self._client.pace is None or self._client.pace > 1.0:
             self._client.pace = 1.0
@@ -256,15 +307,23 @@ class Driving:
         limits = self.limits
         if driver is not self.driver or driver is None or limits is None:
             return
-        ahead, sideways, turn = (max(-1.0, min(float(part), 1.0)) for part in (ahead, sideways, turn))
+        ahead, sideways, turn = (
+            max(-1.0, min(float(part), 1.0)) for part in (ahead, sideways, turn)
+        )
         back = limits["ahead" if ahead > 0 else "backward"]
-        asked = round(ahead * back, 4), round(sideways * limits["sideways"], 4), round(turn * limits["turn_deg"], 2)
+        asked = (
+            round(ahead * back, 4),
+            round(sideways * limits["sideways"], 4),
+            round(turn * limits["turn_deg"], 2),
+        )
         if asked != self.asked:
             self.asked = asked
             self._client.tell("phase")
         if self._client.phase == "running":
             robot = self._book.robot if self._book.one_of_several else None
-            self._client.ask("steer", ahead=asked[0], sideways=asked[1], turn_deg=asked[2], robot=robot)
+            self._client.ask(
+                "steer", ahead=asked[0], sideways=asked[1], turn_deg=asked[2], robot=robot
+            )
 
     def end(self, driver: object) -> None:
         """Let the robot stand, and end the drive, if this tab drives."""
@@ -280,7 +339,9 @@ class Driving:
             return False
         cut = _DRIVE.model_copy(update={"duration": round(end - begun, 9)})
         moves.replace_last(cut)
-        self._book.record(now.replaced(pending=tuple(cut if move == _DRIVE else move for move in now.pending)))
+        self._book.record(
+            now.replaced(pending=tuple(cut if move == _DRIVE else move for move in now.pending))
+        )
         return True
 
     def _over(self) -> None:

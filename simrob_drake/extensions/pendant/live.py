@@ -31,7 +31,9 @@ class Live:
         self._process.start()
         theirs.close()
         self._on_news, self._numbers, self._lock = on_news, count(), Lock()
-        self._sending = Lock()  # of its own: answers are taken while something long waits to be read
+        self._sending = (
+            Lock()
+        )  # of its own: answers are taken while something long waits to be read
         self._unanswered: dict[int, Future[Any]] = {}
         self._open = True
         Thread(target=self._listen, daemon=True).start()
@@ -104,7 +106,9 @@ class Live:
             self._on_news(
                 {
                     "news": "died",
-                    "why": message("pendant.killed_by_signal", "killed by signal {code}", code=-code)
+                    "why": message(
+                        "pendant.killed_by_signal", "killed by signal {code}", code=-code
+                    )
                     if code and code < 0
                     else message("pendant.exit_code", "code {code}", code=code),
                 }
@@ -157,6 +161,9 @@ def answer(bench: Bench, inbox: Inbox, request: Request) -> None:
         inbox.answer(number)
         raise
     except Exception as problem:
-        inbox.answer(number, wrong=compound("{name}: {problem}", name=type(problem).__name__, problem=problem))
+        inbox.answer(
+            number,
+            wrong=compound("{name}: {problem}", name=type(problem).__name__, problem=problem),
+        )
     else:
         inbox.answer(number, result)

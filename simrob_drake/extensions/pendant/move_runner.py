@@ -83,7 +83,9 @@ class Commands:
             self._show_phase()
             return found
 
-        return self._client.ask(method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments)
+        return self._client.ask(
+            method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments
+        )
 
     def set_phase(self, of_run: str) -> None:
         """Take the phase of the run; one that runs has left the moment that was gone back to."""
@@ -95,7 +97,9 @@ class Commands:
         """Tell what is under way, else the phase of the run; and begin what waits, if it can be."""
         client, waits = self._client, self.waiting
         client.show_phase(next(reversed(self.under_way), self.of_run))
-        while not self._begins and (fit := [kind for kind, one in waits.items() if client.phase in one.phases]):
+        while not self._begins and (
+            fit := [kind for kind, one in waits.items() if client.phase in one.phases]
+        ):
             self._begins = True  # each is asked for before the next one
             begun = waits.pop(fit[0])
             try:
@@ -186,12 +190,18 @@ class MoveRunner:
                 book.history.withdraw()
                 book.save()
             else:
-                tried = {"pending": before.pending, "joins": before.joins, "changes": before.changes}
+                tried = {
+                    "pending": before.pending,
+                    "joins": before.joins,
+                    "changes": before.changes,
+                }
                 book.record(book.history.present.replaced(**tried))
 
         def start(_: Any = None) -> Future[Any]:
             run.start = begin
-            if MOVE in self.commands.waiting:  # which is newer, and runs what these would, from where these would
+            if (
+                MOVE in self.commands.waiting
+            ):  # which is newer, and runs what these would, from where these would
                 undone()
                 run.moves.append([None], begin)
                 return done(None)
@@ -228,7 +238,9 @@ class MoveRunner:
             back = run.start
         return done() if back is None else self.show_moment(back, lambda _: self._stand(back))
 
-    def show_moment(self, time: float, then: Callable[[Any], Any], failed: Then = lambda: None) -> Future[Any]:
+    def show_moment(
+        self, time: float, then: Callable[[Any], Any], failed: Then = lambda: None
+    ) -> Future[Any]:
         """Ask for a moment of the run to be shown [s]."""
         moment = self._client.run.moments.at(time)
         return self.commands.travel("rewind", then, failed, time=time, positions=moment)
@@ -320,7 +332,12 @@ class MoveRunner:
         return True
 
     def _start(
-        self, kind: Kind, method: str, failed: Then = lambda: None, fell: Then = lambda: None, **arguments: Any
+        self,
+        kind: Kind,
+        method: str,
+        failed: Then = lambda: None,
+        fell: Then = lambda: None,
+        **arguments: Any,
     ) -> Future[Any]:
         """Ask for a run; ``failed`` is called if it cannot be, ``fell`` if it came to nothing."""
         run, set_phase = self._client.run, self.commands.set_phase
@@ -336,7 +353,9 @@ class MoveRunner:
             return True if ended is None else ended
 
         answer = self._client.ask(method, ran, refused, **arguments)
-        if not answer.done():  # else refused at once; a way back that waits is asked for after this run
+        if (
+            not answer.done()
+        ):  # else refused at once; a way back that waits is asked for after this run
             set_phase("running")
         return answer
 
@@ -368,7 +387,10 @@ class MoveRunner:
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         book, run = self._book, self._client.run
-        now, made = book.history.present, validated(Change, change, message("pendant.the_change", "the change"))
+        now, made = (
+            book.history.present,
+            validated(Change, change, message("pendant.the_change", "the change")),
+        )
         label = " ".join(made.set or ())  # a slider that is moved is one step
         known = run.kind == "program"
         of_program = known or not now.pending

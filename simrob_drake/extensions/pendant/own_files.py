@@ -68,7 +68,9 @@ def keep(files: Mapping[str, bytes], folder: Path) -> Path:
             message("pendant.at_most_megabytes", "at most {most:g} MB", most=MOST / 1e6),
         )
     subject = _subject(list(contents))
-    content_hash = sha256(b"".join(path.as_posix().encode() + content for path, content in sorted(contents.items())))
+    content_hash = sha256(
+        b"".join(path.as_posix().encode() + content for path, content in sorted(contents.items()))
+    )
     home = folder / FOLDER / f"{subject.stem}-{content_hash.hexdigest()[:8]}"
     if not (home / subject).is_file():
         others = [path for path in contents if path != subject]
@@ -100,17 +102,27 @@ def _unpack(name: str, content: bytes) -> dict[Path, bytes]:
         raise InvalidParameter(
             name,
             message("pendant.too_many_files", "too many files"),
-            message("pendant.archive_of_at_most", "an archive of at most {most} files", most=_MOST_FILES),
+            message(
+                "pendant.archive_of_at_most", "an archive of at most {most} files", most=_MOST_FILES
+            ),
         )
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
-            entries = {_safe_path(entry.filename): entry for entry in archive.infolist() if not entry.is_dir()}
+            entries = {
+                _safe_path(entry.filename): entry
+                for entry in archive.infolist()
+                if not entry.is_dir()
+            }
             total_size = sum(entry.file_size for entry in entries.values())
             if total_size > MOST:
                 raise InvalidParameter(
                     name,
                     message("pendant.too_large", "too large"),
-                    message("pendant.megabytes_unpacked", "at most {most:g} MB unpacked", most=MOST / 1e6),
+                    message(
+                        "pendant.megabytes_unpacked",
+                        "at most {most:g} MB unpacked",
+                        most=MOST / 1e6,
+                    ),
                 )
             return {path: archive.read(entry) for path, entry in entries.items()}
     except SimrobError:  # a ValueError, as some errors of zipfile are
@@ -129,7 +141,9 @@ def _safe_path(name: str) -> Path:
         InvalidParameter: no file can have the name: it is too long, in too many folders, or no Unicode text.
     """
     # Parts such as "..", and the "/" of an absolute path, are left out. If nothing is left, the file is called "file".
-    parts = [part for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")] or ["file"]
+    parts = [
+        part for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")
+    ] or ["file"]
     try:
         lengths = [len(part.encode()) for part in parts]
     except UnicodeEncodeError as problem:
@@ -139,7 +153,9 @@ def _safe_path(name: str) -> Path:
             message("pendant.whole_characters", "a text of whole characters"),
         ) from problem
     if len(parts) > _MOST_FOLDERS + 1:
-        expected = message("pendant.folders_at_most", "in at most {most} folders", most=_MOST_FOLDERS)
+        expected = message(
+            "pendant.folders_at_most", "in at most {most} folders", most=_MOST_FOLDERS
+        )
         raise InvalidParameter(
             message("pendant.the_file", "the file '{name}'", name=shown(name)),
             message("pendant.in_folders", "in {count} folders", count=len(parts) - 1),
@@ -175,7 +191,9 @@ def _subject(paths: Sequence[Path]) -> Path:
                 endings=", ".join(order),
             ),
         )
-    return min(can, key=lambda path: (len(path.parts), order.index(path.suffix.lower()), path.as_posix()))
+    return min(
+        can, key=lambda path: (len(path.parts), order.index(path.suffix.lower()), path.as_posix())
+    )
 
 
 def report_of(urdf: Path) -> Notice | None:
@@ -194,10 +212,16 @@ def report_of(urdf: Path) -> Notice | None:
     remarks = [Remark(_severity_of(entry), _text_of(entry)) for entry in changes[:_LINES]]
     if len(changes) > _LINES:
         hidden = len(changes) - _LINES
-        further = message("pendant.more_entries", "... {count} more in {file}", count=hidden, file=REPORT_FILE)
+        further = message(
+            "pendant.more_entries", "... {count} more in {file}", count=hidden, file=REPORT_FILE
+        )
         remarks.append(Remark("note", further))
     file = {"file": report.source.name}
-    return Notice("imported_with_changes", file, remarks=tuple(remarks)) if changes else Notice("imported", file)
+    return (
+        Notice("imported_with_changes", file, remarks=tuple(remarks))
+        if changes
+        else Notice("imported", file)
+    )
 
 
 def _severity_of(entry: Entry) -> Severity:
@@ -207,4 +231,6 @@ def _severity_of(entry: Entry) -> Severity:
 
 def _text_of(entry: Entry) -> Message:
     """Text of an entry of a report: the change, the element that is changed, and the details."""
-    return join_texts([text for text in (CHANGE[entry.kind], entry.element, entry.text) if text], ": ")
+    return join_texts(
+        [text for text in (CHANGE[entry.kind], entry.element, entry.text) if text], ": "
+    )

@@ -52,7 +52,12 @@ class Pendant:
     """
 
     def __init__(
-        self, open_session: Opener, subject: str | Path, *, language: str = "en", lessons: Path | None = None
+        self,
+        open_session: Opener,
+        subject: str | Path,
+        *,
+        language: str = "en",
+        lessons: Path | None = None,
     ) -> None:
         """Open the first subject; ``lessons`` is a folder with more of them.
 
@@ -66,7 +71,9 @@ class Pendant:
         self.language = one_of(message("pendant.language", "language"), language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
-        self.board = Board(script=_SCRIPT, hears={"drag": self._drag, "put": self._put, "turn": self._turn})
+        self.board = Board(
+            script=_SCRIPT, hears={"drag": self._drag, "put": self._put, "turn": self._turn}
+        )
         self._begin()
 
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
@@ -83,7 +90,10 @@ class Pendant:
         if not same:
             self.session.close()
         self.session = following
-        if self.tour is not None and self.tour.subject not in (following.subject, following.book.station):
+        if self.tour is not None and self.tour.subject not in (
+            following.subject,
+            following.book.station,
+        ):
             self.tour = None  # a lesson is about another robot or station
         self._begin()
         return True
@@ -115,7 +125,9 @@ class Pendant:
         """
         path, *places = said
         point, target = (None if place is None else _numbers(place, 3) for place in places)
-        _, _, owner, *_, link = path.strip("/").split("/")  # below /drake/station; ValueError: no such path
+        _, _, owner, *_, link = path.strip("/").split(
+            "/"
+        )  # below /drake/station; ValueError: no such path
         known: Any = self.session.description.get("bodies", ())
         at = next((name for name in (f"{owner}.{link}", link, owner) if name in known), None)
         if at is not None and point is not None:
@@ -124,7 +136,9 @@ class Pendant:
     def _put(self, said: Any) -> None:
         """Pass on where a handle is put: its name, its pose (6) [m, deg], whether it is turned, and let go of."""
         handle, pose, turned, over = said
-        self.session.hand.put(str(handle), _numbers(pose, 6), turned=turned is True, over=over is True)
+        self.session.hand.put(
+            str(handle), _numbers(pose, 6), turned=turned is True, over=over is True
+        )
 
     def _turn(self, said: Any) -> None:
         """Pass on how far an axis is turned by its link [deg or m]."""

@@ -30,7 +30,11 @@ class PendantPanel:
     def __post_init__(self) -> None:
         """Check that there is an English title; raises ValueError if not."""
         if not self.titles.get("en"):
-            raise ValueError(message("pendant.no_english_title", "titles has no 'en'; a panel needs an English title"))
+            raise ValueError(
+                message(
+                    "pendant.no_english_title", "titles has no 'en'; a panel needs an English title"
+                )
+            )
 
     def title(self, language: str) -> str:
         """Title in a language, or in English if there is none."""

@@ -10,7 +10,14 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run_client import RunClient
-from simrob_drake.extensions.pendant.store import History, Store, Taught, entries_of, opened, with_change
+from simrob_drake.extensions.pendant.store import (
+    History,
+    Store,
+    Taught,
+    entries_of,
+    opened,
+    with_change,
+)
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.programs.moves.joints import JointMove, targets_on
 from simrob_drake.programs.moves.kinds import check_move
@@ -77,7 +84,9 @@ class ProgramBook:
         self.known_loops = loops_known(self.config)
         robots = list(self.config.robots)
         self.robot = (
-            one_of(message("pendant.robot", "robot"), robot, robots) if robot is not None else next(iter(robots), "")
+            one_of(message("pendant.robot", "robot"), robot, robots)
+            if robot is not None
+            else next(iter(robots), "")
         )
 
     @property
@@ -119,11 +128,15 @@ class ProgramBook:
 
     def insert(self, index: int, move: Mapping[str, Any]) -> bool:
         """Put a move, as a program's file has it, before the stored one of a number; their count: at the end."""
-        return self.change(lambda program: program.inserted(index, self.within_limits(check_move(move))))
+        return self.change(
+            lambda program: program.inserted(index, self.within_limits(check_move(move)))
+        )
 
     def edit(self, index: int, move: Mapping[str, Any]) -> bool:
         """Put another move in the place of a stored one."""
-        return self.change(lambda program: program.edited(index, self.within_limits(check_move(move))))
+        return self.change(
+            lambda program: program.edited(index, self.within_limits(check_move(move)))
+        )
 
     def remove(self, index: int) -> bool:
         """Take a stored move out."""
@@ -131,7 +144,9 @@ class ProgramBook:
 
     def move_entry(self, index: int, to: int) -> bool:
         """Give a stored move another place."""
-        return self.change(lambda program: program.removed(index).inserted(to, program.moves[index]))
+        return self.change(
+            lambda program: program.removed(index).inserted(to, program.moves[index])
+        )
 
     def remove_change(self, index: int) -> bool:
         """Take one of ``program.changes`` out."""
@@ -186,9 +201,14 @@ class ProgramBook:
                         "controllers.{loop} sets all joints of the robot, so that a move of joints has no effect",
                         loop=loop,
                     ),
-                    message("pendant.turn_loop_off", "drive it by its commands, or turn it off under Outer loops"),
+                    message(
+                        "pendant.turn_loop_off",
+                        "drive it by its commands, or turn it off under Outer loops",
+                    ),
                 )
-            targets_on(self.model, move.target_deg, message("pendant.the_move", "the move"), move.duration)
+            targets_on(
+                self.model, move.target_deg, message("pendant.the_move", "the move"), move.duration
+            )
         return move
 
     def overruling_loop(self) -> str:
@@ -257,7 +277,9 @@ class ProgramBook:
             self.within_limits(move)
             if not (move.of_arms if self.model.feet is None else move.of_legs):
                 raise InvalidParameter(
-                    "move", move.key, message("pendant.one_of_model", "one of {model}", model=self.model.name)
+                    "move",
+                    move.key,
+                    message("pendant.one_of_model", "one of {model}", model=self.model.name),
                 )
 
 

@@ -10,7 +10,9 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.results.record.walks import headings
 
 SIDES: dict[str, Vector] = {
-    f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "-+"
+    f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis]
+    for axis, name in enumerate("xyz")
+    for sign in "-+"
 }
 """The six directions of a push, each as a unit vector (3,) in the axes of the body."""
 
@@ -39,14 +41,18 @@ def push_sides(cell: Workcell, bodies: list[str]) -> dict[str, dict[str, str]]:
         robot = _robot_of(model.station, frame)
         words = _vertical_directions() if robot is None else directions[robot]
         rotation = model.pose(frame).rotation().matrix()
-        found[body] = {side: word for side, axis in SIDES.items() if (word := _word_of(rotation @ axis, words))}
+        found[body] = {
+            side: word for side, axis in SIDES.items() if (word := _word_of(rotation @ axis, words))
+        }
     return found
 
 
 def _robot_of(station: StationPlant, frame: Frame) -> str | None:
     """Name of the robot of which a frame is a part. Returns None for a frame of a piece."""
     instance = frame.body().model_instance()
-    return next((robot.name for robot in station.robots.values() if robot.instance == instance), None)
+    return next(
+        (robot.name for robot in station.robots.values() if robot.instance == instance), None
+    )
 
 
 def _vertical_directions() -> dict[str, Vector]:

@@ -53,7 +53,9 @@ class RunLog:
 
     def append(self, moves: Sequence[Move | None], time: float, *, free: bool = False) -> None:
         """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
-        self._entries += [LogEntry(move, None if number else time) for number, move in enumerate(moves)]
+        self._entries += [
+            LogEntry(move, None if number else time) for number, move in enumerate(moves)
+        ]
         if free:
             self.mark_stored()
 
@@ -108,7 +110,9 @@ class RunLog:
         start = done[kept].start
         del self._entries[self.mark + kept :]
         if start is None:
-            self._entries.insert(self.mark, LogEntry(None))  # the robot is not where these moves would have it
+            self._entries.insert(
+                self.mark, LogEntry(None)
+            )  # the robot is not where these moves would have it
             self.mark += 1
         return start, kept
 
@@ -146,7 +150,11 @@ class Moments:
             key=lambda i: abs(self._times[i] - time),
             default=None,
         )
-        return self._positions[near] if near is not None and abs(self._times[near] - time) <= _NEAR else None
+        return (
+            self._positions[near]
+            if near is not None and abs(self._times[near] - time) <= _NEAR
+            else None
+        )
 
 
 class EndedRun(NamedTuple):
@@ -157,7 +165,9 @@ class EndedRun(NamedTuple):
     begun: float  # when it began, since the start of the station [s]; ``reached``: how far it came
     reached: float
     ending: str  # ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``
-    signals: dict[str, tuple[Vector, Vector]]  # of each signal its times [s], shape (m,), and its values, shape (m, n)
+    signals: dict[
+        str, tuple[Vector, Vector]
+    ]  # of each signal its times [s], shape (m,), and its values, shape (m, n)
     moments: Moments  # what it looked like
 
     def history(self, signal: str) -> list[tuple[float, Any]]:
@@ -243,14 +253,18 @@ class TaughtRun:
 
     def watch(self, signals: Iterable[str]) -> None:
         """Keep the values of these signals, and no others; of what ended last they are known already."""
-        self.history = {name: self.history.get(name) or deque(self._of_last(name), _VALUES) for name in signals}
+        self.history = {
+            name: self.history.get(name) or deque(self._of_last(name), _VALUES) for name in signals
+        }
         self.values = {name: value for name, value in self.values.items() if name in self.history}
 
     def _of_last(self, signal: str) -> list[tuple[float, Any]]:
         last = self.ended[-1].history(signal) if self.ended else ()
         return [row for row in last if row[0] <= self.reach + _SAME]
 
-    def take(self, time: float, positions: Vector | None, values: dict[str, Any], ratio: float = 0.0) -> None:
+    def take(
+        self, time: float, positions: Vector | None, values: dict[str, Any], ratio: float = 0.0
+    ) -> None:
         """Take a moment [s]: positions of the whole plant, values of signals; what was run later is forgotten."""
         self._forget_from(time)
         self.time = self.reach = time
@@ -279,13 +293,18 @@ class TaughtRun:
     def die(self) -> None:
         """Take note that the process is gone; of what ran then there is what was watched."""
         watched = {
-            name: (np.array([time for time, _ in ring]), np.array([np.atleast_1d(value) for _, value in ring]))
+            name: (
+                np.array([time for time, _ in ring]),
+                np.array([np.atleast_1d(value) for _, value in ring]),
+            )
             for name, ring in self.history.items()
             if ring
         }
         self._keep_ended(self.start, self.reach, "died", watched)
 
-    def _keep_ended(self, begun: float, reached: float, ending: str, signals: dict[str, Any]) -> None:
+    def _keep_ended(
+        self, begun: float, reached: float, ending: str, signals: dict[str, Any]
+    ) -> None:
         number = self.ended[-1].number + 1 if self.ended else 1
         moments = self.moments.between(begun, reached)
         self.ended.append(EndedRun(number, self.kind, begun, reached, ending, signals, moments))

@@ -15,7 +15,9 @@ from simrob_drake.extensions.pendant.run import TaughtRun
 from simrob_drake.extensions.pendant.run_pacer import News, RunLost
 
 Made = TypeVar("Made")
-Topic = Literal["program", "phase", "tick", "message", "description", "history", "hand", "inspected"]
+Topic = Literal[
+    "program", "phase", "tick", "message", "description", "history", "hand", "inspected"
+]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
 Viewer = Callable[[str, list[dict[str, Any]]], object]
@@ -101,11 +103,15 @@ class RunClient:
         names = list(dict.fromkeys(name for own in self._watched.values() for name in own))
         self.run.watch(names)
         self.tell("history")
-        return done() if self._live is None else self.ask("watch", signals=names)  # else it is told these first
+        return (
+            done() if self._live is None else self.ask("watch", signals=names)
+        )  # else it is told these first
 
     # The run
 
-    def open(self, then: Callable[[dict[str, Any]], Any], failed: Callable[[], object], **how: Any) -> Future[Any]:
+    def open(
+        self, then: Callable[[dict[str, Any]], Any], failed: Callable[[], object], **how: Any
+    ) -> Future[Any]:
         """Open a station in the run, which is started if it is not there.
 
         ``then`` takes its description, ``failed`` is called if it cannot be opened, ``how`` is for ``Live.open``.
@@ -114,11 +120,15 @@ class RunClient:
             self._generation += 1
             here = self._generation
             if self._make_live is None:
-                from simrob_drake.extensions.pendant.live import Live  # which who brings another run does without
+                from simrob_drake.extensions.pendant.live import (
+                    Live,
+                )  # which who brings another run does without
 
                 self._make_live = Live
             self._live = self._make_live(
-                lambda news: self._later(lambda: self._take(news) if here == self._generation else None)
+                lambda news: self._later(
+                    lambda: self._take(news) if here == self._generation else None
+                )
             )
         opened = self.ask("open", then, failed, **how)
         self.ask("pace", factor=self.pace)

@@ -28,7 +28,9 @@ class RunLost(SimrobError):
 
     def __init__(self) -> None:
         """Say so."""
-        super().__init__(message("pendant.process_has_ended", "the process that runs the station has ended"))
+        super().__init__(
+            message("pendant.process_has_ended", "the process that runs the station has ended")
+        )
 
 
 class Inbox:
@@ -89,7 +91,9 @@ class RunPacer:
         now: up to when the last run came [s], also one that came to nothing.
     """
 
-    def __init__(self, inbox: Inbox, show: Callable[[Vector], object], serve: Callable[[], object]) -> None:
+    def __init__(
+        self, inbox: Inbox, show: Callable[[Vector], object], serve: Callable[[], object]
+    ) -> None:
         """Conduct runs.
 
         ``show`` shows positions of the whole plant, ``serve`` does what was asked for and can be done at a tick.
@@ -111,7 +115,9 @@ class RunPacer:
         self._last: tuple[float, Vector] | None = None
         self._origin()
 
-    def begin(self, line: Timeline, *, until: float = 0.0, stops: bool = False, one: bool = False) -> None:
+    def begin(
+        self, line: Timeline, *, until: float = 0.0, stops: bool = False, one: bool = False
+    ) -> None:
         """Prepare for a run along a timeline, of which all ``until`` a time [s] was shown before.
 
         It ends there if it ``stops``; with ``one`` it pauses at the first tick that was not shown before.
@@ -214,7 +220,9 @@ class RunPacer:
         command = command if perf_counter() - said < PATIENCE else (0.0, 0.0, 0.0)
         changes = self.line.changes
         if self._driving is None:
-            self._driving = self.line.add(Change(time=time, drive=DriveNow(at=robot, commands=((0.0, *command),))))
+            self._driving = self.line.add(
+                Change(time=time, drive=DriveNow(at=robot, commands=((0.0, *command),)))
+            )
             return
         old = changes[self._driving]
         assert old.drive is not None

@@ -67,7 +67,9 @@ def serve(
         hand_over = asyncio.get_running_loop().call_soon_threadsafe
 
         def opened(what: str | Path, robot: str | None) -> Session:
-            return Session.open(what, folder, robot=robot, hand_over=hand_over, allow_code=allow_code)
+            return Session.open(
+                what, folder, robot=robot, hand_over=hand_over, allow_code=allow_code
+            )
 
         pendant = Pendant(opened, subject, language=language, lessons=lessons)
         try:
@@ -162,7 +164,9 @@ def _serve_view(app: FastAPI, board: Board) -> None:
     @app.get("/view/events")
     def events(after: str = "") -> StreamingResponse:
         news = board.events(number_of(after))
-        return StreamingResponse(news, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+        return StreamingResponse(
+            news, media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+        )
 
     @app.post("/view/told", status_code=204)
     async def receive(request: Request) -> None:
@@ -174,7 +178,9 @@ def bound(port: int | None) -> socket.socket:
     """Return a socket bound to a port of this computer alone; raises OutputError: the one asked for is taken."""
     for one in [port] if port is not None else [*range(PORT, PORT + _PORTS), 0]:
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
+        listening.setsockopt(
+            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+        )  # one that was just left is free
         try:
             listening.bind((_HOST, one))
             listening.listen()  # another one could be bound there until then

@@ -43,7 +43,9 @@ _ANY = "idle", "running", "paused"  # phases in which a run can be gone on with,
 class EarlierRuns:
     """Shows those of ``run.ended``; what is run next is shown in their place."""
 
-    def __init__(self, client: RunClient, commands: Commands, to_present: Callable[[float], Future[Any]]) -> None:
+    def __init__(
+        self, client: RunClient, commands: Commands, to_present: Callable[[float], Future[Any]]
+    ) -> None:
         """Show none; ``to_present`` shows a moment of the present run [s]."""
         self._client, self._commands, self._to_present = client, commands, to_present
         self._asked = False  # a ghost to the view
@@ -98,7 +100,11 @@ class EarlierRuns:
     def _follow(self, *, anew: bool = False) -> None:
         """Let the ghost be where it was at the moment that is shown; one word at a time is on its way to the view."""
         run = self._client.run
-        if self._asked or (run.compared is None and not anew) or self._client.phase in ("opening", "gone"):
+        if (
+            self._asked
+            or (run.compared is None and not anew)
+            or self._client.phase in ("opening", "gone")
+        ):
             return
         other, time, self._asked = run.ghost, run.time, True
 
@@ -192,7 +198,9 @@ class Session:
         session = cls(live, hand_over)
         session.subject, book = str(subject), session.book
         with ExitStack() as held:
-            if is_robot_file(str(subject)):  # which somebody names here, so that its package may be read
+            if is_robot_file(
+                str(subject)
+            ):  # which somebody names here, so that its package may be read
                 held.enter_context(granting([package_root(robot_file(subject, "subject"))]))
             name, station = station_for(subject, Path(folder))
             book.use(station, robot, allow_code=allow_code)
@@ -201,7 +209,10 @@ class Session:
                 session.folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(alone_in(session.folder))
             own = f"{book.robot}.yaml" if book.one_of_several else _PROGRAM
-            book.load(Path(program).absolute() if program is not None else session.folder / own, session.folder)
+            book.load(
+                Path(program).absolute() if program is not None else session.folder / own,
+                session.folder,
+            )
             session._held = held.pop_all()
         session._runner.reopen()
         return session
@@ -252,7 +263,9 @@ class Session:
 
         return self._runner.try_moves(tested)
 
-    def suggest_duration(self, targets_deg: Mapping[str, float], start: Sequence[float] | None = None) -> float:
+    def suggest_duration(
+        self, targets_deg: Mapping[str, float], start: Sequence[float] | None = None
+    ) -> float:
         """Suggest a duration [s] for a move of axes that their servos can follow.
 
         Args:
@@ -283,7 +296,9 @@ class Session:
 
     def try_move(self, move: Mapping[str, Any]) -> Future[Any]:
         """Try any move, as a program's file has it, likewise."""
-        return self._runner.try_moves(lambda: self._runner.without_fallen.with_tried(self.book.checked(move)))
+        return self._runner.try_moves(
+            lambda: self._runner.without_fallen.with_tried(self.book.checked(move))
+        )
 
     def add(self) -> bool:
         """Store what was tested."""
@@ -323,7 +338,9 @@ class Session:
 
     def take_theirs(self) -> bool:
         """Take the file as another editor has left it; :meth:`undo` brings back what was taught here."""
-        return self._runner.step_to(lambda: self.book.load(self.book.file, self.folder), self.book.conflict)
+        return self._runner.step_to(
+            lambda: self.book.load(self.book.file, self.folder), self.book.conflict
+        )
 
     def keep_both(self) -> bool:
         """Leave that file as it is; what is taught goes to another one."""
@@ -396,7 +413,9 @@ class Session:
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
         could_be = self.client.or_wrong(
-            lambda: validated(Change, {"time": 0.0, **plain(change)}, message("pendant.the_change", "the change"))
+            lambda: validated(
+                Change, {"time": 0.0, **plain(change)}, message("pendant.the_change", "the change")
+            )
         )
         return self.client.ask(method, **plain(arguments)) if could_be else done(None)
 

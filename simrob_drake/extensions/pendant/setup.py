@@ -49,12 +49,16 @@ class Setup:
 
     def unset(self, key: str) -> bool:
         """Take a setting back."""
-        return self._open_with({other: value for other, value in self._book.settings.items() if other != key})
+        return self._open_with(
+            {other: value for other, value in self._book.settings.items() if other != key}
+        )
 
     def switch_loop(self, name: str, on: bool) -> bool:
         """Switch an outer loop of the station on or off."""
         book = self._book
-        settings = self._client.or_wrong(lambda: settings_with_loop(book.known_loops, book.settings, name, on))
+        settings = self._client.or_wrong(
+            lambda: settings_with_loop(book.known_loops, book.settings, name, on)
+        )
         return settings is not None and self._open_with(settings)
 
     def check(self) -> Future[Any]:
@@ -69,7 +73,11 @@ class Setup:
         """Give as SVG in a language what a loop reads and moves, be it on or off."""
         book = self._book
         settings = settings_with_loop(book.known_loops, book.settings, name, True)
-        how: dict[str, Any] = {"station": book.station, "settings": settings, "allow_code": book.allow_code}
+        how: dict[str, Any] = {
+            "station": book.station,
+            "settings": settings,
+            "allow_code": book.allow_code,
+        }
         return self._client.ask("loop_picture", name=name, language=language, **how)
 
     def _open_with(self, settings: dict[str, Any]) -> bool:

@@ -94,7 +94,10 @@ class Taught(Strict):
 
     def added(self) -> Taught:
         """Return it with what was tried stored."""
-        moves, changes = (*self.program.moves, *self.pending), (*self.program.changes, *self.changes)
+        moves, changes = (
+            (*self.program.moves, *self.pending),
+            (*self.program.changes, *self.changes),
+        )
         return self.with_program(moves=moves, changes=changes).discarded()
 
     def discarded(self) -> Taught:
@@ -111,7 +114,11 @@ def with_change(changes: Sequence[Change], change: Change) -> tuple[Change, ...]
 def _of(change: Change) -> tuple[Any, ...]:
     """Return what a change is of: a later one of the same replaces it, as a drag that has gone on."""
     things = change.push, change.drag, change.drive
-    return change.time, tuple(change.set or ()), *(None if one is None else (type(one), one.at) for one in things)
+    return (
+        change.time,
+        tuple(change.set or ()),
+        *(None if one is None else (type(one), one.at) for one in things),
+    )
 
 
 def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:
@@ -119,7 +126,10 @@ def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:
     return [move.entry() for move in moves]
 
 
-MOST_STEPS, MOST_LETTERS = 200, 2_000_000  # what is kept to go back to; the oldest is forgotten first
+MOST_STEPS, MOST_LETTERS = (
+    200,
+    2_000_000,
+)  # what is kept to go back to; the oldest is forgotten first
 
 
 class History:
@@ -198,7 +208,9 @@ def _as_step(taught: Taught) -> tuple[Taught, str]:
 
 Fits = Callable[[Program], None]  # raises an error that says why a program cannot be this robot's
 
-_LARGEST = 8 * MOST_LETTERS  # bytes; letters may have four, and the newest step is kept however long it is
+_LARGEST = (
+    8 * MOST_LETTERS
+)  # bytes; letters may have four, and the newest step is kept however long it is
 
 
 class Store:
@@ -211,7 +223,9 @@ class Store:
         aside: a file that was made anew, and where the old one is, which somebody has changed.
     """
 
-    def __init__(self, file: Path, station: str, robot: str | None = None, first: Program | None = None) -> None:
+    def __init__(
+        self, file: Path, station: str, robot: str | None = None, first: Program | None = None
+    ) -> None:
         """Name the file, the station that it runs on (a name or a file), and the robot where there are several.
 
         ``first`` is what is taught where there is no file yet: the program that the station carries.
@@ -239,8 +253,14 @@ class Store:
         if settings and config is not self._saved_station:
             self.make(self.station_file, station_yaml(config))
             self._saved_station = config
-        written_at_once(self.steps_file, f"{_digest(self._written)} {json.dumps(self._made)}\n{history.text()}")
-        if self._saved is not None and self._saved[0] is program and self._saved[1] == bool(settings):
+        written_at_once(
+            self.steps_file, f"{_digest(self._written)} {json.dumps(self._made)}\n{history.text()}"
+        )
+        if (
+            self._saved is not None
+            and self._saved[0] is program
+            and self._saved[1] == bool(settings)
+        ):
             return not self._is_changed
         if not self.write(self._present(history)):
             return False
@@ -294,10 +314,15 @@ class Store:
         if steps is None:
             steps = History(Taught.of(program))
         elif program != self._present(steps):
-            if _digest(self._written) == before:  # the last save was stopped before it came to this file
+            if (
+                _digest(self._written) == before
+            ):  # the last save was stopped before it came to this file
                 return steps
             steps.record(steps.present.replaced(program=Taught.of(program).program))
-        self._saved = steps.present.program, bool(steps.present.settings)  # it is left alone until something changes
+        self._saved = (
+            steps.present.program,
+            bool(steps.present.settings),
+        )  # it is left alone until something changes
         return steps
 
     def last(self) -> History:
@@ -363,7 +388,10 @@ def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Noti
 def _newest(file: Path, folder: Path) -> int:
     """Return the highest number of the files in a folder that were begun in place of one; 0 if none was."""
     pattern = re.compile(rf"{re.escape(_stem(file))}-(\d+)")
-    return max((int(found[1]) for one in folder.glob("*.yaml") if (found := pattern.fullmatch(one.stem))), default=0)
+    return max(
+        (int(found[1]) for one in folder.glob("*.yaml") if (found := pattern.fullmatch(one.stem))),
+        default=0,
+    )
 
 
 def _stem(file: Path) -> str:

@@ -40,13 +40,19 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
         return name, name
     if name in robot_names():
         usual = _USUAL.format(name)
-        return (usual, usual) if usual in station_names() else (name, _drafted(load_robot(name), name, folder))
+        return (
+            (usual, usual)
+            if usual in station_names()
+            else (name, _drafted(load_robot(name), name, folder))
+        )
     is_yaml = is_yaml_name(file)
     if is_yaml and isfile(file):
         return file.stem, str(file.resolve())
     if not is_yaml and not is_robot_file(name):
         raise UnknownName(
-            message("pendant.station_or_robot", "station or robot"), name, [*station_names(), *robot_names()]
+            message("pendant.station_or_robot", "station or robot"),
+            name,
+            [*station_names(), *robot_names()],
         )
     if is_yaml or not isfile(robot_file(file, "subject")):
         raise InvalidConfig(file, "", message("pendant.no_such_file", "there is no such file"))
@@ -66,7 +72,10 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
         raise InvalidConfig(
             file,
             "station",
-            message("pendant.missing_station", "missing: the name or the file of the station that it is to run on"),
+            message(
+                "pendant.missing_station",
+                "missing: the name or the file of the station that it is to run on",
+            ),
         )
     return file, station_with_absolute_path(station, file)
 
@@ -88,10 +97,14 @@ def _drafted(model: RobotModel, name: str, folder: Path) -> str:
     target = folder / name / f"{name}.yaml"
     if not target.is_file():
         content = parse_yaml(draft_station(model.urdf_path), name)
-        start = {key: value for key, value in content["robot"].items() if key in ("base", "initial_deg")}
+        start = {
+            key: value for key, value in content["robot"].items() if key in ("base", "initial_deg")
+        }
         content["robot"] = {"model": name, **start}  # which brings its gains
         if servo := content.pop("servo", None):
             content["servo"] = {"realization": servo["realization"]}
         content |= {"description": model.description, "reference": {"kind": "hold"}}
-        written_at_once(target, yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120))
+        written_at_once(
+            target, yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120)
+        )
     return str(target.resolve())

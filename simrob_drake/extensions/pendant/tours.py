@@ -63,7 +63,11 @@ class Check(Strict):
     @model_validator(mode="after")
     def _is_one(self) -> "Check":
         if sum(getattr(self, kind) is not None for kind in _KINDS) != 1:
-            raise ValueError(message("pendant.one_is_needed", "one of {kinds} is needed", kinds=", ".join(_KINDS)))
+            raise ValueError(
+                message(
+                    "pendant.one_is_needed", "one of {kinds} is needed", kinds=", ".join(_KINDS)
+                )
+            )
         if self.signal is not None and self.axis is None:
             raise ValueError(message("pendant.signal_needs_axis", "a signal needs an axis"))
         return self
@@ -71,12 +75,17 @@ class Check(Strict):
     def holds(self, session: Session, start: StepStart) -> bool:
         """Whether the condition holds in a session since the step began."""
         if self.loop is not None:
-            return any(loop["name"] == self.loop and loop["on"] for loop in session.description.get("loops", ()))
+            return any(
+                loop["name"] == self.loop and loop["on"]
+                for loop in session.description.get("loops", ())
+            )
         if self.signal is not None:
             return self._between(self._last(session))
         if self.key is not None:
             changes = session.book.changes
-            live = [change.set[self.key] for change in changes if change.set and self.key in change.set]
+            live = [
+                change.set[self.key] for change in changes if change.set and self.key in change.set
+            ]
             return self._between(live[-1] if live else session.setup.value(self.key))
         return self._has_happened(session, start)
 
@@ -99,7 +108,9 @@ class Check(Strict):
         about = {signal["name"]: signal for signal in session.description.get("signals", ())}
         rows = session.run.history.get(str(self.signal), ())
         columns = about.get(self.signal, {}).get("columns", ())
-        places = [place for place, column in enumerate(columns) if column.rpartition(".")[2] == self.axis]
+        places = [
+            place for place, column in enumerate(columns) if column.rpartition(".")[2] == self.axis
+        ]
         if not (rows and places):
             return None
         factor = degrees(1.0) if about[self.signal]["unit"].startswith("rad") else 1.0
@@ -110,7 +121,9 @@ class Check(Strict):
             return str(value) == self.value
         if not isinstance(value, (int, float)):
             return False
-        return (self.above is None or value > self.above) and (self.below is None or value < self.below)
+        return (self.above is None or value > self.above) and (
+            self.below is None or value < self.below
+        )
 
 
 class TourStep(Strict):
@@ -139,7 +152,9 @@ def tours(folder: Path | None = None) -> list[Tour]:
     Raises InvalidConfig: a damaged file; names it, the key, and what would be right.
     """
     if folder is not None and not folder.is_dir():
-        raise InvalidConfig(folder, "", message("pendant.no_lessons", "there is no such folder of lessons"))
+        raise InvalidConfig(
+            folder, "", message("pendant.no_lessons", "there is no such folder of lessons")
+        )
     files = [file for place in (_FOLDER, folder) if place for file in sorted(place.glob("*.yaml"))]
     return [validated(Tour, read_yaml(file), file) for file in files]
 
@@ -181,7 +196,9 @@ class TourProgress:
     @property
     def subject(self) -> str:
         """What is to be open in the step."""
-        subjects: Sequence[str | None] = [step.subject for step in self.tour.steps[: self.number + 1]]
+        subjects: Sequence[str | None] = [
+            step.subject for step in self.tour.steps[: self.number + 1]
+        ]
         return next((one for one in reversed(subjects) if one), self.tour.subject)
 
     def go(self, by: int) -> None:

@@ -11,7 +11,9 @@ from simrob_drake.kinematics.every_branch import branches
 _SIX = 6
 _QUADRANTS = (0, 3, 5)  # axes 1, 4 and 6
 _BORDER = 1e-4  # quadrants that an axis may lie beyond a border, or that a pose was rounded by
-_COMPLIANT = 1.5  # quadrants from the middle of the one that is asked for: its neighbours count, too
+_COMPLIANT = (
+    1.5  # quadrants from the middle of the one that is asked for: its neighbours count, too
+)
 
 
 def has_configuration(chain: Chain) -> bool:
@@ -25,7 +27,9 @@ def has_configuration(chain: Chain) -> bool:
 
 def configuration(chain: Chain, posture: Vector) -> tuple[int, int, int, int]:
     """Return the confdata cf1, cf4, cf6 and cfx of a posture (6,) [rad]."""
-    first, fourth, sixth = (int(np.floor(posture[axis] / (np.pi / 2) + _BORDER)) for axis in _QUADRANTS)
+    first, fourth, sixth = (
+        int(np.floor(posture[axis] / (np.pi / 2) + _BORDER)) for axis in _QUADRANTS
+    )
     return first, fourth, sixth, _sides(chain, posture)
 
 
@@ -40,7 +44,8 @@ def _leans(chain: Chain, posture: Vector) -> tuple[float, float]:
     frames = chain.frames(posture[np.newaxis])[:, 0]
     second, third = chain.points[1], _foot(chain, 2)
     shoulder, elbow, wrist = (
-        (frames[index] @ np.append(point, 1.0))[:3] for index, point in ((1, second), (2, third), (4, _wrist(chain)))
+        (frames[index] @ np.append(point, 1.0))[:3]
+        for index, point in ((1, second), (2, third), (4, _wrist(chain)))
     )
     column, across = chain.axes[0], frames[1, :3, :3] @ chain.axes[1]
     forward = np.cross(across, column)
@@ -63,7 +68,9 @@ def _wrist(chain: Chain) -> Vector:
     return np.asarray(chain.points[4] + along * other)
 
 
-def postures_like(chain: Chain, pose: Vector, start: Vector, desired: Sequence[float]) -> tuple[Vector, list[str]]:
+def postures_like(
+    chain: Chain, pose: Vector, start: Vector, desired: Sequence[float]
+) -> tuple[Vector, list[str]]:
     """Return the postures (k, 6) for a pose (4, 4) that have a configuration, and the configurations of the others.
 
     The best is first; as for ABB's controllers a quadrant may differ by one, but cfx must be equal

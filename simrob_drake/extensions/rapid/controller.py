@@ -13,7 +13,11 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector, pose_from_transform
 from simrob_drake.base.interpolation import turned_by
 from simrob_drake.base.messages import message
-from simrob_drake.extensions.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.extensions.rapid.configuration import (
+    configuration,
+    has_configuration,
+    postures_like,
+)
 from simrob_drake.extensions.rapid.expressions import Call
 from simrob_drake.extensions.rapid.signals import Signals
 from simrob_drake.extensions.rapid.values import LeftOut, RecordValue, WrongType, transform_of
@@ -73,7 +77,9 @@ class Controller:
         configured: whether the configurations of targets count for moves of axes, and for lines.
     """
 
-    def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run, check: Check) -> None:
+    def __init__(
+        self, cell: Workcell, robot: str | None, signals: Signals, run: Run, check: Check
+    ) -> None:
         """Take an arm of a workcell, which goes on with each move; the only one need not be named.
 
         ``signals`` are what inputs and outputs mean; ``run`` does planned moves, as :meth:`Workcell.stand` or
@@ -86,7 +92,10 @@ class Controller:
         self.time, self.seen = 0.0, dict[str, float]()
         self.configured = {"j": True, "l": True}
         self.acceleration: float | None = None
-        self.fastest, self.share = np.inf, 1.0  # of VelSet: m/s, and the part of a speed that is gone
+        self.fastest, self.share = (
+            np.inf,
+            1.0,
+        )  # of VelSet: m/s, and the part of a speed that is gone
         self._unknown = set[str]()  # signals of which nothing is known, each named once
         self._group: Group | None = None
         self._planner: Planner | None = None
@@ -109,7 +118,10 @@ class Controller:
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
                 raise LeftOut(
-                    message("rapid.moving_work_object", "a work object that a robot or another unit moves is not done")
+                    message(
+                        "rapid.moving_work_object",
+                        "a work object that a robot or another unit moves is not done",
+                    )
                 )
             frame = frame @ transform_of(wobj["uframe"]) @ transform_of(wobj["oframe"])
         if frame.IsNearlyEqualTo(RigidTransform(), _NEAR):
@@ -133,7 +145,9 @@ class Controller:
         if not tool["robhold"]:
             raise LeftOut(message("rapid.stationary_tool", "a tool that stands still is not done"))
         desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
-        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(desired, _SAME_PLACE):
+        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(
+            desired, _SAME_PLACE
+        ):
             return
         self.finish()
         if self.cell.model.tool_in_use(self.robot) != self._flange:
@@ -143,7 +157,9 @@ class Controller:
             unchecked: dict[str, Any] = {"pose": _numbers(change), "robot": whose}
             self._do(ToolMove(**unchecked))
 
-    def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
+    def go(
+        self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any
+    ) -> None:
         """Take up an instruction's move to a pose (6,) [m, rad] or posture (n,), joined to the last by its zone.
 
         The zone is how near to the target the tool turns to the next one [m]; 0 to rest there. ``more`` has the
@@ -193,7 +209,10 @@ class Controller:
                 kind, keys["targets"] = MoveAbsJ, group.postures
                 keys.pop("wobj", None)
                 group.call.remark(
-                    message("rapid.other_posture", "goes to another posture than the nearest: written as move_abs_j"),
+                    message(
+                        "rapid.other_posture",
+                        "goes to another posture than the nearest: written as move_abs_j",
+                    ),
                     lost=False,
                 )
             targets = [list(map(float, row)) for row in keys.pop("targets")]
@@ -227,7 +246,9 @@ class Controller:
                 if len(group.targets) > 1
                 else ""
             )
-            are_targets_postures = bool(group.postures) and not group.poses  # not positions of the tool
+            are_targets_postures = (
+                bool(group.postures) and not group.poses
+            )  # not positions of the tool
             hint = "" if are_targets_postures else metres_hint(np.array(group.targets)[:, :3])
             group.call.remark(
                 message(
@@ -241,7 +262,11 @@ class Controller:
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion
-        keys: dict[str, Any] = {"targets": group.targets, "wobj": motion.wobj, "duration": motion.duration}
+        keys: dict[str, Any] = {
+            "targets": group.targets,
+            "wobj": motion.wobj,
+            "duration": motion.duration,
+        }
         if motion.duration is None:
             keys |= {"speed": motion.speed, "acceleration": motion.acceleration}
         if self._named:
@@ -260,7 +285,10 @@ class Controller:
         zone = min(group.zone, half)
         if zone < _ZONE:
             group.call.remark(
-                message("rapid.rests_at_targets", "rests at its targets: they are too near to each other for a zone"),
+                message(
+                    "rapid.rests_at_targets",
+                    "rests at its targets: they are too near to each other for a zone",
+                ),
                 lost=False,
             )
             return {"stop": True} if group.motion.kind in (MoveJ, MoveAbsJ) else {}
@@ -268,7 +296,9 @@ class Controller:
         named = abs(1e3 * zone - millimetres) < 1e-9 and 1 <= millimetres <= 200
         return {"zone": f"z{millimetres}" if named else "z0" if zone == _ZONE else zone}
 
-    def _planned(self, kind: type[ArmMotion], keys: dict[str, Any], group: Group) -> tuple[ArmMotion, Plan]:
+    def _planned(
+        self, kind: type[ArmMotion], keys: dict[str, Any], group: Group
+    ) -> tuple[ArmMotion, Plan]:
         """Return a move with its plan, slower than asked for where axes or the tool's turn need more time."""
         for _ in range(_TRIES):
             move = kind(**keys)
@@ -279,7 +309,9 @@ class Controller:
                     raise
                 group.call.remark(
                     message(
-                        "rapid.slower_than_asked", "is slower than asked for: {axis} is at its limit", axis=problem.axis
+                        "rapid.slower_than_asked",
+                        "is slower than asked for: {axis} is at its limit",
+                        axis=problem.axis,
                     ),
                     lost=False,
                 )
@@ -353,7 +385,9 @@ class Controller:
                 lost=False,
             )
         try:
-            return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
+            return np.asarray(
+                require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0]
+            )
         except Unreachable as problem:
             hint = metres_hint(transform_of(target).translation())
             raise LeftOut(f"{problem}{hint}") from problem
@@ -361,7 +395,11 @@ class Controller:
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
             raise WrongType(
-                message("rapid.endless_moves", "the program does not end within {most} moves", most=_MOST_MOVES)
+                message(
+                    "rapid.endless_moves",
+                    "the program does not end within {most} moves",
+                    most=_MOST_MOVES,
+                )
             )
         if isinstance(move, WaitMove) and self.moves and isinstance(self.moves[-1], WaitMove):
             self.moves[-1] = WaitMove(duration=self.moves[-1].duration + move.duration)
@@ -369,9 +407,17 @@ class Controller:
             self.moves.append(move)
         self._planner = None
         done = self._run([plan], None) if plan else move.perform(self.cell, self.robot, self._run)
-        self.time += done if isinstance(done, float) else float(done.times[-1]) if done is not None else 0.0
-        names: Mapping[str, int] = {name: column for column, name in enumerate(getattr(done, "names", ()))}
-        self.seen |= {name: float(done.values[-1, names[name]]) for name in self.signals.sensors if name in names}
+        self.time += (
+            done if isinstance(done, float) else float(done.times[-1]) if done is not None else 0.0
+        )
+        names: Mapping[str, int] = {
+            name: column for column, name in enumerate(getattr(done, "names", ()))
+        }
+        self.seen |= {
+            name: float(done.values[-1, names[name]])
+            for name in self.signals.sensors
+            if name in names
+        }
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
@@ -385,7 +431,9 @@ class Controller:
         does = self.signals.put(name, value)
         if does is None:
             self._remark_unnamed_signal(
-                call, message("rapid.unknown_output", "nothing is known of the output {name}", name=name), lost=False
+                call,
+                message("rapid.unknown_output", "nothing is known of the output {name}", name=name),
+                lost=False,
             )
         for move in does or ():
             self._do(move)
@@ -400,7 +448,11 @@ class Controller:
         if value is None:
             self._remark_unnamed_signal(
                 call,
-                message("rapid.unknown_input", "nothing is known of the input {name}, it is taken as 0", name=name),
+                message(
+                    "rapid.unknown_input",
+                    "nothing is known of the input {name}, it is taken as 0",
+                    name=name,
+                ),
                 lost=True,
             )
             return 0.0
@@ -418,7 +470,10 @@ class Controller:
         if problem.lower() not in self._unknown:
             self._unknown.add(problem.lower())
             call.remark(
-                message("rapid.name_in_table", "{problem}: name it in a table, --io", problem=problem), lost=lost
+                message(
+                    "rapid.name_in_table", "{problem}: name it in a table, --io", problem=problem
+                ),
+                lost=lost,
             )
 
 
@@ -435,7 +490,9 @@ def metres_hint(places: Vector) -> str:
     are_all_zero = not np.any(places)
     if are_all_zero or np.abs(places).max() > _REACH_IN_METRES:
         return ""
-    return message("rapid.were_these_metres", "; lengths of RAPID are in millimetres: were these metres?")
+    return message(
+        "rapid.were_these_metres", "; lengths of RAPID are in millimetres: were these metres?"
+    )
 
 
 def _numbers(pose: RigidTransform) -> tuple[float, ...]:
@@ -443,6 +500,14 @@ def _numbers(pose: RigidTransform) -> tuple[float, ...]:
 
 
 def _in_time(keys: dict[str, Any], duration: float) -> dict[str, Any]:
-    kept = {key: value for key, value in keys.items() if key not in ("speed", "acceleration", "duration")}
+    kept = {
+        key: value
+        for key, value in keys.items()
+        if key not in ("speed", "acceleration", "duration")
+    }
     kept.pop("stop", None)
-    return {**kept, "duration": max(duration, keys.get("duration", 0.0) * _SLOWER), "profile": "s_curve"}
+    return {
+        **kept,
+        "duration": max(duration, keys.get("duration", 0.0) * _SLOWER),
+        "profile": "s_curve",
+    }

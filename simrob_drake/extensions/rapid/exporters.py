@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 class RapidExporter(ProgramExporter):
     """Writes a program as a RAPID module, with a table of its signals next to it."""
 
-    help: ClassVar[str] = message("rapid.help_rapid_file", "The RAPID module of a program to write, FILE.mod.")
+    help: ClassVar[str] = message(
+        "rapid.help_rapid_file", "The RAPID module of a program to write, FILE.mod."
+    )
 
     def program_texts(
         self, program: Program, config: StationConfig, file: Path, options: Any, *, source: str
@@ -35,7 +37,9 @@ class RapidExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or RAPID cannot express it; the message names the move.
         """
-        from simrob_drake.extensions.rapid.exporting import rapid_text  # not at the top: see _steps_of()
+        from simrob_drake.extensions.rapid.exporting import (
+            rapid_text,
+        )  # not at the top: see _steps_of()
 
         exported = _steps_of(program, config, source)
         module, signals = rapid_text(exported, file.stem)
@@ -48,7 +52,9 @@ class RapidExporter(ProgramExporter):
 class UrscriptExporter(ProgramExporter):
     """Writes a program as URScript, the language of Universal Robots' controllers."""
 
-    help: ClassVar[str] = message("rapid.help_urscript_file", "The URScript of a program to write, FILE.script.")
+    help: ClassVar[str] = message(
+        "rapid.help_urscript_file", "The URScript of a program to write, FILE.script."
+    )
 
     def program_texts(
         self, program: Program, config: StationConfig, file: Path, options: Any, *, source: str
@@ -68,7 +74,9 @@ class UrscriptExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or URScript cannot express it; the message names the move.
         """
-        from simrob_drake.extensions.rapid.exporting import urscript_text  # not at the top: see _steps_of()
+        from simrob_drake.extensions.rapid.exporting import (
+            urscript_text,
+        )  # not at the top: see _steps_of()
 
         exported = _steps_of(program, config, source)
         return ExportedTexts({file: urscript_text(exported, file.stem)}, tuple(exported.remarks))

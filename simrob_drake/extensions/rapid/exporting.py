@@ -81,7 +81,11 @@ class ExportedProgram:
         flange = own.tools[next(iter(own.model.tools))]
         found = cls(name, cell.model.chain(name, flange), own.model.user_units, own.base)
         if program.changes:
-            found.remarks.append(message("rapid.changes_left_out", "changes of the station while it runs are left out"))
+            found.remarks.append(
+                message(
+                    "rapid.changes_left_out", "changes of the station while it runs are left out"
+                )
+            )
         for number, move in enumerate(program.moves):
             with naming(move_name(number, len(program.moves), file)):
                 found._take(move, cell, move_title(number))
@@ -93,7 +97,11 @@ class ExportedProgram:
             raise InvalidParameter(
                 "robot",
                 whose,
-                message("rapid.program_of_one_robot", "{name}: an exported program is of one robot", name=self.name),
+                message(
+                    "rapid.program_of_one_robot",
+                    "{name}: an exported program is of one robot",
+                    name=self.name,
+                ),
             )
         if isinstance(move, (MoveAbsJ, MoveJ, MoveL, MoveC)):
             planning = cell.planning(self.name)
@@ -115,7 +123,9 @@ class ExportedProgram:
                 ),
             )
 
-    def _legs(self, move: ArmMotion, planning: Planning, plan: Plan, called: str) -> Iterator[TargetMove]:
+    def _legs(
+        self, move: ArmMotion, planning: Planning, plan: Plan, called: str
+    ) -> Iterator[TargetMove]:
         how, wobj = move.how, planning.frame(getattr(move, "wobj", None))
         cruises = "speed" in how and profile_of(how) == "s_curve"
         zone, postures = zone_size(how.get("zone", "fine")), plan.postures(plan.arrivals)
@@ -126,11 +136,17 @@ class ExportedProgram:
         else:
             rows = planning.poses(move.rows(planning), getattr(move, "wobj", None))
             if zone and move.key == MoveJ.key:  # which passes by where it would rest
-                postures = planning.inverse(getattr(move, "solver", None)).solve(rows, planning.start).positions
+                postures = (
+                    planning.inverse(getattr(move, "solver", None))
+                    .solve(rows, planning.start)
+                    .positions
+                )
         arcs = places(move.via, wobj, "via") if hasattr(move, "via") else [None] * len(postures)
         tool = RigidTransform(self.chain.home).inverse() @ RigidTransform(planning.chain.home)
         before, times = planning.pose, np.diff(plan.arrivals, prepend=0.0)
-        for number, (pose, posture, via, time) in enumerate(zip(rows, postures, arcs, times, strict=True), 1):
+        for number, (pose, posture, via, time) in enumerate(
+            zip(rows, postures, arcs, times, strict=True), 1
+        ):
             yield TargetMove(
                 key=move.key, pose=RigidTransform(pose), posture=posture, via=via, wobj=wobj, tool=tool,
                 length=float(np.linalg.norm(pose[:3, 3] - before[:3, 3])) if via is None
@@ -140,12 +156,22 @@ class ExportedProgram:
             )  # fmt: skip
             before = pose
 
-    def _tell_unsaid(self, move: ArmMotion, how: Mapping[str, Any], zone: float, count: int, called: str) -> None:
-        left = [key for key in _UNSAID if key in move.model_fields_set and getattr(move, key) is not None]
+    def _tell_unsaid(
+        self, move: ArmMotion, how: Mapping[str, Any], zone: float, count: int, called: str
+    ) -> None:
+        left = [
+            key
+            for key in _UNSAID
+            if key in move.model_fields_set and getattr(move, key) is not None
+        ]
         tell = partial("{}: {}".format, called)
         if left:
-            self.remarks.append(tell(message("rapid.left_out", "{left} left out", left=", ".join(left))))
-        if how.get("profile", "smooth") != "smooth" and ("speed" not in how or how["profile"] != "s_curve"):
+            self.remarks.append(
+                tell(message("rapid.left_out", "{left} left out", left=", ".join(left)))
+            )
+        if how.get("profile", "smooth") != "smooth" and (
+            "speed" not in how or how["profile"] != "s_curve"
+        ):
             self.remarks.append(
                 tell(
                     message(
@@ -157,7 +183,12 @@ class ExportedProgram:
             )
         if zone and "speed" not in how:
             self.remarks.append(
-                tell(message("rapid.zone_with_duration", "a zone with a duration: each target has its time"))
+                tell(
+                    message(
+                        "rapid.zone_with_duration",
+                        "a zone with a duration: each target has its time",
+                    )
+                )
             )
         if count > 1 and not zone and hasattr(move, "stop") and not move.stop:
             self.remarks.append(
@@ -207,7 +238,10 @@ def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
             "robot",
             steps.name,
             message(
-                "rapid.few_axes", "one of at most {most} axes; it has {size}", most=_MOST_AXES, size=steps.chain.size
+                "rapid.few_axes",
+                "one of at most {most} axes; it has {size}",
+                most=_MOST_AXES,
+                size=steps.chain.size,
             ),
         )
     names, signals = _Names(), dict[str, dict[int, Any]]()
@@ -225,8 +259,14 @@ def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
             lines.append(_move(step, steps, names))
     module = re.sub(r"\W", "_", name)[:32]
     module = module if module[:1].isalpha() else f"M_{module}"[:32]
-    body = [f"    {line}" for line in names.lines] + ["", "    PROC main()"] + [f"        {line}" for line in lines]
-    text = "\n".join([f"MODULE {module}", "    ! written by simrob_drake", *body, "    ENDPROC", "ENDMODULE", ""])
+    body = (
+        [f"    {line}" for line in names.lines]
+        + ["", "    PROC main()"]
+        + [f"        {line}" for line in lines]
+    )
+    text = "\n".join(
+        [f"MODULE {module}", "    ! written by simrob_drake", *body, "    ENDPROC", "ENDMODULE", ""]
+    )
     table = {"signals": {name: {"does": does} for name, does in signals.items()}}
     return text, str(yaml.safe_dump(table, sort_keys=False, allow_unicode=True)) if signals else ""
 
@@ -260,7 +300,9 @@ def _move(leg: TargetMove, steps: ExportedProgram, names: _Names) -> str:
     if not frame.IsNearlyEqualTo(RigidTransform(), 1e-12):
         wobj = f'[FALSE,TRUE,"",{texted(pose_of(frame))},[[0,0,0],[1,0,0,0]]]'
         options += rf"\WObj:={names.of('wobjdata', 'wobj', wobj, 'PERS')}"
-    conf = configuration(steps.chain, leg.posture) if has_configuration(steps.chain) else (0, 0, 0, 0)
+    conf = (
+        configuration(steps.chain, leg.posture) if has_configuration(steps.chain) else (0, 0, 0, 0)
+    )
     pose = leg.wobj.inverse() @ leg.pose
     target = names.of("robtarget", "p", texted(robtarget_of(pose, conf)))
     if leg.via is not None:
@@ -312,7 +354,9 @@ def urscript_text(steps: ExportedProgram, name: str) -> str:
                 lines.append(f"set_tcp({_pose(tool)})")
             lines.append(_script_move(step, steps))
     function = re.sub(r"\W", "_", name)
-    return "\n".join([f"def {function}():", *(f"  {line}" for line in lines), "end", f"{function}()", ""])
+    return "\n".join(
+        [f"def {function}():", *(f"  {line}" for line in lines), "end", f"{function}()", ""]
+    )
 
 
 def _script_move(leg: TargetMove, steps: ExportedProgram) -> str:
@@ -321,7 +365,11 @@ def _script_move(leg: TargetMove, steps: ExportedProgram) -> str:
         return f"movej([{_row(leg.posture)}], t={number_text(leg.time)}{radius})"
     here, base = leg.pose, steps.base.inverse()
     push = number_text(leg.acceleration or ACCELERATION)
-    pace = f"t={number_text(leg.time)}" if leg.speed is None else f"a={push}, v={number_text(leg.speed)}"
+    pace = (
+        f"t={number_text(leg.time)}"
+        if leg.speed is None
+        else f"a={push}, v={number_text(leg.speed)}"
+    )
     if leg.via is None:
         return f"movel({_pose(base @ here)}, {pace}{radius})"
     middle = RigidTransform(here.rotation(), leg.via)

@@ -42,7 +42,11 @@ _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
     "div": lambda one, other: float(int(one / other)),
     "mod": lambda one, other: one - other * float(int(one / other)),
 }
-_LOGIC: Mapping[str, Callable[[Any, Any], bool]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
+_LOGIC: Mapping[str, Callable[[Any, Any], bool]] = {
+    "and": operator.and_,
+    "or": operator.or_,
+    "xor": operator.xor,
+}
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,12 @@ class Call:
             return value()
         except LeftOut as problem:
             self.remark(
-                message("rapid.otherwise", "{problem}; {otherwise} in its place", problem=problem, otherwise=otherwise)
+                message(
+                    "rapid.otherwise",
+                    "{problem}; {otherwise} in its place",
+                    problem=problem,
+                    otherwise=otherwise,
+                )
             )
             return self.task.value(_named(otherwise))
 
@@ -187,7 +196,9 @@ class Expressions:
 
     def where(self, node: Node) -> str:
         """Return the file and the line of something."""
-        return message("rapid.at_line", "{file}: line {line}", file=self._scope.file, line=_line(node))
+        return message(
+            "rapid.at_line", "{file}: line {line}", file=self._scope.file, line=_line(node)
+        )
 
     def place(self, node: Node) -> Location:
         """Return the place that an expression names.
@@ -207,7 +218,10 @@ class Expressions:
                     )
                 )
             return Location(
-                found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
+                found.kind,
+                found.dimensions,
+                lambda: found.value,
+                lambda value: setattr(found, "held", value),
             )
         if node.data == "component_of":
             return self._component(self.place(node.children[0]), str(node.children[1]).lower())
@@ -217,10 +231,14 @@ class Expressions:
                 place = self._element(place, self.typed(index, "num"))
             return place
         value = self.value(node)
-        return Location(value.kind if isinstance(value, RecordValue) else "", 0, lambda: value, lambda _: None)
+        return Location(
+            value.kind if isinstance(value, RecordValue) else "", 0, lambda: value, lambda _: None
+        )
 
     def _component(self, base: Location, name: str) -> Location:
-        kinds = {part: kind for kind, part in self.types.records.get(self.types.plain(base.kind), ())}
+        kinds = {
+            part: kind for kind, part in self.types.records.get(self.types.plain(base.kind), ())
+        }
         record = base.get()
         if not isinstance(record, RecordValue) or name not in kinds:
             raise WrongType(
@@ -233,27 +251,42 @@ class Expressions:
                 )
             )
         parts = record.parts
-        return Location(kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value))
+        return Location(
+            kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value)
+        )
 
     @staticmethod
     def _element(base: Location, number: float) -> Location:
         rows, row = base.get(), int(number) - 1
         if not isinstance(rows, list):
-            raise WrongType(message("rapid.no_elements", "{shape} has no elements", shape=shape(rows)))
+            raise WrongType(
+                message("rapid.no_elements", "{shape} has no elements", shape=shape(rows))
+            )
         if not 0 <= row < len(rows):
             raise WrongType(
                 message(
-                    "rapid.no_element", "there is no element {number} of {count}", number=int(number), count=len(rows)
+                    "rapid.no_element",
+                    "there is no element {number} of {count}",
+                    number=int(number),
+                    count=len(rows),
                 )
             )
-        return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
+        return Location(
+            base.kind,
+            base.dimensions - 1,
+            lambda: rows[row],
+            lambda value: rows.__setitem__(row, value),
+        )
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
         parts, (name, sizes, first) = declaration[0], declaration[1].children
         kind, constant = str(parts[2]).lower(), parts[1].lower() == "const"
 
         def value() -> Value:
-            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(parts[2]):
+            with (
+                self._in(scope, self._locals if scope is self._scope else {}),
+                self._naming_line(parts[2]),
+            ):
                 counts = [int(self.typed(size, "num")) for size in sizes.children] if sizes else []
                 if first is None:
                     return self.types.default(kind, counts)
@@ -269,7 +302,10 @@ class Expressions:
         """Return the name that was perhaps meant: of data, or of a routine or ``more``."""
         own = {**self._scope.shared, **self._scope.own, **self._locals}.items()
         kind = Datum if more is None else Routine
-        text = nearest(str(name).lower(), [*(key for key, held in own if isinstance(held, kind)), *(more or ())])
+        text = nearest(
+            str(name).lower(),
+            [*(key for key, held in own if isinstance(held, kind)), *(more or ())],
+        )
         return text if "did you mean" in text else ""
 
     def value(self, node: Node) -> Value:
@@ -300,7 +336,11 @@ class Expressions:
         value = declared_name.value if isinstance(declared_name, Datum) else self.value(node)
         if not isinstance(value, SignalName):
             raise WrongType(
-                message("rapid.signal_asked_for", "{shape} where a signal is asked for", shape=shape(value))
+                message(
+                    "rapid.signal_asked_for",
+                    "{shape} where a signal is asked for",
+                    shape=shape(value),
+                )
             )
         return value
 
@@ -324,7 +364,14 @@ class Expressions:
         level = self._signal(signal)
         is_no_data = declared_name is not None and not isinstance(declared_name, Datum)
         if is_no_data or level is None:
-            raise NoData(message("rapid.no_data", "there is no data '{name}'{hint}", name=name, hint=self._hint(name)))
+            raise NoData(
+                message(
+                    "rapid.no_data",
+                    "there is no data '{name}'{hint}",
+                    name=name,
+                    hint=self._hint(name),
+                )
+            )
         return level
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
@@ -343,14 +390,21 @@ class Expressions:
             if shape(one) != shape(other):
                 raise WrongType(
                     message(
-                        "rapid.compared_with", "{shape} compared with {other}", shape=shape(one), other=shape(other)
+                        "rapid.compared_with",
+                        "{shape} compared with {other}",
+                        shape=shape(one),
+                        other=shape(other),
                     )
                 )
             return (one == other) == (key == "=")
         if key == "+" and isinstance(one, str) and isinstance(other, str):
             if len(one + other) > _LONGEST:
                 raise WrongType(
-                    message("rapid.string_too_long", "a string of more than {longest} letters", longest=_LONGEST)
+                    message(
+                        "rapid.string_too_long",
+                        "a string of more than {longest} letters",
+                        longest=_LONGEST,
+                    )
                 )
             return one + other
         if isinstance(one, float) and isinstance(other, float):
@@ -370,7 +424,13 @@ class Expressions:
         if second and isinstance(one, float) and key == "*":
             return self._pos(one * value for value in second)
         raise WrongType(
-            message("rapid.operands", "{shape} {operator} {other}", shape=shape(one), operator=key, other=shape(other))
+            message(
+                "rapid.operands",
+                "{shape} {operator} {other}",
+                shape=shape(one),
+                operator=key,
+                other=shape(other),
+            )
         )
 
     @staticmethod
@@ -400,9 +460,13 @@ class Expressions:
             _, key, value = part.children
             if value is None or hasattr(value, "data"):
                 options[key.lower()] = value
-            elif str(value).lower() in self._locals:  # \Key?parameter, which is given on if it was given
+            elif (
+                str(value).lower() in self._locals
+            ):  # \Key?parameter, which is given on if it was given
                 options[key.lower()] = _named(value)
-        return Call(self, str(name), node, tuple(part for part in parts if part.data != "option"), options)
+        return Call(
+            self, str(name), node, tuple(part for part in parts if part.data != "option"), options
+        )
 
     def _called(self, routine: Routine, call: Call) -> Any:
         raise NotImplementedError
@@ -425,23 +489,35 @@ class Expressions:
         except (WrongType, SimrobError) as problem:
             raise RapidError(self.where(node), str(problem)) from problem
         except RecursionError as problem:
-            raise RapidError(self.where(node), message("rapid.nested_too_deeply", "is nested too deeply")) from problem
+            raise RapidError(
+                self.where(node), message("rapid.nested_too_deeply", "is nested too deeply")
+            ) from problem
         except ZeroDivisionError as problem:
-            raise RapidError(self.where(node), message("rapid.division_by_zero", "division by zero")) from problem
+            raise RapidError(
+                self.where(node), message("rapid.division_by_zero", "division by zero")
+            ) from problem
         except (ArithmeticError, ValueError, TypeError, LookupError) as problem:
             raise RapidError(
                 self.where(node),
-                message("rapid.cannot_be_worked_out", "cannot be worked out: {problem}", problem=problem),
+                message(
+                    "rapid.cannot_be_worked_out", "cannot be worked out: {problem}", problem=problem
+                ),
             ) from problem
 
 
 _VALUES: Mapping[str, Callable[..., Value]] = {
-    "number": lambda task, text: float(int(text, 0)) if text[:2].lower() in ("0x", "0b") else float(text),
+    "number": lambda task, text: (
+        float(int(text, 0)) if text[:2].lower() in ("0x", "0b") else float(text)
+    ),
     "string": lambda task, text: text[1:-1].replace('""', '"'),
     "aggregate": lambda task, *parts: [task.value(part) for part in parts if part is not None],
-    "signed": lambda task, sign, node: task.value(node) if sign == "+" else task._applied("*", -1.0, task.value(node)),
+    "signed": lambda task, sign, node: (
+        task.value(node) if sign == "+" else task._applied("*", -1.0, task.value(node))
+    ),
     "negation": lambda task, node: not task.typed(node, "bool"),
-    "and_not": lambda task, one, _, other: bool(task.typed(one, "bool") and not task.typed(other, "bool")),
+    "and_not": lambda task, one, _, other: bool(
+        task.typed(one, "bool") and not task.typed(other, "bool")
+    ),
 }
 """What simple expressions are, by their names in the grammar."""
 

@@ -65,11 +65,15 @@ def _rounded(how: Callable[[float], float]) -> Callable[[Call], Value]:
 
 def _euler_zyx(call: Call) -> Value:
     roll_pitch_yaw = RollPitchYaw(rotation_of(call.value(0, "orient"))).vector()
-    return math.degrees(roll_pitch_yaw[next(index for index, axis in enumerate("xyz") if call.has(axis))])
+    return math.degrees(
+        roll_pitch_yaw[next(index for index, axis in enumerate("xyz") if call.has(axis))]
+    )
 
 
 def _of_positions(function: Callable[..., Any], count: int = 2) -> Callable[[Call], Value]:
-    return _of(lambda *places: float(function(*(np.array(one.flat()) for one in places))), *["pos"] * count)
+    return _of(
+        lambda *places: float(function(*(np.array(one.flat()) for one in places))), *["pos"] * count
+    )
 
 
 def _num_to_str(call: Call) -> Value:
@@ -78,12 +82,18 @@ def _num_to_str(call: Call) -> Value:
 
 def _val_to_str(call: Call) -> Value:
     value = call.value(0)
-    return number_text(float(f"{value:.{_DECIMALS}g}")) if isinstance(value, float) else texted(value).strip('"')
+    return (
+        number_text(float(f"{value:.{_DECIMALS}g}"))
+        if isinstance(value, float)
+        else texted(value).strip('"')
+    )
 
 
 def _str_find(call: Call) -> Value:
     text, begin = call.value(0, "string"), int(call.value(1, "num")) - 1
-    places = (place + 1 for place in range(begin, len(text)) if text[place] in call.value(2, "string"))
+    places = (
+        place + 1 for place in range(begin, len(text)) if text[place] in call.value(2, "string")
+    )
     return float(next(places, len(text) + 1))
 
 
@@ -132,15 +142,23 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "reltool": _rel_tool,
     "eulerzyx": _euler_zyx,
     "orientzyx": _of(
-        lambda *turns: orient_of(RollPitchYaw(*map(math.radians, turns[::-1])).ToRotationMatrix()), "num", "num", "num"
+        lambda *turns: orient_of(RollPitchYaw(*map(math.radians, turns[::-1])).ToRotationMatrix()),
+        "num",
+        "num",
+        "num",
     ),
     # It is there to normalise: a norm that is not 1 is no fault.
     "norient": lambda call: orient_of(rotation_of(call.task.typed(call.argument(0), "orient"))),
-    "posemult": _of(lambda one, other: pose_of(transform_of(one) @ transform_of(other)), "pose", "pose"),
+    "posemult": _of(
+        lambda one, other: pose_of(transform_of(one) @ transform_of(other)), "pose", "pose"
+    ),
     "poseinv": _of(lambda pose: pose_of(transform_of(pose).inverse()), "pose"),
-    "posevect": _of(lambda pose, place: pos_of(1e3 * (transform_of(pose) @ place_of(place))), "pose", "pos"),
+    "posevect": _of(
+        lambda pose, place: pos_of(1e3 * (transform_of(pose) @ place_of(place))), "pose", "pos"
+    ),
     "defframe": _of(
-        lambda *points: pose_of(three_point_frame(*(place_of(one["trans"]) for one in points))), *["robtarget"] * 3
+        lambda *points: pose_of(three_point_frame(*(place_of(one["trans"]) for one in points))),
+        *["robtarget"] * 3,
     ),
     "distance": _of_positions(lambda one, other: np.linalg.norm(one - other)),
     "dotprod": _of_positions(np.dot),
@@ -149,7 +167,12 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "dnumtostr": _num_to_str,
     "valtostr": _val_to_str,
     "strlen": _of(lambda text: float(len(text)), "string"),
-    "strpart": _of(lambda text, begin, size: text[int(begin) - 1 : int(begin) - 1 + int(size)], "string", "num", "num"),
+    "strpart": _of(
+        lambda text, begin, size: text[int(begin) - 1 : int(begin) - 1 + int(size)],
+        "string",
+        "num",
+        "num",
+    ),
     "strfind": _str_find,
     "strmatch": _str_match,
     "strtoval": _str_to_val,

@@ -4,7 +4,12 @@ from pathlib import Path
 from typing import ClassVar
 
 from simrob_drake.base.messages import message
-from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter, ProgramRemark, ProgramRequest
+from simrob_drake.programs.program_importer import (
+    ImportedProgram,
+    ProgramImporter,
+    ProgramRemark,
+    ProgramRequest,
+)
 
 
 class RapidImporter(ProgramImporter):
@@ -32,5 +37,9 @@ class RapidImporter(ProgramImporter):
             cycles=request.cycles,
             check=request.check,
         )
-        remarks = tuple(ProgramRemark(text=str(remark), is_lost=remark.lost) for remark in found.remarks)
-        return ImportedProgram(program=found.program, duration=found.time, remarks=remarks, lines=found.lines)
+        remarks = tuple(
+            ProgramRemark(text=str(remark), is_lost=remark.lost) for remark in found.remarks
+        )
+        return ImportedProgram(
+            program=found.program, duration=found.time, remarks=remarks, lines=found.lines
+        )

@@ -35,7 +35,11 @@ from simrob_drake.stations.station import StationLike
 _DEEPEST = 40  # routines that wait for each other
 _MOST_STATEMENTS = 1_000_000
 _MOST_AFTER_LOSS = 100  # rounds of a loop, whose end may hang on what was left out
-_CONDITIONS = ("if", "compact_if", "while")  # whose unknown names are mostly signals of the controller
+_CONDITIONS = (
+    "if",
+    "compact_if",
+    "while",
+)  # whose unknown names are mostly signals of the controller
 
 
 _Argument: TypeAlias = tuple[RoutineParameter, Datum, Location | None]
@@ -70,7 +74,12 @@ class Interpreter(Expressions):
         A loop WHILE TRUE is done ``cycles`` times; ``signal`` gives a signal's value.
         """
         super().__init__(modules, {**FUNCTIONS, **functions}, signal)
-        own = {"goto": self._goto, "callbyvar": self._call_by_var, "exit": self._end, "exitcycle": self._end}
+        own = {
+            "goto": self._goto,
+            "callbyvar": self._call_by_var,
+            "exit": self._end,
+            "exitcycle": self._end,
+        }
         self._instructions = {**instructions, **own}
         self._cycles, self._depth, self._done = cycles, 0, 0
 
@@ -93,8 +102,14 @@ class Interpreter(Expressions):
     def _only_procedure(self, main: str) -> Routine:
         """Return the only procedure of the last module that needs nothing and that none of it calls."""
         own = [routine for routine in self._scope.names() if isinstance(routine, Routine)]
-        called = {str(call.children[0]).lower() for routine in own for call in nodes(routine.body, "call")}
-        rows = [one for one in own if not one.gives and not one.parameters and one.name.lower() not in called]
+        called = {
+            str(call.children[0]).lower() for routine in own for call in nodes(routine.body, "call")
+        }
+        rows = [
+            one
+            for one in own
+            if not one.gives and not one.parameters and one.name.lower() not in called
+        ]
         problem = message("rapid.no_proc", "there is no PROC {main}()", main=main)
         if len(rows) != 1:
             found = ", ".join(f"{one.name}()" for one in rows)
@@ -102,14 +117,23 @@ class Interpreter(Expressions):
                 message("rapid.first_line", "{file}: line 1", file=self._scope.file),
                 problem
                 + (
-                    message("rapid.call_one_in_main", ", but {found}: call one in a main", found=found) if found else ""
+                    message(
+                        "rapid.call_one_in_main", ", but {found}: call one in a main", found=found
+                    )
+                    if found
+                    else ""
                 ),
             )
         self.remarks.append(
             LineRemark(
                 self._scope.file,
                 1,
-                message("rapid.proc_is_done", "{problem}: {name}() is done", problem=problem, name=rows[0].name),
+                message(
+                    "rapid.proc_is_done",
+                    "{problem}: {name}() is done",
+                    problem=problem,
+                    name=rows[0].name,
+                ),
                 lost=False,
             )
         )
@@ -122,7 +146,10 @@ class Interpreter(Expressions):
                 self._do(lines[row])
                 row += 1
             except _Jump as jump:
-                labels = [line.data == "label" and line.children[0].lower() == jump.args[0] for line in lines]
+                labels = [
+                    line.data == "label" and line.children[0].lower() == jump.args[0]
+                    for line in lines
+                ]
                 if True not in labels:
                     raise
                 row = labels.index(True)
@@ -141,18 +168,29 @@ class Interpreter(Expressions):
             try:
                 getattr(self, f"_do_{node.data}")(*node.children)
             except WrongType as problem:
-                if not isinstance(problem, LeftOut) and not any(remark.lost for remark in self.remarks):
+                if not isinstance(problem, LeftOut) and not any(
+                    remark.lost for remark in self.remarks
+                ):
                     raise  # else it may be so because of what was left out
                 if node.data == "return":
                     raise _Returned(problem) from problem
                 asks = node.data in _CONDITIONS and isinstance(problem, NoData)
                 hint = (
-                    message("rapid.name_signal_in_table", "; if it is a signal, name it in a table, --io")
+                    message(
+                        "rapid.name_signal_in_table",
+                        "; if it is a signal, name it in a table, --io",
+                    )
                     if asks
                     else ""
                 )
                 self.remark(
-                    node, message("rapid.problem_left_out", "{problem}{hint}; left out", problem=problem, hint=hint)
+                    node,
+                    message(
+                        "rapid.problem_left_out",
+                        "{problem}{hint}; left out",
+                        problem=problem,
+                        hint=hint,
+                    ),
                 )
                 if node.data == "assignment":
                     self._forget(node.children[0], problem)
@@ -173,7 +211,9 @@ class Interpreter(Expressions):
         for item in parts[3:]:
             name, datum = self._datum(self._scope, (parts, item))
             if not self.types.known(datum.kind):
-                raise WrongType(message("rapid.unknown_type", "the type {kind} is not known", kind=parts[2]))
+                raise WrongType(
+                    message("rapid.unknown_type", "the type {kind} is not known", kind=parts[2])
+                )
             _ = datum.value
             self._locals[name.lower()] = datum
 
@@ -209,14 +249,21 @@ class Interpreter(Expressions):
     def _procedure(self, name: str) -> Routine:
         routine = self._find(name)
         if not isinstance(routine, Routine):
-            raise WrongType(message("rapid.no_procedure", "there is no procedure '{name}'", name=name))
+            raise WrongType(
+                message("rapid.no_procedure", "there is no procedure '{name}'", name=name)
+            )
         return routine
 
     def _do_return(self, expression: Node | None) -> None:
         raise _Returned(None if expression is None else self.value(expression))
 
     def _do_connect(self, target: Node, trap: Node) -> None:
-        self.remark(trap, message("rapid.trap_left_out", "interrupts are not done: TRAP {trap} is left out", trap=trap))
+        self.remark(
+            trap,
+            message(
+                "rapid.trap_left_out", "interrupts are not done: TRAP {trap} is left out", trap=trap
+            ),
+        )
 
     def _do_label(self, name: Node) -> None:
         pass
@@ -250,7 +297,11 @@ class Interpreter(Expressions):
         endless, rounds = condition.data == "name" and condition.children[0].lower() == "true", 0
         while self.typed(condition, "bool"):
             if endless and rounds == self._cycles:
-                times = "once" if rounds == 1 else message("rapid.times", "{rounds} times", rounds=rounds)
+                times = (
+                    "once"
+                    if rounds == 1
+                    else message("rapid.times", "{rounds} times", rounds=rounds)
+                )
                 self.remark(
                     condition,
                     message(
@@ -277,7 +328,9 @@ class Interpreter(Expressions):
             if self._done > _MOST_STATEMENTS:
                 raise WrongType(
                     message(
-                        "rapid.endless_loop", "a loop that does not end within {most} rounds", most=_MOST_STATEMENTS
+                        "rapid.endless_loop",
+                        "a loop that does not end within {most} rounds",
+                        most=_MOST_STATEMENTS,
                     )
                 )
 
@@ -313,7 +366,9 @@ class Interpreter(Expressions):
                 )
             )
         passed = list(zip(needed, call.arguments, strict=True))
-        known = {parameter.name: parameter for parameter in routine.parameters if parameter.optional}
+        known = {
+            parameter.name: parameter for parameter in routine.parameters if parameter.optional
+        }
         for name, node in call.options.items():
             if name not in known:
                 raise WrongType(
@@ -373,9 +428,15 @@ class Interpreter(Expressions):
         if routine.gives:
             if value is None:
                 raise WrongType(
-                    message("rapid.without_return", "FUNC {routine} ends without RETURN", routine=routine.name)
+                    message(
+                        "rapid.without_return",
+                        "FUNC {routine} ends without RETURN",
+                        routine=routine.name,
+                    )
                 )
-            dimensions = 1 if isinstance(value, list) and routine.gives not in self.types.records else 0
+            dimensions = (
+                1 if isinstance(value, list) and routine.gives not in self.types.records else 0
+            )
             return self.types.fitted(routine.gives, value, dimensions)
         return None
 
@@ -414,9 +475,17 @@ def import_rapid(
     paths = [as_path(file, "file") for file in sources]
     modules = [module for path in paths for module in read_modules(path)]
     near, remarks_of_near = neighbours(paths, modules)
-    table = signals if isinstance(signals, Signals) else Signals() if signals is None else Signals.load(signals)
+    table = (
+        signals
+        if isinstance(signals, Signals)
+        else Signals()
+        if signals is None
+        else Signals.load(signals)
+    )
     cell = Workcell(station)
-    controller = Controller(cell, robot, table, cell.run_plans if table.sensors else cell.stand, check)
+    controller = Controller(
+        cell, robot, table, cell.run_plans if table.sensors else cell.stand, check
+    )
     interpreter = Interpreter(
         [*near, *modules],
         {name: partial(instruction, controller) for name, instruction in INSTRUCTIONS.items()},
@@ -443,6 +512,12 @@ def import_rapid(
             message("rapid.no_move", "its main makes no move{left_out}", left_out=left_out),
         )
     name = None if cell.config.only_robot else controller.robot
-    program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
-    remarks = sorted([*remarks_of_near, *interpreter.remarks], key=lambda remark: (remark.file, remark.line))
+    program = Program(
+        description=f"Of the RAPID module {modules[0].name}",
+        robot=name,
+        moves=tuple(controller.moves),
+    )
+    remarks = sorted(
+        [*remarks_of_near, *interpreter.remarks], key=lambda remark: (remark.file, remark.line)
+    )
     return Imported(program, tuple(remarks), controller.time, controller.lines)

@@ -40,10 +40,14 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
         first = 1 if kind is MoveC else 0
         kind_of_target = "jointtarget" if kind is MoveAbsJ else "robtarget"
         target = call.value(first, kind_of_target)
-        speed, zone = (call.value(first + index, name) for index, name in ((1, "speeddata"), (2, "zonedata")))
+        speed, zone = (
+            call.value(first + index, name) for index, name in ((1, "speeddata"), (2, "zonedata"))
+        )
         tool = call.known(lambda: call.value(first + 3, "tooldata"), "tool0")
         if any(0 != value < _ABSENT for value in target["extax"].flat()):
-            call.remark(message("rapid.external_axes_left_out", "external axes are left out"), lost=False)
+            call.remark(
+                message("rapid.external_axes_left_out", "external axes are left out"), lost=False
+            )
         controller.take_tool(tool)
         wobj = controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0"))
         motion = _motion(controller, call, kind, speed, None if kind is MoveAbsJ else wobj)
@@ -60,13 +64,18 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
     return move
 
 
-def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
+def _go(
+    controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float
+) -> None:
     here = transform_of(target)
     there, frame = (pose_from_transform(here) + 0.0).tolist(), controller.cell.frame(motion.wobj)
     if motion.kind is MoveL and controller.cannot_begin_with(call, motion, there):
         motion = motion._replace(kind=MoveJ)
         call.remark(
-            message("rapid.first_move", "is the first move, and no module says from where: it goes by the axes"),
+            message(
+                "rapid.first_move",
+                "is the first move, and no module says from where: it goes by the axes",
+            ),
             lost=False,
         )
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
@@ -80,14 +89,22 @@ def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue,
 
 
 def _motion(
-    controller: Controller, call: Call, kind: type[ArmMotion], speed: RecordValue, wobj: tuple[float, ...] | None
+    controller: Controller,
+    call: Call,
+    kind: type[ArmMotion],
+    speed: RecordValue,
+    wobj: tuple[float, ...] | None,
 ) -> Motion:
     fastest = call.option("v", "num", speed["v_tcp"]) / 1e3 * controller.share
     turning = math.radians(speed["v_ori"]) * controller.share
     if min(fastest, turning) <= 0:
-        raise WrongType(message("rapid.speeddata_without_speed", "a speeddata without a speed of the tool"))
+        raise WrongType(
+            message("rapid.speeddata_without_speed", "a speeddata without a speed of the tool")
+        )
     duration = call.option("t", "num")
-    return Motion(kind, wobj, min(fastest, controller.fastest), turning, duration, controller.acceleration)
+    return Motion(
+        kind, wobj, min(fastest, controller.fastest), turning, duration, controller.acceleration
+    )
 
 
 def _axes(controller: Controller, target: RecordValue) -> list[float]:
@@ -103,7 +120,10 @@ def _axes(controller: Controller, target: RecordValue) -> list[float]:
             )
         )
     values = np.array(target["robax"].flat()[:count])
-    return [float(value) for value in np.where(model.user_units == 1.0, values / 1e3, np.deg2rad(values))]
+    return [
+        float(value)
+        for value in np.where(model.user_units == 1.0, values / 1e3, np.deg2rad(values))
+    ]
 
 
 def _set_to(value: float) -> Instruction:
@@ -121,7 +141,12 @@ def _pulse(controller: Controller, call: Call) -> None:
 
 
 def _wait_signal(controller: Controller, call: Call) -> None:
-    _wait_until(controller, call, lambda: controller.read(call, call.signal()) == call.value(1, "num"), call.signal())
+    _wait_until(
+        controller,
+        call,
+        lambda: controller.read(call, call.signal()) == call.value(1, "num"),
+        call.signal(),
+    )
 
 
 def _wait_condition(controller: Controller, call: Call) -> None:
@@ -129,12 +154,24 @@ def _wait_condition(controller: Controller, call: Call) -> None:
     _wait_until(controller, call, lambda: bool(call.value(0, "bool")), *controller.signals.inputs)
 
 
-def _wait_until(controller: Controller, call: Call, holds: Callable[[], bool], *signals: str) -> None:
+def _wait_until(
+    controller: Controller, call: Call, holds: Callable[[], bool], *signals: str
+) -> None:
     """Wait for a condition: until inputs of a table change, or step by step for what sensors see."""
-    longest, begun, signal = call.option("maxtime", "num", _LONGEST), controller.time, controller.signals
+    longest, begun, signal = (
+        call.option("maxtime", "num", _LONGEST),
+        controller.time,
+        controller.signals,
+    )
     while not holds():
-        changes = [at for name in signals if (at := signal.next_change(name, controller.time)) is not None]
-        step = _STEP if any(map(signal.watches, signals)) else min(changes, default=np.inf) - controller.time
+        changes = [
+            at for name in signals if (at := signal.next_change(name, controller.time)) is not None
+        ]
+        step = (
+            _STEP
+            if any(map(signal.watches, signals))
+            else min(changes, default=np.inf) - controller.time
+        )
         left = begun + longest - controller.time
         if step > left or not np.isfinite(step):
             if not call.has("maxtime"):
@@ -153,13 +190,20 @@ def _wait_until(controller: Controller, call: Call, holds: Callable[[], bool], *
         controller.wait(step + _AFTER)
 
 
-_STEP, _AFTER, _LONGEST = 0.05, 1e-6, 600.0  # s: between looks at a sensor, behind a change, and for a sensor at most
+_STEP, _AFTER, _LONGEST = (
+    0.05,
+    1e-6,
+    600.0,
+)  # s: between looks at a sensor, behind a change, and for a sensor at most
 
 
 def _grip_load(controller: Controller, call: Call) -> None:
     if call.value(0, "loaddata")["mass"] > 1e-3:
         call.remark(
-            message("rapid.loads_of_pieces", "loads are those of the pieces that the robot carries in the station"),
+            message(
+                "rapid.loads_of_pieces",
+                "loads are those of the pieces that the robot carries in the station",
+            ),
             lost=False,
         )
 
@@ -190,8 +234,13 @@ def _configured(key: str) -> Instruction:
 
 
 def _write(controller: Controller, call: Call) -> None:
-    text = "".join(texted(call.task.value(node)) for node in call.options.values() if node is not None)
-    call.remark(message("rapid.says", "says {value}{text}", value=call.value(0, "string"), text=text), lost=False)
+    text = "".join(
+        texted(call.task.value(node)) for node in call.options.values() if node is not None
+    )
+    call.remark(
+        message("rapid.says", "says {value}{text}", value=call.value(0, "string"), text=text),
+        lost=False,
+    )
 
 
 def _counted(step: Callable[[Call], float]) -> Instruction:
@@ -199,7 +248,9 @@ def _counted(step: Callable[[Call], float]) -> Instruction:
         place = call.place(0)
         held = place.get()
         if not isinstance(held, float):
-            raise WrongType(message("rapid.num_to_count", "something else than a num to be counted"))
+            raise WrongType(
+                message("rapid.num_to_count", "something else than a num to be counted")
+            )
         place.set(held + step(call))
 
     return count
@@ -210,7 +261,13 @@ def _clock(controller: Controller, call: Call) -> None:
     controller.finish()
     place, name = call.place(0), call.name.lower()
     held = float(place.get())  # type: ignore[arg-type]
-    place.set({"clkreset": 0.0, "clkstart": -1.0 - controller.time, "clkstop": _elapsed(controller, held)}[name])
+    place.set(
+        {
+            "clkreset": 0.0,
+            "clkstart": -1.0 - controller.time,
+            "clkstop": _elapsed(controller, held),
+        }[name]
+    )
 
 
 def _elapsed(controller: Controller, held: float) -> float:
@@ -226,7 +283,9 @@ def _c_robt(controller: Controller, call: Call) -> Value:
     controller.finish()
     if call.has("tool"):
         controller.take_tool(call.known(lambda: call.option("tool", "tooldata"), "tool0"))
-    frame = controller.cell.frame(controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0")))
+    frame = controller.cell.frame(
+        controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0"))
+    )
     pose = frame.inverse() @ RigidTransform(controller.arm.pose)
     return robtarget_of(pose, _configuration(controller, controller.arm.start))
 
@@ -275,7 +334,10 @@ def _remarking(text: str, *, unless: str = "") -> Instruction:
     def tell(controller: Controller, call: Call) -> None:
         if not (unless and call.has(unless)):
             call.remark(
-                message("rapid.has_no_effect", "{name} has no effect: {text}", name=call.name, text=text), lost=False
+                message(
+                    "rapid.has_no_effect", "{name} has no effect: {text}", name=call.name, text=text
+                ),
+                lost=False,
             )
 
     return tell
@@ -296,7 +358,9 @@ def _test_and_set(controller: Controller, call: Call) -> bool:
     if not free and call.name.lower() == "waittestandset":
         call.remark(
             message(
-                "rapid.nothing_releases", "{name} waits for what no other task releases: it goes on", name=call.name
+                "rapid.nothing_releases",
+                "{name} waits for what no other task releases: it goes on",
+                name=call.name,
             ),
             lost=False,
         )
@@ -306,7 +370,10 @@ def _test_and_set(controller: Controller, call: Call) -> bool:
 
 def _raise(controller: Controller, call: Call) -> None:
     raise WrongType(
-        message("rapid.raises_itself", "an error that the program raises itself: handlers of errors are not done")
+        message(
+            "rapid.raises_itself",
+            "an error that the program raises itself: handlers of errors are not done",
+        )
     )
 
 
@@ -317,9 +384,12 @@ _WITHOUT_EFFECT = re.findall(
 )
 """What changes nothing of what the robot does."""
 _OF_ZONES = re.findall(
-    r"\w+", "wzboxdef wzcyldef wzsphdef wzhomejointdef wzlimjointdef wzlimsup wzdoset wzenable wzdisable wzfree"
+    r"\w+",
+    "wzboxdef wzcyldef wzsphdef wzhomejointdef wzlimjointdef wzlimsup wzdoset wzenable wzdisable wzfree",
 )
-_OF_UNITS = message("rapid.no_external_axes", "there are no external axes, nor other mechanical units")
+_OF_UNITS = message(
+    "rapid.no_external_axes", "there are no external axes, nor other mechanical units"
+)
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
@@ -332,11 +402,22 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     ),
     **dict.fromkeys(
         ("startmove", "clearpath"),
-        _remarking(message("rapid.path_not_kept", "a path that was stopped is not kept; moves go on here at once")),
+        _remarking(
+            message(
+                "rapid.path_not_kept",
+                "a path that was stopped is not kept; moves go on here at once",
+            )
+        ),
     ),
     **dict.fromkeys(
         ("eoffson", "eoffsoff", "eoffsset"),
-        _remarking(message("rapid.displaces_external_axes", "it displaces external axes; {reason}", reason=_OF_UNITS)),
+        _remarking(
+            message(
+                "rapid.displaces_external_axes",
+                "it displaces external axes; {reason}",
+                reason=_OF_UNITS,
+            )
+        ),
     ),
     **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _remarking(_OF_UNITS)),
     **dict.fromkeys(
@@ -352,7 +433,10 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(
         _OF_ZONES,
         _remarking(
-            message("rapid.zones_not_watched", "world zones are not watched; monitors of a station can do that")
+            message(
+                "rapid.zones_not_watched",
+                "world zones are not watched; monitors of a station can do that",
+            )
         ),
     ),
     "worldacclim": _remarking(
@@ -362,16 +446,21 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
         )
     ),
     "singarea": _remarking(
-        message("rapid.keeps_orientation", "the tool keeps its orientation near singularities"), unless="off"
+        message("rapid.keeps_orientation", "the tool keeps its orientation near singularities"),
+        unless="off",
     ),
-    "circpathmode": _remarking(message("rapid.turns_evenly", "the tool turns evenly along an arc"), unless="pathframe"),
+    "circpathmode": _remarking(
+        message("rapid.turns_evenly", "the tool turns evenly along an arc"), unless="pathframe"
+    ),
     "motionsup": _remarking(
         message(
             "rapid.no_torque_watched",
             "no torque is watched, and no collision stops a move; monitors of a station can do that",
         )
     ),
-    "softdeact": _remarking(message("rapid.stiff_as_servos", "axes are as stiff as the station's servos")),
+    "softdeact": _remarking(
+        message("rapid.stiff_as_servos", "axes are as stiff as the station's servos")
+    ),
     "moveabsj": _move(MoveAbsJ),
     "movej": _move(MoveJ),
     "movel": _move(MoveL),

@@ -110,7 +110,9 @@ def _missing_semicolon(token: Node, stack: Sequence[Node], end: int, text: str) 
     statement = shortened(text[line_begin:end].strip(), 60)
     return Repair(
         line,
-        message("rapid.semicolon_missing", "a ';' is missing after '{statement}'", statement=statement),
+        message(
+            "rapid.semicolon_missing", "a ';' is missing after '{statement}'", statement=statement
+        ),
         f"{text[:end]};{text[end:]}",
     )
 
@@ -139,7 +141,9 @@ def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str)
     found = (
         message("rapid.end_of_file", "the end of the file")
         if token.type == "$END"
-        else message("rapid.token_in_line", "'{token}' in line {line}", token=token, line=token.line)
+        else message(
+            "rapid.token_in_line", "'{token}' in line {line}", token=token, line=token.line
+        )
     )
     # A module that is not ended is complete without its end: nothing after it can be read.
     repaired = "" if missing_end == "ENDMODULE" else f"{text[:end]} {missing_end} {text[end:]}"
@@ -149,7 +153,9 @@ def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str)
         line = text.count("\n", 0, end) + 1
         return Repair(
             line,
-            message("rapid.end_missing", "{end} is missing before {found}", end=missing_end, found=found),
+            message(
+                "rapid.end_missing", "{end} is missing before {found}", end=missing_end, found=found
+            ),
             repaired,
         )
     line = begin_tokens[-1].line  # of the innermost block
@@ -217,7 +223,11 @@ def _needless_word(word: str, line: int, begin: int, text: str) -> Repair:
     """
     # Blanks keep the places of all that follows, for later messages.
     repaired = text[:begin] + " " * len(word) + text[begin + len(word) :]
-    return Repair(line, message("rapid.ends_nothing", "{word} ends nothing that was begun", word=word), repaired)
+    return Repair(
+        line,
+        message("rapid.ends_nothing", "{word} ends nothing that was begun", word=word),
+        repaired,
+    )
 
 
 def _tokens_of(stack: Sequence[Node], *types: str) -> list[Node]:

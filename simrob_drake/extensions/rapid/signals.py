@@ -33,9 +33,13 @@ class SignalEntry(Strict):
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         if sum(value is not None for value in (self.does, self.is_, self.sensor)) != 1:
-            raise ValueError(message("rapid.one_of_signal", "a signal is told by one of does, is and sensor"))
+            raise ValueError(
+                message("rapid.one_of_signal", "a signal is told by one of does, is and sensor")
+            )
         if (self.sensor is not None) != ((self.below is None) != (self.above is None)):
-            raise ValueError(message("rapid.sensor_with_bound", "a sensor goes with one of below and above"))
+            raise ValueError(
+                message("rapid.sensor_with_bound", "a sensor goes with one of below and above")
+            )
         return self
 
 
@@ -88,9 +92,13 @@ class Signals:
             now = seen.get(entry.sensor)
             if now is None:
                 return None
-            return float(now < entry.below if entry.below is not None else now > (entry.above or 0.0))
+            return float(
+                now < entry.below if entry.below is not None else now > (entry.above or 0.0)
+            )
         if isinstance(entry.is_, dict):
-            return max(((at, value) for at, value in entry.is_.items() if at <= time), default=(0.0, 0.0))[1]
+            return max(
+                ((at, value) for at, value in entry.is_.items() if at <= time), default=(0.0, 0.0)
+            )[1]
         return entry.is_
 
     def next_change(self, name: str, time: float) -> float | None:

@@ -14,7 +14,13 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.rapid.repairs import Repair, find_missing_end
 from simrob_drake.extensions.rapid.values import Types, Value, WrongType
 
-SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")  # of modules; a `.pgf` lists those of a program
+SUFFIXES = (
+    ".mod",
+    ".modx",
+    ".prg",
+    ".sys",
+    ".sysx",
+)  # of modules; a `.pgf` lists those of a program
 _LARGEST = 4_000_000  # bytes; offline programming writes one target after the other
 _MOST_STATEMENTS = 10_000
 """Largest count of statements (semicolons) of a file. Reading takes about 2 ms for each, planning of a move 20 ms
@@ -43,7 +49,11 @@ class LineRemark:
 
     def __str__(self) -> str:
         return message(
-            "rapid.file_line_text", "{file}: line {line}: {text}", file=self.file, line=self.line, text=self.text
+            "rapid.file_line_text",
+            "{file}: line {line}: {text}",
+            file=self.file,
+            line=self.line,
+            text=self.text,
         )
 
 
@@ -134,7 +144,10 @@ def _parse(text: str, file: str) -> _ParsedText:
 
 def _error_of(fault: LineRemark) -> RapidError:
     """Make the error of a text that cannot be read because of a fault."""
-    return RapidError(message("rapid.at_line", "{file}: line {line}", file=fault.file, line=fault.line), fault.text)
+    return RapidError(
+        message("rapid.at_line", "{file}: line {line}", file=fault.file, line=fault.line),
+        fault.text,
+    )
 
 
 def _without_statement(problem: Any, text: str) -> Repair:
@@ -155,7 +168,9 @@ def _without_statement(problem: Any, text: str) -> Repair:
         end = len(text)
     blanked = re.sub(r"[^\n]", " ", text[begin:end])
     fault = _fault(problem, text)
-    return Repair(fault.line, fault.text, f"{text[:begin]}{blanked}{text[end:]}" if begin < end else "")
+    return Repair(
+        fault.line, fault.text, f"{text[:begin]}{blanked}{text[end:]}" if begin < end else ""
+    )
 
 
 def nodes(tree: Node, *kinds: str) -> Iterator[Node]:
@@ -198,9 +213,16 @@ def predefined() -> Module:
 def expression(text: str) -> Node:
     """Return a text as an expression; raises RapidError: it is none."""
     (module,) = modules_of(f"MODULE a\nCONST num b:={text};\nENDMODULE", "text")
-    parts = [item.children[2] for node in module.declarations if node.data == "data" for item in node.children[3:]]
+    parts = [
+        item.children[2]
+        for node in module.declarations
+        if node.data == "data"
+        for item in node.children[3:]
+    ]
     if module.faults or len(parts) != 1:
-        raise RapidError("text", message("rapid.no_value", "'{text}' is no value", text=shortened(text, 60)))
+        raise RapidError(
+            "text", message("rapid.no_value", "'{text}' is no value", text=shortened(text, 60))
+        )
     return parts[0]
 
 
@@ -232,13 +254,21 @@ def _fault(problem: Any, text: str) -> _Fault:
     if not rest_of_line:
         return _Fault(line, message("rapid.ends_before_whole", "ends before it is whole"))
     return _Fault(
-        line, message("rapid.not_understood", "'{text}' is not understood here", text=shortened(rest_of_line, 60))
+        line,
+        message(
+            "rapid.not_understood",
+            "'{text}' is not understood here",
+            text=shortened(rest_of_line, 60),
+        ),
     )
 
 
 def _after_all(text: str) -> int:
     """Return where the last module of a text ends; its own end without one."""
-    ends = [found.end() for found in re.finditer(r"^[^!\n]*\bENDMODULE\b", text, re.IGNORECASE | re.MULTILINE)]
+    ends = [
+        found.end()
+        for found in re.finditer(r"^[^!\n]*\bENDMODULE\b", text, re.IGNORECASE | re.MULTILINE)
+    ]
     return ends[-1] if ends else len(text)
 
 
@@ -266,7 +296,9 @@ class Datum:
         """What it holds; raises WrongType: its first value depends on itself."""
         if self.held is None:
             if self.first is None:
-                raise WrongType(message("rapid.depends_on_itself", "data whose value depends on itself"))
+                raise WrongType(
+                    message("rapid.depends_on_itself", "data whose value depends on itself")
+                )
             first, self.first = self.first, None
             try:
                 self.held = first()
@@ -308,7 +340,9 @@ class Scope:
 
     def names(self) -> list[Any]:
         """Return what the module itself declares for all: data and routines."""
-        shared = [one for one in self.shared.values() if isinstance(one, Routine) and one.scope is self]
+        shared = [
+            one for one in self.shared.values() if isinstance(one, Routine) and one.scope is self
+        ]
         return [*shared, *self.own.values()]
 
     def find(self, name: str) -> Any:
@@ -331,7 +365,9 @@ def declared(
             types.aliases[node.children[2].lower()] = node.children[1].lower()
         elif node.data == "record":
             parts = [part.children for part in node.children[2:]]
-            types.records[node.children[1].lower()] = [(str(kind).lower(), str(name).lower()) for kind, name in parts]
+            types.records[node.children[1].lower()] = [
+                (str(kind).lower(), str(name).lower()) for kind, name in parts
+            ]
     for module in whole:
         scope = Scope(module.file, shared)
         faults += module.faults
@@ -344,7 +380,9 @@ def declared(
             elif node.data == "data" and not types.known(kind):
                 faults.append(
                     LineRemark(
-                        scope.file, kind.line, message("rapid.unknown_type", "the type {kind} is not known", kind=kind)
+                        scope.file,
+                        kind.line,
+                        message("rapid.unknown_type", "the type {kind} is not known", kind=kind),
                     )
                 )
             elif node.data == "data":
@@ -366,14 +404,21 @@ def _parameters(node: Node) -> Iterable[RoutineParameter]:
     words = [str(token) for token in rest if token is not None and token.type == "NAME"]
     stars = sum(token is not None and token.type == "STAR" for token in rest)
     for kind, name in zip(words[::2], words[1::2], strict=True):
-        yield RoutineParameter(name.lower(), kind.lower(), stars, optional is not None, mode is not None)
+        yield RoutineParameter(
+            name.lower(), kind.lower(), stars, optional is not None, mode is not None
+        )
 
 
-_FOLDERS = ("PROGMOD", "SYSMOD")  # of a task, side by side, as a controller and RobotStudio keep modules
+_FOLDERS = (
+    "PROGMOD",
+    "SYSMOD",
+)  # of a task, side by side, as a controller and RobotStudio keep modules
 _MOST = 60  # files that are looked at
 
 
-def neighbours(files: Sequence[Path], modules: Sequence[Module]) -> tuple[list[Module], list[LineRemark]]:
+def neighbours(
+    files: Sequence[Path], modules: Sequence[Module]
+) -> tuple[list[Module], list[LineRemark]]:
     """Return modules of files near those of a program that declare names which it lacks, and a remark on each.
 
     Another program, which has a main of its own, and what cannot be read are no such neighbours.
@@ -412,7 +457,12 @@ def _near(files: Sequence[Path]) -> Iterator[Path]:
         if folder.name.upper() in _FOLDERS:
             others = (other for other in folder.parent.iterdir() if other.is_dir())
             folders |= dict.fromkeys(other for other in others if other.name.upper() in _FOLDERS)
-    rows = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix.lower() in SUFFIXES]
+    rows = [
+        file
+        for folder in folders
+        for file in sorted(folder.iterdir())
+        if file.suffix.lower() in SUFFIXES
+    ]
     yield from [file for file in rows if file.resolve() not in own][:_MOST]
 
 

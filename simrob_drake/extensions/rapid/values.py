@@ -94,7 +94,11 @@ class Types:
         if sizes:
             if not 0 < math.prod(sizes) <= _MOST_ELEMENTS:
                 raise WrongType(
-                    message("rapid.array_of", "an array of {size} elements", size="×".join(map(str, sizes)))
+                    message(
+                        "rapid.array_of",
+                        "an array of {size} elements",
+                        size="×".join(map(str, sizes)),
+                    )
                 )
             return [self.default(kind, sizes[1:]) for _ in range(sizes[0])]
         name = self.plain(kind)
@@ -138,7 +142,12 @@ class Types:
             values = value
         else:
             raise WrongType(
-                message("rapid.record_asked_for", "{shape} where a {name} is asked for", shape=shape(value), name=name)
+                message(
+                    "rapid.record_asked_for",
+                    "{shape} where a {name} is asked for",
+                    shape=shape(value),
+                    name=name,
+                )
             )
         if len(values) != len(parts):
             raise WrongType(
@@ -150,13 +159,18 @@ class Types:
                     components=len(parts),
                 )
             )
-        return RecordValue(name, {part: self.fitted(own, one) for (own, part), one in zip(parts, values, strict=True)})
+        return RecordValue(
+            name,
+            {part: self.fitted(own, one) for (own, part), one in zip(parts, values, strict=True)},
+        )
 
 
 def shape(value: Value) -> str:
     """Return what a value is, for messages."""
     return (
-        message("rapid.a_kind", "a {kind}", kind=value.kind) if isinstance(value, RecordValue) else _SHAPES[type(value)]
+        message("rapid.a_kind", "a {kind}", kind=value.kind)
+        if isinstance(value, RecordValue)
+        else _SHAPES[type(value)]
     )
 
 
@@ -189,7 +203,9 @@ def rotation_of(orient: RecordValue) -> RotationMatrix:
     """Return the rotation of an ``orient``; raises WrongType: its quaternion is all zero."""
     wxyz = np.array(orient.flat(), dtype=float)
     if not np.linalg.norm(wxyz) > 0:
-        raise WrongType(message("rapid.orient_of_zeros", "an orient of four zeros, which is no rotation,"))
+        raise WrongType(
+            message("rapid.orient_of_zeros", "an orient of four zeros, which is no rotation,")
+        )
     return rotation_of_quaternion(wxyz)
 
 
@@ -273,10 +289,15 @@ def orient_of(rotation: RotationMatrix) -> RecordValue:
 
 def pose_of(transform: RigidTransform) -> RecordValue:
     """Return a transform [m] as a ``pose`` [mm]."""
-    return RecordValue("pose", {"trans": pos_of(1e3 * transform.translation()), "rot": orient_of(transform.rotation())})
+    return RecordValue(
+        "pose",
+        {"trans": pos_of(1e3 * transform.translation()), "rot": orient_of(transform.rotation())},
+    )
 
 
-FREE_AXES = _vector("extjoint", "eax_a eax_b eax_c eax_d eax_e eax_f", [9e9] * 6)  # of robots without external axes
+FREE_AXES = _vector(
+    "extjoint", "eax_a eax_b eax_c eax_d eax_e eax_f", [9e9] * 6
+)  # of robots without external axes
 confdata_of = partial(_vector, "confdata", "cf1 cf4 cf6 cfx")
 robjoint_of = partial(_vector, "robjoint", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6")
 
@@ -284,5 +305,6 @@ robjoint_of = partial(_vector, "robjoint", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6"
 def robtarget_of(transform: RigidTransform, configuration: Sequence[float]) -> RecordValue:
     """Return a transform [m] with a configuration as a ``robtarget`` [mm]."""
     return RecordValue(
-        "robtarget", {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES}
+        "robtarget",
+        {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES},
     )

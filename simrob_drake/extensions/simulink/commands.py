@@ -17,7 +17,8 @@ Step = Annotated[
     float | None,
     typer.Option(
         help=message(
-            "simulink.help_step", "Take steps of this length [s], the fastest way at a given communication step."
+            "simulink.help_step",
+            "Take steps of this length [s], the fastest way at a given communication step.",
         )
     ),
 ]
@@ -27,11 +28,14 @@ Step = Annotated[
 def fmu(
     station: StationArgument,
     out: Annotated[
-        Path | None, typer.Option(help=message("simulink.help_fmu_out", "FILE.fmu; STATION.fmu unless given."))
+        Path | None,
+        typer.Option(help=message("simulink.help_fmu_out", "FILE.fmu; STATION.fmu unless given.")),
     ] = None,
     set_: Settings = None,
     step: Step = None,
-    fmi: Annotated[int, typer.Option(help=message("simulink.help_fmu_fmi", "Version of FMI: 2 or 3."))] = 2,
+    fmi: Annotated[
+        int, typer.Option(help=message("simulink.help_fmu_fmi", "Version of FMI: 2 or 3."))
+    ] = 2,
     force: Force = False,
 ) -> None:
     """Write a station as an FMI co-simulation unit, for Simulink, OpenModelica and others.
@@ -57,14 +61,17 @@ def serve(
         str,
         typer.Option(
             help=message(
-                "simulink.help_serve_host", "Where to listen; others than this computer reach it if it is not its own."
+                "simulink.help_serve_host",
+                "Where to listen; others than this computer reach it if it is not its own.",
             )
         ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
         typer.Option(
-            min=0, max=65535, help=message("simulink.help_serve_port", "Port; 8300, or a free one, by default.")
+            min=0,
+            max=65535,
+            help=message("simulink.help_serve_port", "Port; 8300, or a free one, by default."),
         ),
     ] = None,
 ) -> None:
@@ -95,7 +102,9 @@ def serve(
         station_server.serve_forever()
 
 
-def _station_with_steps(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+def _station_with_steps(
+    station: str, settings: list[str] | None, step: float | None
+) -> StationConfig:
     """Read a station, and give it steps of a fixed length.
 
     Args:

@@ -25,7 +25,8 @@ class ModelReading:
             exists=True,
             file_okay=False,
             help=message(
-                "simulink.help_modelreading_library", "A folder with libraries of a Simulink model; may be given often."
+                "simulink.help_modelreading_library",
+                "A folder with libraries of a Simulink model; may be given often.",
             ),
         ),
     ] = None
@@ -34,7 +35,8 @@ class ModelReading:
         typer.Option(
             metavar="FILE",
             help=message(
-                "simulink.help_modelreading_variables", "Variables of a Simulink model: .mat, or an .m of assignments."
+                "simulink.help_modelreading_variables",
+                "Variables of a Simulink model: .mat, or an .m of assignments.",
             ),
         ),
     ] = None
@@ -115,7 +117,9 @@ class SimulinkImporter(FileImporter):
         lines = [_summary(imported.model)]
         for name, robot in imported.files.robots.items():
             joints = ", ".join(robot.axes.values())
-            lines.append(message("simulink.robot_line", "robot   {name}: {joints}", name=name, joints=joints))
+            lines.append(
+                message("simulink.robot_line", "robot   {name}: {joints}", name=name, joints=joints)
+            )
         if imported.files.pieces:
             pieces = ", ".join(imported.files.pieces)
             lines.append(message("simulink.pieces_line", "pieces  {pieces}", pieces=pieces))
@@ -126,10 +130,14 @@ class SimulinkImporter(FileImporter):
             ]
         lost = lost_mechanics(imported.outcomes)
         losses = tuple(
-            compound("{path}: {loss}", path=outcome.path, loss=outcome.text or outcome.noun) for outcome in lost
+            compound("{path}: {loss}", path=outcome.path, loss=outcome.text or outcome.noun)
+            for outcome in lost
         )
         return ImportOutcome(
-            headline=imported.fidelity, lines=tuple(lines), report=imported.model.report, losses=losses
+            headline=imported.fidelity,
+            lines=tuple(lines),
+            report=imported.model.report,
+            losses=losses,
         )
 
     def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
@@ -155,7 +163,10 @@ class SimulinkImporter(FileImporter):
         except InvalidModel as error:  # the caller raises it after it has shown the report
             problem = error
         return ImportOutcome(
-            lines=(_summary(model),), report=model.report, unknowns=model.findings.undefined, problem=problem
+            lines=(_summary(model),),
+            report=model.report,
+            unknowns=model.findings.undefined,
+            problem=problem,
         )
 
 
@@ -183,7 +194,10 @@ def reading_arguments(request: ImportRequest) -> dict[str, Any]:
             raise InvalidParameter(
                 "--set",
                 setting,
-                message("simulink.name_and_value", "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1"),
+                message(
+                    "simulink.name_and_value",
+                    "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1",
+                ),
             )
         settings[name.strip()] = value
     # A script of variables may name other files: those next to a file of variables, or in a library.

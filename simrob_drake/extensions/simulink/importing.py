@@ -20,7 +20,12 @@ from simrob_drake.extensions.simulink.mechanics.joints import JOINTS, Freedom
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.forms import Value, closure
 from simrob_drake.extensions.simulink.signals.networks import NETWORKS
-from simrob_drake.extensions.simulink.simulink_model import RULES, SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.extensions.simulink.simulink_model import (
+    RULES,
+    SimulinkModel,
+    read_simulink,
+    undefined_variables,
+)
 from simrob_drake.extensions.simulink.tables import table
 from simrob_drake.extensions.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.extensions.simulink.writing.touching import StationFiles
@@ -38,7 +43,9 @@ class BlockType(NamedTuple):
 
     domain: Domain  # what it is part of
     fate: Fate  # what becomes of it unless more is known of the block
-    text: str = ""  # how it is approximated, what is left open, or what a loss counts as; may be empty
+    text: str = (
+        ""  # how it is approximated, what is left open, or what a loss counts as; may be empty
+    )
 
 
 @cache
@@ -79,14 +86,25 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     """Return what became of every block of a model's file and libraries, those that take no part included."""
     found = defaultdict[str, list[tuple[Fate, str]]](list)
     for entry in model.report.entries:
-        found[entry.element] += [(_BY_ENTRY[entry.kind], entry.text)] if entry.kind in _BY_ENTRY else []
+        found[entry.element] += (
+            [(_BY_ENTRY[entry.kind], entry.text)] if entry.kind in _BY_ENTRY else []
+        )
     undriven, expanded = _undriven(model), model.expanded
     known = {node.path for node in expanded.nodes} | expanded.left_out.keys()
     whole = (entry for entry in model.report.of("lost") if entry.element not in known)
     return [
-        *(BlockOutcome(one.element, "station", "mechanics", "lost", one.text, one.element) for one in whole),
-        *(_outcome(model, node, found[node.path], undriven.get(node, "")) for node in expanded.nodes),
-        *(BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in expanded.left_out.items()),
+        *(
+            BlockOutcome(one.element, "station", "mechanics", "lost", one.text, one.element)
+            for one in whole
+        ),
+        *(
+            _outcome(model, node, found[node.path], undriven.get(node, ""))
+            for node in expanded.nodes
+        ),
+        *(
+            BlockOutcome(path, kind, "structure", "ignored", why)
+            for path, (kind, why) in expanded.left_out.items()
+        ),
     ]
 
 
@@ -101,10 +119,14 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
         for freedom in link.joint.freedoms:
             law = model.law_of(freedom)
             drives.append((link.joint.node, [law.net, law.reference or 0.0]))
-            motions += [(link.joint.node, [law.reference or 0.0])] if freedom.driven == "motion" else []
+            motions += (
+                [(link.joint.node, [law.reference or 0.0])] if freedom.driven == "motion" else []
+            )
     found: dict[Node, str] = {}
     for node, values in motions:
-        followed = [term.of for terms in closure(values) for term in terms if term.kind in _MEASURED]
+        followed = [
+            term.of for terms in closure(values) for term in terms if term.kind in _MEASURED
+        ]
         names = {of.name for of in followed if isinstance(of, Freedom)}
         if names := names | {of.path for of in followed if isinstance(of, Node)}:
             measured = ", ".join(sorted(names))
@@ -124,7 +146,9 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
     return found
 
 
-def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], undriven: str) -> BlockOutcome:
+def _outcome(
+    model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], undriven: str
+) -> BlockOutcome:
     if node.block.commented == "through":
         return BlockOutcome(
             node.path,
@@ -138,12 +162,19 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
     heeded = row.domain == "mechanics" and row.fate != "ignored" and fate != "lost"
     if heeded and (unread := model.network.unread(node)):
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
-        if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
+        if node.kind in _SENSING and all(
+            side == "rconn" and number > 1 for _, side, number in unread
+        ):
             text = f"{text}; no station measures what its port {ports} tells".removeprefix("; ")
         elif _stands_alone(model, node):
             fate, text = "ignored", _ALONE
         else:
-            fate, text = "lost", message("simulink.nothing_reads_port", "nothing reads its port {ports}", ports=ports)
+            fate, text = (
+                "lost",
+                message(
+                    "simulink.nothing_reads_port", "nothing reads its port {ports}", ports=ports
+                ),
+            )
     if undriven and fate != "lost":
         return BlockOutcome(node.path, node.kind, "mechanics", "lost", undriven, "drive")
     noun = row.text if row.fate == "lost" and row.text else node.kind
@@ -151,14 +182,17 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
 
 
 _ALONE = message(
-    "simulink.network_joined_with_no_body", "its network is joined with no body, and nothing that moves depends on it"
+    "simulink.network_joined_with_no_body",
+    "its network is joined with no body, and nothing that moves depends on it",
 )
 
 
 def _stands_alone(model: SimulinkModel, node: Node) -> bool:
     """Tell whether a block is part of a network that is joined with no body, and of which nothing that moves takes."""
     joined = model.network.joined(node)
-    mechanics = {kind for kind, row in block_types().items() if row.domain == "mechanics"} - NETWORKS.keys()
+    mechanics = {
+        kind for kind, row in block_types().items() if row.domain == "mechanics"
+    } - NETWORKS.keys()
     return not any(one.kind in mechanics or model.tracer.followed(one) for one in joined)
 
 
@@ -167,7 +201,11 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
         return BlockType("structure", "exact")
     if node.kind not in RULES and model.network.unread(node):
         alone = _stands_alone(model, node)
-        return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
+        return (
+            BlockType("mechanics", "ignored", _ALONE)
+            if alone
+            else BlockType("mechanics", "lost", node.kind)
+        )
     if node in model.tracer.opened:
         return BlockType("signals", "open")
     followed = model.tracer.followed(node)
@@ -176,14 +214,19 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
         *(
             ("exact",)
             if followed
-            else ("ignored", message("simulink.nothing_depends", "nothing that moves depends on it"))
+            else (
+                "ignored",
+                message("simulink.nothing_depends", "nothing that moves depends on it"),
+            )
         ),
     )
 
 
 def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
     """Return the blocks of the mechanics that are lost."""
-    return [outcome for outcome in found if outcome.domain == "mechanics" and outcome.fate == "lost"]
+    return [
+        outcome for outcome in found if outcome.domain == "mechanics" and outcome.fate == "lost"
+    ]
 
 
 def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -> str:
@@ -203,19 +246,33 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
     parts = [
         (
             assumed,
-            message("simulink.count_assumed", "{count} {count:figure|figures} assumed", count=assumed),
+            message(
+                "simulink.count_assumed", "{count} {count:figure|figures} assumed", count=assumed
+            ),
         ),
         (
             prescribed,
-            message("simulink.count_prescribed", "{count} {count:joint|joints} prescribed", count=prescribed),
+            message(
+                "simulink.count_prescribed",
+                "{count} {count:joint|joints} prescribed",
+                count=prescribed,
+            ),
         ),
         (
             alone,
-            message("simulink.count_alone", "{count} network {count:block|blocks} joined with no body", count=alone),
+            message(
+                "simulink.count_alone",
+                "{count} network {count:block|blocks} joined with no body",
+                count=alone,
+            ),
         ),
         (
             opened,
-            message("simulink.count_open", "{count} control {count:block|blocks} left open", count=opened),
+            message(
+                "simulink.count_open",
+                "{count} control {count:block|blocks} left open",
+                count=opened,
+            ),
         ),
     ]
     return join_texts([headline, *(text for count, text in parts if count)], "; ")
@@ -224,7 +281,11 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
 def _counted_noun(count: int, noun: str) -> str:
     """Count what is lost: "2 cables"."""
     named = _noun(noun, count)
-    return counted(count, noun) if named is None else compound("{count} {noun}", count=count, noun=named)
+    return (
+        counted(count, noun)
+        if named is None
+        else compound("{count} {noun}", count=count, noun=named)
+    )
 
 
 def _noun(noun: str, count: int) -> str | None:
@@ -238,16 +299,26 @@ def _noun(noun: str, count: int) -> str | None:
         the word in the singular or plural, or None for the type of a block, which is a name.
     """
     words = {
-        "lead screw": message("simulink.noun_lead_screw", "{count:lead screw|lead screws}", count=count),
-        "constant velocity joint": message(
-            "simulink.noun_velocity_joint", "{count:constant velocity joint|constant velocity joints}", count=count
+        "lead screw": message(
+            "simulink.noun_lead_screw", "{count:lead screw|lead screws}", count=count
         ),
-        "constraint": message("simulink.noun_constraint", "{count:constraint|constraints}", count=count),
+        "constant velocity joint": message(
+            "simulink.noun_velocity_joint",
+            "{count:constant velocity joint|constant velocity joints}",
+            count=count,
+        ),
+        "constraint": message(
+            "simulink.noun_constraint", "{count:constraint|constraints}", count=count
+        ),
         "force": message("simulink.noun_force", "{count:force|forces}", count=count),
         "tyre": message("simulink.noun_tyre", "{count:tyre|tyres}", count=count),
         "contact": message("simulink.noun_contact", "{count:contact|contacts}", count=count),
-        "variable mass": message("simulink.noun_variable_mass", "{count:variable mass|variable masses}", count=count),
-        "flexible body": message("simulink.noun_flexible_body", "{count:flexible body|flexible bodies}", count=count),
+        "variable mass": message(
+            "simulink.noun_variable_mass", "{count:variable mass|variable masses}", count=count
+        ),
+        "flexible body": message(
+            "simulink.noun_flexible_body", "{count:flexible body|flexible bodies}", count=count
+        ),
         "pulley": message("simulink.noun_pulley", "{count:pulley|pulleys}", count=count),
         "cable": message("simulink.noun_cable", "{count:cable|cables}", count=count),
         "drive": message("simulink.noun_drive", "{count:drive|drives}", count=count),
@@ -276,7 +347,9 @@ class ImportedModel:
         return self.model.report
 
 
-def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False, **options: Any) -> ImportedModel:
+def import_simulink(
+    path: Path | str, folder: Path | str, *, force: bool = False, **options: Any
+) -> ImportedModel:
     """Write the robots, pieces and station of a model into a folder, with a report.
 
     Args:
@@ -318,14 +391,19 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
             **model.report.as_json(),
             "blocks": [asdict(outcome) for outcome in made.outcomes],
         }
-        (work / REPORT_FILE).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        (work / REPORT_FILE).write_text(
+            json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
     return made
 
 
 _TRIED, _MOST_TRIED, _FEW, _LEAST_TRIED = 0.2, 2000, 60, 3
 """What is tried of a run [s], in how many steps with a few axes; the work of a step grows with the cube of these."""
 _BEGUN = 1e-4  # s of a run that only shows whether it begins
-_OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not be noted, and be none any more
+_OPEN, _TORN = (
+    1e-3,
+    0.1,
+)  # m or rad, what a coupling may be open then and not be noted, and be none any more
 
 
 def _most_tried(axes: int) -> int:
@@ -346,15 +424,25 @@ def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, floa
         return str(problem).replace(str(station), station.name), {}
     if result.ending == "interrupted" and next(steps) <= most:
         raise KeyboardInterrupt  # by the user
-    gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
-    soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}
+    gaps = (
+        measure.entries
+        for measure in result.verdict.measures
+        if measure.criterion.name == "coupling_gap"
+    )
+    soft = {
+        entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN
+    }
     return result.message if result.ending in ("diverged", "failed") else "", soft
 
 
 def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
     if stops:
         report.add(
-            "lost", "run", message("simulink.does_not_run", "the station does not run as it is: {stops}", stops=stops)
+            "lost",
+            "run",
+            message(
+                "simulink.does_not_run", "the station does not run as it is: {stops}", stops=stops
+            ),
         )
     elif max(soft.values(), default=0.0) > _TORN:
         report.add(
@@ -371,7 +459,9 @@ def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> No
         report.add(
             "approximated",
             name,
-            message("simulink.within_seconds", "{text} within {tried:g} s", text=text, tried=_TRIED),
+            message(
+                "simulink.within_seconds", "{text} within {tried:g} s", text=text, tried=_TRIED
+            ),
         )
 
 
@@ -383,7 +473,9 @@ def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportRepor
         if content["solver"]["kind"] != kind or not (stops or worst > most):
             continue
         written, tied = content_of(station), {**SOLVERS["points"], "time_step": step}
-        station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
+        station.write_bytes(
+            re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written)
+        )
         why, still = _try(station, _TRIED, axes)
         if not why and (stops or max(still.values(), default=0.0) < worst):
             stops, soft, content["solver"] = "", still, tied
@@ -425,5 +517,9 @@ def check_importable(model: SimulinkModel) -> None:
     weighs = any(body.solids for body in model.bodies.bodies)
     if not weighs and not model.bodies.links:
         raise model.report.refusal(
-            "", message("simulink.no_bodies", "holds no Simscape Multibody bodies: there is nothing to simulate")
+            "",
+            message(
+                "simulink.no_bodies",
+                "holds no Simscape Multibody bodies: there is nothing to simulate",
+            ),
         )

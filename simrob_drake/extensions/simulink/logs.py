@@ -25,7 +25,11 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
 TIMES = ("time", "tout", "t")  # what the column of times may be called, with capitals or without
-_CARRIERS = ("signals", "values", "data")  # fields of structures that add nothing to a signal's name
+_CARRIERS = (
+    "signals",
+    "values",
+    "data",
+)  # fields of structures that add nothing to a signal's name
 _EXPORTS = {
     "timeseries": "tout = {name}.Time; yout = squeeze({name}.Data); save -v7 log.mat tout yout",
     "timetable": "tout = seconds({name}.Properties.RowTimes); yout = {name}.Variables; save -v7 log.mat tout yout",
@@ -66,13 +70,21 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> dict[str, LoggedSign
         columns = _columns(file)
         clock = next((name for name in columns if name.lower() in TIMES), "")
         signals = columns.items() if clock else ()
-        found = {name: LoggedSignal(columns[clock], values) for name, values in signals if name != clock}
-    asked = [name for name in objects if not found or any(f"{theirs}.".startswith(f"{name}.") for theirs in names)]
+        found = {
+            name: LoggedSignal(columns[clock], values) for name, values in signals if name != clock
+        }
+    asked = [
+        name
+        for name in objects
+        if not found or any(f"{theirs}.".startswith(f"{name}.") for theirs in names)
+    ]
     expected = (
         ""
         if found
         else message(
-            "simulink.log_with_column", "a log with a column {times}, and signals of its length", times=", ".join(TIMES)
+            "simulink.log_with_column",
+            "a log with a column {times}, and signals of its length",
+            times=", ".join(TIMES),
         )
     )
     if asked:
@@ -106,7 +118,10 @@ def _checked(signal: LoggedSignal, file: Path) -> LoggedSignal:
         raise InvalidParameter(
             "--with",
             str(file),
-            message("simulink.log_of_moments", "a log of two moments or more, whose times rise from 0 or later"),
+            message(
+                "simulink.log_of_moments",
+                "a log of two moments or more, whose times rise from 0 or later",
+            ),
         )
     last = np.append(steps > 0, True)
     return LoggedSignal(times[last], signal.values[last])
@@ -123,7 +138,9 @@ def _columns(file: Path) -> dict[str, Vector]:
         return {name: table[name].to_numpy().astype(float) for name in table.column_names}
     except (NotRead, ValueError, TypeError) as problem:  # errors of pyarrow are ValueErrors
         raise InvalidParameter(
-            "--with", str(file), message("simulink.table_of_numbers", "a table of numbers: {problem}", problem=problem)
+            "--with",
+            str(file),
+            message("simulink.table_of_numbers", "a table of numbers: {problem}", problem=problem),
         ) from problem
 
 
@@ -131,12 +148,23 @@ def _in_structure(
     name: str, fields: Mapping[str, Any], clock: Vector | None, objects: dict[str, str]
 ) -> Iterator[tuple[str, LoggedSignal]]:
     """Yield the signals in variables, or in the fields of a structure, which may have times of its own."""
-    own = next((field for field in fields if field.lower() in TIMES and _vector(fields[field]) is not None), None)
+    own = next(
+        (
+            field
+            for field in fields
+            if field.lower() in TIMES and _vector(fields[field]) is not None
+        ),
+        None,
+    )
     clock = _vector(fields[own]) if own is not None else clock
     label = "".join(map(str, np.ravel(fields.get("label", "")))) if name else ""
     for field, value in fields.items():
         if field != own:
-            whole = (label or name) if name and field.lower() in _CARRIERS else f"{name}.{field}".lstrip(".")
+            whole = (
+                (label or name)
+                if name and field.lower() in _CARRIERS
+                else f"{name}.{field}".lstrip(".")
+            )
             yield from _in_value(whole, value, clock, objects)
 
 
@@ -148,7 +176,9 @@ def _in_value(
 
     if isinstance(value, MatlabOpaque):
         entry = value.reshape(-1)[0]
-        known = "_Class" in (value.dtype.names or ())  # older versions of SciPy have s0 to s2: name, system, class
+        known = "_Class" in (
+            value.dtype.names or ()
+        )  # older versions of SciPy have s0 to s2: name, system, class
         objects[name if known else str(entry["s0"])] = str(entry["_Class" if known else "s2"])
     elif not isinstance(value, np.ndarray):
         return
@@ -157,14 +187,18 @@ def _in_value(
         for place, part in enumerate(parts):
             own = f"{name}.{place + 1}" if len(parts) > 1 else name
             if value.dtype.names:
-                yield from _in_structure(own, {field: part[field] for field in value.dtype.names}, clock, objects)
+                yield from _in_structure(
+                    own, {field: part[field] for field in value.dtype.names}, clock, objects
+                )
             else:
                 yield from _in_value(own, part, clock, objects)
     elif value.dtype.kind in "fiub" and value.size > 1:
         yield from _in_matrix(name, value.astype(float), clock)
 
 
-def _in_matrix(name: str, value: Vector, clock: Vector | None) -> Iterator[tuple[str, LoggedSignal]]:
+def _in_matrix(
+    name: str, value: Vector, clock: Vector | None
+) -> Iterator[tuple[str, LoggedSignal]]:
     """Yield the columns of a matrix beside its times, or of one that holds them; of another length they are none."""
     rows = value.reshape(-1, value.shape[-1])  # of n x 1 x m, one sample a page
     if clock is not None and len(clock) not in rows.shape:
@@ -232,14 +266,19 @@ def compare(
             or the run ended before the log begins.
     """
     end = max(signal.times[-1] for signal in logged.values())
-    result = simulate(config, duration=float(end), reference=_reference(config, logged), progress=progress)
+    result = simulate(
+        config, duration=float(end), reference=_reference(config, logged), progress=progress
+    )
     known = {name: signal for name, signal in logged.items() if name in result.names}
     if not known:
         found = ", ".join(list(logged)[:5])
         raise InvalidParameter(
             "--with",
             found,
-            message("simulink.signals_with_names", "signals such as q.<axis>; rename them with --map THEIRS=OURS"),
+            message(
+                "simulink.signals_with_names",
+                "signals such as q.<axis>; rename them with --map THEIRS=OURS",
+            ),
         )
     return result, [_difference(name, signal, result) for name, signal in known.items()]
 
@@ -263,7 +302,11 @@ def _difference(name: str, logged: LoggedSignal, result: SimulationResult) -> Si
             message("simulink.log_from", "a log from {time:g} s on", time=logged.times[0]),
             message("simulink.begins_before", "one that begins before {end}", end=end),
         )
-    times, values, unit = logged.times[inside], _in_si(name, logged, result.units[name])[inside], result.units[name]
+    times, values, unit = (
+        logged.times[inside],
+        _in_si(name, logged, result.units[name])[inside],
+        result.units[name],
+    )
     return SignalDifference(name, times, values, np.interp(times, result.times, result[name]), unit)
 
 
@@ -272,7 +315,9 @@ def _in_si(name: str, logged: LoggedSignal, unit: str) -> Vector:
         at = logged.times[~np.isfinite(logged.values)][0]
         raise InvalidParameter(
             "--with",
-            message("simulink.without_a_number", "{name} without a number at {at:g} s", name=name, at=at),
+            message(
+                "simulink.without_a_number", "{name} without a number at {at:g} s", name=name, at=at
+            ),
             message("base.finite_numbers", "finite numbers"),
         )
     try:
@@ -281,7 +326,12 @@ def _in_si(name: str, logged: LoggedSignal, unit: str) -> Vector:
         raise InvalidParameter(
             "--map",
             f"{name}:{logged.unit}",
-            message("simulink.unit_like", "of a unit like {unit} ({problem})", unit=unit, problem=problem),
+            message(
+                "simulink.unit_like",
+                "of a unit like {unit} ({problem})",
+                unit=unit,
+                problem=problem,
+            ),
         ) from problem
 
 
@@ -293,17 +343,25 @@ def _reference(config: StationConfig, logged: Mapping[str, LoggedSignal]) -> Vec
     if not all(name in logged for name in names):
         return None
     times = logged[next(iter(names))].times
-    columns = [np.interp(times, logged[name].times, _in_si(name, logged[name], unit)) for name, unit in names.items()]
+    columns = [
+        np.interp(times, logged[name].times, _in_si(name, logged[name], unit))
+        for name, unit in names.items()
+    ]
     return np.column_stack([times, *columns])
 
 
-def save_differences(differences: list[SignalDifference], folder: Path | str, *, force: bool = False) -> None:
+def save_differences(
+    differences: list[SignalDifference], folder: Path | str, *, force: bool = False
+) -> None:
     """Write the numbers, and a picture of each signal with its log and their difference below.
 
     Raises OutputError: the folder cannot be written, or is there and not to be replaced.
     """
     with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
-        rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]
+        rows = [
+            f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n"
+            for found in differences
+        ]
         (work / NUMBERS).write_text("".join(["signal,largest,at,rms\n", *rows]), encoding="utf-8")
         for found in differences:
             _save_picture(found, work / f"{found.signal}.png")
@@ -312,7 +370,9 @@ def save_differences(differences: list[SignalDifference], folder: Path | str, *,
 def _save_picture(found: SignalDifference, file: Path) -> None:
     from simrob_drake.results.plots.own import panels, save_figure
 
-    figure, ((upper,), (lower,)) = panels(found.signal, 2, size=(8, 5), sharex=True, height_ratios=(2, 1))
+    figure, ((upper,), (lower,)) = panels(
+        found.signal, 2, size=(8, 5), sharex=True, height_ratios=(2, 1)
+    )
     upper.plot(found.times, found.logged, label="logged")
     upper.plot(found.times, found.ours, "--", label="ours")
     lower.plot(found.times, found.ours - found.logged, color=RED)

@@ -12,7 +12,13 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.extensions.simulink.cad.model import read_cad_model
-from simrob_drake.extensions.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
+from simrob_drake.extensions.simulink.mechanics.bodies import (
+    Bodies,
+    ContactPair,
+    RigidPart,
+    read_bodies,
+    read_contacts,
+)
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.extensions.simulink.mechanics.loops import close, cuttable
 from simrob_drake.extensions.simulink.mechanics.shapes import MeshFiles
@@ -48,7 +54,13 @@ from simrob_drake.extensions.simulink.signals.laws import (
 from simrob_drake.extensions.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.extensions.simulink.signals.robotics import ROBOTICS
 from simrob_drake.extensions.simulink.signals.routing import ROUTING, subsystem
-from simrob_drake.extensions.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
+from simrob_drake.extensions.simulink.signals.sources import (
+    PHYSICAL,
+    SENSOR,
+    SOURCES,
+    out_of_physics,
+    sensed,
+)
 from simrob_drake.extensions.simulink.values.workspace import Variables, find_octave
 from simrob_drake.robots.imports import ImportReport
 
@@ -147,18 +159,26 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     if not missing:
         return None
     counts = {
-        name: message("simulink.and_more_places", " and {count} more", count=len(places) - 1) if len(places) > 1 else ""
+        name: message("simulink.and_more_places", " and {count} more", count=len(places) - 1)
+        if len(places) > 1
+        else ""
         for name, places in missing.items()
     }
     listed = [f"{name} ({places[0]}{counts[name]})" for name, places in missing.items()]
     more = (
-        message("simulink.and_more_missing", ", and {count} more", count=len(missing) - 8) if len(missing) > 8 else ""
+        message("simulink.and_more_missing", ", and {count} more", count=len(missing) - 8)
+        if len(missing) > 8
+        else ""
     )
     first = next(iter(missing)).partition(" ")[0]
     offered = model.expanded.libraries.offered(model.expanded.model)
     files = sorted({offered[name][0] for name in missing if name in offered})
     taken = (
-        message("simulink.files_would_set", "what {files} would set, and else defaults,", files=", ".join(files[:3]))
+        message(
+            "simulink.files_would_set",
+            "what {files} would set, and else defaults,",
+            files=", ".join(files[:3]),
+        )
         if files
         else "defaults"
     )
@@ -188,7 +208,11 @@ def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector
         if node.kind != "Mechanism Configuration" or node.block.commented != "off":
             continue
         how = node.text("UniformGravity", "Constant")
-        own = node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3) if how != "None" else np.zeros(3)
+        own = (
+            node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
+            if how != "None"
+            else np.zeros(3)
+        )
         if network.net(node, "rconn") in bodies.by_place:
             found.append(own)
             if how not in ("None", "Constant") or not np.allclose(own, found[0]):
@@ -200,7 +224,10 @@ def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector
                     ),
                 )
         elif own.any():
-            node.note("dropped", message("simulink.connected_with_no_body", "it is connected with no body"))
+            node.note(
+                "dropped",
+                message("simulink.connected_with_no_body", "it is connected with no body"),
+            )
     whole = expanded.model.kind == "Model"
     if not found and bodies.by_place and expanded.model.kind != "Assembly":
         lacking = (
@@ -214,7 +241,9 @@ def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector
 
 def _duration(expanded: Expanded) -> float:
     try:
-        value = float(np.asarray(expanded.root.workspace.value(expanded.model.stop_time)).reshape(-1)[0])
+        value = float(
+            np.asarray(expanded.root.workspace.value(expanded.model.stop_time)).reshape(-1)[0]
+        )
     except (ValueError, LookupError, IndexError, TypeError):
         value = 10.0
     return min(value, _LONGEST) if np.isfinite(value) and value > 0 else 10.0
@@ -225,17 +254,24 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node
     found, stops = list[Node](), dict[Node, Value]()
     for node in (one for one in expanded.nodes if one.kind in ("Stop", "Stop Simulation")):
         source = tracer.network.source(node)
-        compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
+        compares = source is not None and source[0].kind in (
+            "Compare To Zero",
+            "Compare To Constant",
+        )
         values = flat(tracer.input(source[0])) if source and compares else []
         terms = (term for value in values for term in terms_of(value))
-        contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
+        contacts = [
+            term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)
+        ]
         found += contacts
         stops |= {} if contacts else {node: flat(tracer.input(node))[0]}
     return found, stops
 
 
 _UNHEEDED = {
-    "TriggerPort": message("simulink.trigger_not_read", "its trigger is not read: what is in it goes on all the time"),
+    "TriggerPort": message(
+        "simulink.trigger_not_read", "its trigger is not read: what is in it goes on all the time"
+    ),
     "ResetPort": message("simulink.reset_not_read", "its reset is not read: its states go on"),
 }
 """What a subsystem becomes that has such a port."""
@@ -246,7 +282,9 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     report = expanded.findings.report
     for port in (node for node in expanded.nodes if node.kind in _UNHEEDED):
         subsystem = port.path.removesuffix(port.block.name)
-        if any(node.path.startswith(subsystem) and tracer.followed(node) for node in expanded.nodes):
+        if any(
+            node.path.startswith(subsystem) and tracer.followed(node) for node in expanded.nodes
+        ):
             report.add("approximated", subsystem.removesuffix("/"), _UNHEEDED[port.kind])
     for node, why in tracer.opened.items():
         block = node.kind or message("simulink.block", "block")
@@ -288,7 +326,11 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
         _offer_sensed(tracer, joint)
     for contact in contacts:
         if contact.senses_distance:
-            tracer.offer(contact.node, contact.senses_distance, partial(_each, Term("distance", contact.node)))
+            tracer.offer(
+                contact.node,
+                contact.senses_distance,
+                partial(_each, Term("distance", contact.node)),
+            )
     for node in network.expanded.nodes:
         if node.kind == SENSOR:
             for number, give in sensed(node).items():
@@ -297,7 +339,9 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
             tracer.offer(node, 1, partial(tracer.output, node))
         elif node.kind not in NETWORKS:
             offer_component(tracer, node)
-        for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
+        for number, (_, side, port) in enumerate(
+            outputs_of(node) if node.kind in NETWORKS else (), start=1
+        ):
             tracer.offer(node, port, partial(tracer.output, node, number), side)
     return tracer
 
@@ -305,11 +349,15 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
 def _offer_sensed(tracer: Tracer, joint: Joint) -> None:
     for number, (freedom, what) in joint.outputs.items():
         kind = next((kind for kind in _SENSED if kind == what), None)
-        term = Term(kind, freedom) if kind else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+        term = (
+            Term(kind, freedom) if kind else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+        )
         tracer.offer(joint.node, number, partial(_each, term))
     for number, parts in joint.senses.items():
         terms = [Term("sensed", joint.node, part) for part in parts]
-        tracer.offer(joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)])))
+        tracer.offer(
+            joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)]))
+        )
 
 
 def _each(*terms: Term) -> Signal:

@@ -24,7 +24,9 @@ _MOST = 3  # keys whose trade-offs are drawn, those that matter most
 _WIDE = 30.0  # from the least to the largest cost: beyond, logarithms are drawn
 
 
-def study_in_optuna(name: str, study: Study, records: Sequence[Record], *, storage: Any = None) -> Any:
+def study_in_optuna(
+    name: str, study: Study, records: Sequence[Record], *, storage: Any = None
+) -> Any:
     """Return a search as a study of Optuna.
 
     Its trials are complete, or pruned with the mean of the runs that were made; broken limits are constraints, and
@@ -54,7 +56,11 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
                 state=TrialState.PRUNED if pruned else TrialState.COMPLETE,
                 values=None if pruned else costs.tolist(),
                 **_parameters(kinds, record.rows[0]),
-                user_attrs={"trial": record.number, "runs": len(record.rows), **_means(record.rows)},
+                user_attrs={
+                    "trial": record.number,
+                    "runs": len(record.rows),
+                    **_means(record.rows),
+                },
                 intermediate_values={len(record.rows): float(costs[0])} if pruned else {},
                 constraints={"limits": over} if study.limits or study.least else None,
             )
@@ -95,11 +101,15 @@ def save_plots(found: Any, folder: Path) -> list[Path]:
     if not _tells(found):
         return []
     names = found.metric_names
-    plots: dict[str, Callable[[], Any]] = {"importance": partial(optuna_plots.plot_param_importances, found)}
+    plots: dict[str, Callable[[], Any]] = {
+        "importance": partial(optuna_plots.plot_param_importances, found)
+    }
     for place, name in enumerate(names):
         target, label = _target(found, place, name)
         of: dict[str, Any] = {"target": target, "target_name": label}
-        with warnings.catch_warnings(action="ignore"):  # that low ones are taken for good ones, as they are here
+        with warnings.catch_warnings(
+            action="ignore"
+        ):  # that low ones are taken for good ones, as they are here
             most = list(get_param_importances(found, target=target))[:_MOST]
         end = f"_{name}" if len(names) > 1 else ""
         plots[f"slices{end}"] = partial(optuna_plots.plot_slice, found, **of)
@@ -109,7 +119,10 @@ def save_plots(found: Any, folder: Path) -> list[Path]:
     if len(names) in (2, 3):
         plots["front"] = partial(optuna_plots.plot_pareto_front, found)
     many = len({key for trial in found.trials for key in trial.params})
-    return [_saved(folder / f"{name}.png", plot, many if "slices" in name else 2) for name, plot in plots.items()]
+    return [
+        _saved(folder / f"{name}.png", plot, many if "slices" in name else 2)
+        for name, plot in plots.items()
+    ]
 
 
 def save_convergence(file: Path, searches: Sequence[Any]) -> None:
@@ -118,7 +131,9 @@ def save_convergence(file: Path, searches: Sequence[Any]) -> None:
 
     several = len(searches[0].directions) > 1
     target = (lambda trial: sum(trial.values)) if several else None
-    _saved(file, partial(plot_optimization_history, list(searches), target=target, target_name="cost"))
+    _saved(
+        file, partial(plot_optimization_history, list(searches), target=target, target_name="cost")
+    )
 
 
 def plots_there() -> bool:
@@ -130,7 +145,9 @@ def _empty(name: str, values: Sequence[str], storage: Any) -> Any:
     with needed("Optuna", "tune"):
         import optuna
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    found = optuna.create_study(study_name=name, storage=storage, directions=["minimize"] * len(values))
+    found = optuna.create_study(
+        study_name=name, storage=storage, directions=["minimize"] * len(values)
+    )
     with warnings.catch_warnings(action="ignore"):  # names are experimental, says Optuna
         found.set_metric_names(list(values))
     return found
@@ -144,8 +161,12 @@ def _distributions(vary: Mapping[str, Distribution], rows: Sequence[Row]) -> dic
     for key, one in vary.items():
         values = [value for row in rows if (value := row.get(key)) is not None]
         values = list(one.values) if isinstance(one, Choice) else values
-        if values and all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-            found[key] = FloatDistribution(min(values), max(values), log=isinstance(one, Uniform) and one.log)
+        if values and all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in values
+        ):
+            found[key] = FloatDistribution(
+                min(values), max(values), log=isinstance(one, Uniform) and one.log
+            )
         elif values:
             found[key] = CategoricalDistribution(list(dict.fromkeys(map(_plain, values))))
     return found
@@ -164,7 +185,10 @@ def _plain(value: Any) -> Any:
 def _means(rows: Sequence[Row]) -> dict[str, float]:
     """Return the mean of each measure over the runs of a trial."""
     numbered = [{"number": 0, **row} for row in rows]
-    return {name: float(np.mean([value for value, _ in values])) for name, values in measured(numbered).items()}
+    return {
+        name: float(np.mean([value for value, _ in values]))
+        for name, values in measured(numbered).items()
+    }
 
 
 def _tells(found: Any) -> bool:
@@ -186,7 +210,11 @@ def _saved(file: Path, plot: Callable[[], Any], frames: int = 2) -> Path:
     import matplotlib as mpl
     from matplotlib import pyplot as plt
 
-    with writing(file), mpl.rc_context(), warnings.catch_warnings(action="ignore"):  # experimental, says Optuna
+    with (
+        writing(file),
+        mpl.rc_context(),
+        warnings.catch_warnings(action="ignore"),
+    ):  # experimental, says Optuna
         figure = np.ravel(plot())[0].get_figure()
         try:
             figure.set_size_inches(_WIDTH * max(frames, 2), _HEIGHT)

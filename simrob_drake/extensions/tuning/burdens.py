@@ -51,7 +51,14 @@ class _Burden:
 
 
 def _loaded(way: _Way, mass: float) -> Change:
-    return {"pieces.burden": {"model": "parcel", "mass": mass, "parent": way.subject.name, "frame": way.subject.root}}
+    return {
+        "pieces.burden": {
+            "model": "parcel",
+            "mass": mass,
+            "parent": way.subject.name,
+            "frame": way.subject.root,
+        }
+    }
 
 
 def _slippery(way: _Way, friction: float) -> Change:
@@ -62,7 +69,8 @@ def _soft(way: _Way, stiffness: float) -> Change:
     contact = way.scene.config.contact
     if contact is None or contact.model != "point":
         raise Unsuitable(
-            "--vary stiffness", message("tuning.stiffness_of_point", "only contact.model point has a stiffness")
+            "--vary stiffness",
+            message("tuning.stiffness_of_point", "only contact.model point has a stiffness"),
         )
     return {"contact.stiffness": stiffness}
 
@@ -71,7 +79,10 @@ def _sloping(turn: float) -> Callable[[_Way, float], Change]:
     """Return what inclines the floor, upward to a side of the robot's way: 0 ahead, 90 to its left [deg]."""
 
     def sloping(way: _Way, slope: float) -> Change:
-        return {"floor.incline_deg": slope, "floor.heading_deg": float(np.rad2deg(way.subject.heading)) + turn}
+        return {
+            "floor.incline_deg": slope,
+            "floor.heading_deg": float(np.rad2deg(way.subject.heading)) + turn,
+        }
 
     return sloping
 
@@ -79,7 +90,13 @@ def _sloping(turn: float) -> Callable[[_Way, float], Change]:
 def _uneven(way: _Way, height: float) -> Change:
     length = max(ceil((way.ahead - _BEFORE) / _TILE) + 2, 5) * _TILE
     heading, seed = float(np.rad2deg(way.subject.heading)), way.seed or 0
-    field = {"kind": "steps", "height": 1e-3 * height, "size": _TILE, "start": _BEFORE, "length": length}
+    field = {
+        "kind": "steps",
+        "height": 1e-3 * height,
+        "size": _TILE,
+        "start": _BEFORE,
+        "length": length,
+    }
     return {"floor.terrain": {**field, "width": 1.0, "heading_deg": heading, "seed": seed}}
 
 
@@ -116,7 +133,9 @@ class Burdens(Walking):
     def tried(self, *, allow_code: bool) -> "list[Callable[..., BurdenTrial]]":
         """Return what makes the trial of each burden."""
         kinds = dict.fromkeys(self.vary)
-        return [partial(BurdenTrial, kind=kind, what=what) for kind in kinds for what in _BURDENS[kind]]
+        return [
+            partial(BurdenTrial, kind=kind, what=what) for kind in kinds for what in _BURDENS[kind]
+        ]
 
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return of each burden the weakest figure of all draws, and their median; None where one bears none."""
@@ -127,7 +146,9 @@ class Burdens(Walking):
             less, nothing = (max, inf) if burden.last < burden.first else (min, 0.0)
             borne = [nothing if row.get("figure") is None else row["figure"] for row in some]
             found_of = {"weakest": less(borne), "median": median(borne)}
-            found_of = {key: figure if 0 < figure < inf else None for key, figure in found_of.items()}
+            found_of = {
+                key: figure if 0 < figure < inf else None for key, figure in found_of.items()
+            }
             found.append({"settings": name, "burden": what, **found_of, "unit": burden.unit})
         return found
 
@@ -158,7 +179,11 @@ class BurdenTrial(WalkTrial):
             run = self._scene(burden.changes(way, burden.figure(hard))).run()
             ends[hard] = run.stopped_by or run.ending, run.message
             ahead = locomotion(run, subject.name).ahead if run.ending == COMPLETED else 0.0
-            if run.ending == COMPLETED and way.ahead > _STANDS and ahead < self.spec.least * way.ahead:
+            if (
+                run.ending == COMPLETED
+                and way.ahead > _STANDS
+                and ahead < self.spec.least * way.ahead
+            ):
                 ends[hard] = (
                     _HELD_UP,
                     message(
@@ -179,4 +204,6 @@ class BurdenTrial(WalkTrial):
 
     def _scene(self, changes: Change) -> Scene:
         spec = self.spec
-        return spec.scene({**self.changes, **changes}, spec.seconds, seed=self.seed, allow_code=self.allow_code)
+        return spec.scene(
+            {**self.changes, **changes}, spec.seconds, seed=self.seed, allow_code=self.allow_code
+        )

@@ -17,7 +17,9 @@ _SURE = 0.95
 _MOST = 0.9  # of the pairs of runs in which a winner must cost less
 
 
-def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: bool = True) -> tuple[bool, list[str]]:
+def conclusion(
+    rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: bool = True
+) -> tuple[bool, list[str]]:
     """Return whether a winner is proven, and sentences that say why.
 
     It is if no doubt ends more of its runs than of the start's, or any at all where there is no start, and if in nine
@@ -30,7 +32,10 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     start = [row for row in rows if row["of"] == START]
     share = binomtest(_held(own), len(own)).proportion_ci(_SURE, method="wilson")
     sure = message(
-        "tuning.share_of_holding", "{low:.0f} to {high:.0f} %, 95 % sure", low=100 * share.low, high=100 * share.high
+        "tuning.share_of_holding",
+        "{low:.0f} to {high:.0f} %, 95 % sure",
+        low=100 * share.low,
+        high=100 * share.high,
     )
     held = message(
         "tuning.winner_holds",
@@ -42,7 +47,12 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     words: list[str] = [
         held
         + (
-            message("tuning.and_of_start", ", and {held} of {count} of the start.", held=_held(start), count=len(start))
+            message(
+                "tuning.and_of_start",
+                ", and {held} of {count} of the start.",
+                held=_held(start),
+                count=len(start),
+            )
             if start
             else "."
         )
@@ -53,12 +63,18 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
         lost = len(ours) - _held(ours)
         if lost:
             others = (
-                message("tuning.start_does_not", " (start {count})", count=len(theirs) - _held(theirs)) if start else ""
+                message(
+                    "tuning.start_does_not", " (start {count})", count=len(theirs) - _held(theirs)
+                )
+                if start
+                else ""
             )
             fallen = [row for row in ours if not _holds(row)]
             ends = join_texts(
                 dict.fromkeys(
-                    message("tuning.beyond_a_limit", "beyond a limit") if _ended(row) else str(row["ended"])
+                    message("tuning.beyond_a_limit", "beyond a limit")
+                    if _ended(row)
+                    else str(row["ended"])
                     for row in fallen
                 )
             )
@@ -88,13 +104,23 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     )
     words += [compound("{counted}: {named}.", counted=counted, named=named)] if beyond else []
     words += (
-        [message("tuning.not_doubted", "Not doubted: {undoubted}.", undoubted=join_texts(undoubted))]
+        [
+            message(
+                "tuning.not_doubted", "Not doubted: {undoubted}.", undoubted=join_texts(undoubted)
+            )
+        ]
         if undoubted
         else []
     )
     proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
     reasons = (
-        [message("tuning.less_sure_under", "it is less sure under {worse}", worse=join_texts(worse))] if worse else []
+        [
+            message(
+                "tuning.less_sure_under", "it is less sure under {worse}", worse=join_texts(worse)
+            )
+        ]
+        if worse
+        else []
     )
     reasons += (
         [message("tuning.not_less_throughout", "it does not cost less throughout")]
@@ -109,16 +135,24 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     return proven, [
         message("tuning.proven", "Proven.")
         if proven
-        else message("tuning.not_proven", "Not proven: {reasons}.", reasons=join_texts(reasons, "; ")),
+        else message(
+            "tuning.not_proven", "Not proven: {reasons}.", reasons=join_texts(reasons, "; ")
+        ),
         *words,
     ]
 
 
 def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool, str]:
     """Return whether the winner costs less, and by how much in a sentence."""
-    pairs = [(ours, theirs) for ours, theirs in zip(own, start, strict=True) if _ended(ours) and _ended(theirs)]
+    pairs = [
+        (ours, theirs)
+        for ours, theirs in zip(own, start, strict=True)
+        if _ended(ours) and _ended(theirs)
+    ]
     if not pairs:
-        return False, message("tuning.no_comparable_runs", "No two runs can be compared by {name}.", name=name)
+        return False, message(
+            "tuning.no_comparable_runs", "No two runs can be compared by {name}.", name=name
+        )
     costs = np.array([[ours[name], theirs[name]] for ours, theirs in pairs], dtype=float)
     gains = costs[:, 1] - costs[:, 0]
     after, before, gain = (float(np.median(values)) for values in (*costs.T, gains))
@@ -126,7 +160,11 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
     least = float(np.ravel(interval)[0])  # nan for a few
     error = _numerical_error(name, pairs)
     less = int(np.sum(gains > 0))
-    part = message("tuning.part_of_it", ", {part:.2f} of it", part=after / before) if before > 0 and after > 0 else ""
+    part = (
+        message("tuning.part_of_it", ", {part:.2f} of it", part=after / before)
+        if before > 0 and after > 0
+        else ""
+    )
     sentence = message(
         "tuning.medians",
         "The {name} is {after:.4g} in the median, {before:.4g} at the start{part}",
@@ -135,10 +173,14 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
         before=before,
         part=part,
     )
-    sentence += message("tuning.less_in_pairs", "; less in {less} of {pairs} pairs", less=less, pairs=len(pairs))
+    sentence += message(
+        "tuning.less_in_pairs", "; less in {less} of {pairs} pairs", less=less, pairs=len(pairs)
+    )
     known = np.isfinite(least)
     sentence += (
-        message("tuning.by_least", ", by {least:.4g} or more in the median (95 % sure)", least=least)
+        message(
+            "tuning.by_least", ", by {least:.4g} or more in the median (95 % sure)", least=least
+        )
         if known
         else message("tuning.too_few", ", too few to be sure")
     )
@@ -161,7 +203,9 @@ def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | Non
     thought = gains.get(THOUGHT, {})
     errors = [
         median(
-            abs(gain - thought[draw % len(thought)]) for draw, gain in found.items() if draw % len(thought) in thought
+            abs(gain - thought[draw % len(thought)])
+            for draw, gain in found.items()
+            if draw % len(thought) in thought
         )
         for kind, found in gains.items()
         if kind in NUMERICAL and thought
@@ -171,7 +215,9 @@ def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | Non
 
 def cost_columns(row: Row) -> list[str]:
     """Return the names of the costs in a row."""
-    return [name for name in row if name == "cost" or (name.startswith("cost_") and name[5:].isdigit())]
+    return [
+        name for name in row if name == "cost" or (name.startswith("cost_") and name[5:].isdigit())
+    ]
 
 
 def _ended(row: Row) -> bool:

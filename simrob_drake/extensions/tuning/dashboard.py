@@ -30,7 +30,9 @@ class Dashboard:
         ]
         for one in [port] if port is not None else [_PORT, 0]:
             try:
-                self._server = make_server(_HOST, one, wsgi(storage), server_class=_Server, handler_class=_Quiet)
+                self._server = make_server(
+                    _HOST, one, wsgi(storage), server_class=_Server, handler_class=_Quiet
+                )
                 break
             except OSError:
                 continue

@@ -38,13 +38,22 @@ _PUSH, _TURNS = np.linspace(0.1, 0.2, 5), np.arange(0.0, 360.0, 15.0)
 """How hard, in a robot's weights for a tenth of a second, and in which directions [deg]."""
 _MOMENT = (0.3, 0.6)  # when, in parts of the run
 _MASS = (0.8, 1.2)  # times, of each piece
-_BALLAST, _PLACE = (0.02, 0.1), 0.03  # of the mass of a robot that carries none, and how far from its root's origin [m]
+_BALLAST, _PLACE = (
+    (0.02, 0.1),
+    0.03,
+)  # of the mass of a robot that carries none, and how far from its root's origin [m]
 _FRICTION = (0.6, 1.2)  # times
 _JOINT_FRICTION = (0.004, 0.02)  # of a joint's torque limit
 _STIFFNESS = (1 / 3, 3.0)  # times
-_GAIN, _TORQUE = (0.9, 1.1), (0.7, 1.0)  # times, of each joint's gains; of all torque limits, as supplies sag
+_GAIN, _TORQUE = (
+    (0.9, 1.1),
+    (0.7, 1.0),
+)  # times, of each joint's gains; of all torque limits, as supplies sag
 _LINK = 0.05  # more or less, of the mass of each link
-_STATIC, _DYNAMIC = (0.5, 1.2), 0.9  # coefficient of static friction, and dynamic as a part of it: Simulink's 1 and 0.9
+_STATIC, _DYNAMIC = (
+    (0.5, 1.2),
+    0.9,
+)  # coefficient of static friction, and dynamic as a part of it: Simulink's 1 and 0.9
 _POSTURE = 0.5  # deviation of each joint at the start [deg]
 _SIZE, _PACE = (0.5, 1.0), (0.8, 1.25)  # of moves, times what was thought
 _SIZES, _TIMES = ("target_deg", "amplitude_deg"), ("duration", "frequency")
@@ -74,11 +83,17 @@ class _Thought:
 
     def own(self, robot: str, section: str) -> str:
         """Return the key of a section that a robot has for itself, or has from the station."""
-        return f"{self.key(robot)}.{section}" if getattr(self.config.robots[robot], section) else section
+        return (
+            f"{self.key(robot)}.{section}"
+            if getattr(self.config.robots[robot], section)
+            else section
+        )
 
     def alone(self, robot: str, section: str) -> bool:
         """Whether a section is of this robot alone."""
-        return len(self.config.robots) == 1 or getattr(self.config.robots[robot], section) is not None
+        return (
+            len(self.config.robots) == 1 or getattr(self.config.robots[robot], section) is not None
+        )
 
     def held_back(self, robot: str) -> str:
         """Return what a push or a piece of a robot is called."""
@@ -92,13 +107,21 @@ def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
         return found
     station = add_plant(DiagramBuilder(), resolve(scene.config))
     plant, context = station.plant, station.plant.CreateDefaultContext()
-    masses = {name: plant.CalcTotalMass(context, [robot.instance]) for name, robot in station.robots.items()}
+    masses = {
+        name: plant.CalcTotalMass(context, [robot.instance])
+        for name, robot in station.robots.items()
+    }
     weights = {name: float(mass * abs(scene.config.gravity)) for name, mass in masses.items()}
     thought = _Thought(scene, resolve(scene.config), weights)
     for place, (kind, space_of) in enumerate(_KINDS.items()):
         if space := space_of(thought):
-            found[kind] = [drawn_of(space, np.random.default_rng([_STREAM, place, seed])) for seed in range(seeds)]
-    engine = {SECOND_ENGINE: [{ENGINE: MUJOCO}]} if scene.program is None and _in_mujoco(thought) else {}
+            found[kind] = [
+                drawn_of(space, np.random.default_rng([_STREAM, place, seed]))
+                for seed in range(seeds)
+            ]
+    engine = (
+        {SECOND_ENGINE: [{ENGINE: MUJOCO}]} if scene.program is None and _in_mujoco(thought) else {}
+    )
     return {**found, SOLVER: _other_solvers(scene.config), **engine}
 
 
@@ -110,11 +133,17 @@ def drawn(config: StationConfig, seed: int) -> Change:
     for name, robot in station.robots.items():
         units, (lower, upper) = robot.model.user_units, robot.model.axis_limits
         start = robot.initial + units * draw.normal(0, _POSTURE, len(robot.axes))
-        changed[f"{thought.key(name)}.initial_deg"] = (np.clip(start, lower, upper) / units).tolist()
+        changed[f"{thought.key(name)}.initial_deg"] = (
+            np.clip(start, lower, upper) / units
+        ).tolist()
     for name, robot in station.robots.items():
-        heavy = [name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0]
+        heavy = [
+            name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0
+        ]
         factors = draw.uniform(1 - _LINK, 1 + _LINK, len(heavy))
-        changed[f"{thought.key(name)}.mass_factors"] = dict(zip(heavy, factors.tolist(), strict=True))
+        changed[f"{thought.key(name)}.mass_factors"] = dict(
+            zip(heavy, factors.tolist(), strict=True)
+        )
     if config.contact is not None:
         static = float(draw.uniform(*_STATIC))
         changed["contact.friction"] = {"static": static, "dynamic": _DYNAMIC * static}
@@ -144,7 +173,9 @@ def _pushed(thought: _Thought) -> _Space:
     turns = [(float(np.cos(turn)), float(np.sin(turn))) for turn in np.deg2rad(_TURNS)]
     for robot, weight in thought.weights.items():
         key, at = f"forces.{thought.held_back(robot)}", None if config.only_robot else robot
-        forces = [[size * weight * x, size * weight * y, 0.0] for size in _PUSH.tolist() for x, y in turns]
+        forces = [
+            [size * weight * x, size * weight * y, 0.0] for size in _PUSH.tolist() for x, y in turns
+        ]
         space[key] = Choice(values=[{"kind": "push", "at": at, "force": forces[0]}])
         space[f"{key}.start"] = _times(config.duration, _MOMENT)
         space[f"{key}.force"] = Choice(values=forces)
@@ -154,11 +185,20 @@ def _pushed(thought: _Thought) -> _Space:
 def _weighed(thought: _Thought) -> _Space:
     """Return other masses of all pieces; of robots on their feet without any, a load at each root."""
     pieces, gravity = thought.station.pieces.items(), abs(thought.config.gravity)
-    space = {f"pieces.{name}.mass": _times(one.model.mass, _MASS) for name, one in pieces if one.model.mass > 0}
+    space = {
+        f"pieces.{name}.mass": _times(one.model.mass, _MASS)
+        for name, one in pieces
+        if one.model.mass > 0
+    }
     floating = [robot for robot in thought.station.robots.values() if robot.floats]
     for robot in floating if gravity and not space else []:
         key, mass = f"pieces.{thought.held_back(robot.name)}", thought.weights[robot.name] / gravity
-        section = {"model": "parcel", "parent": robot.name, "frame": robot.model.root, "pose": [0.0] * 6}
+        section = {
+            "model": "parcel",
+            "parent": robot.name,
+            "frame": robot.model.root,
+            "pose": [0.0] * 6,
+        }
         space |= {key: Choice(values=[section]), f"{key}.mass": _times(mass, _BALLAST)}
         space |= {f"{key}.pose.{place}": Uniform(low=-_PLACE, high=_PLACE) for place in range(3)}
     return space
@@ -169,7 +209,9 @@ def _slippery(thought: _Thought) -> _Space:
     contact = thought.config.contact
     if contact is not None:
         known = contact.friction
-        static, dynamic = (known.static, known.dynamic) if known else FootContact.model_fields["friction"].default
+        static, dynamic = (
+            (known.static, known.dynamic) if known else FootContact.model_fields["friction"].default
+        )
         both = lambda part: {"static": part * static, "dynamic": part * dynamic}  # noqa: E731
         return {"contact.friction": _together(_FRICTION, both)}
     space = dict[str, Distribution]()
@@ -186,8 +228,12 @@ def _on_other_floor(thought: _Thought) -> _Space:
     contact = thought.config.contact
     if contact is None or contact.model != "point":
         return {}
-    feet = [robot.feet.stiffness for robot in thought.station.robots.values() if robot.feet is not None]
-    known = contact.stiffness or (feet[0] if feet else FootContact.model_fields["stiffness"].default)
+    feet = [
+        robot.feet.stiffness for robot in thought.station.robots.values() if robot.feet is not None
+    ]
+    known = contact.stiffness or (
+        feet[0] if feet else FootContact.model_fields["stiffness"].default
+    )
     low, high = (known * factor for factor in _STIFFNESS)
     return {"contact.stiffness": Uniform(low=low, high=high, log=True)}
 
@@ -199,8 +245,14 @@ def _noisy(thought: _Thought) -> _Space:
     for name, robot in thought.station.robots.items():
         units, limits = robot.model.user_units, robot.model.axis_limits
         start = np.clip(robot.initial, *limits) / units
-        ends = [[end if np.isfinite(end) else None for end in (each / units).tolist()] for each in limits]
-        about = [Normal(mean=mean, deviation=_POSTURE, low=a, high=b) for mean, a, b in zip(start, *ends, strict=True)]
+        ends = [
+            [end if np.isfinite(end) else None for end in (each / units).tolist()]
+            for each in limits
+        ]
+        about = [
+            Normal(mean=mean, deviation=_POSTURE, low=a, high=b)
+            for mean, a, b in zip(start, *ends, strict=True)
+        ]
         space |= _of_axes(f"{thought.key(name)}.initial_deg", start, about)
     return space
 
@@ -211,7 +263,11 @@ def _mistuned(thought: _Thought) -> _Space:
     for name, robot in thought.station.robots.items():
         for gain in ("kp", "kd") if thought.alone(name, "servo") else ():
             values = getattr(robot.gains, gain)
-            space |= _of_axes(f"{thought.own(name, 'servo')}.{gain}", values, [_times(one, _GAIN) for one in values])
+            space |= _of_axes(
+                f"{thought.own(name, 'servo')}.{gain}",
+                values,
+                [_times(one, _GAIN) for one in values],
+            )
     return space
 
 
@@ -230,7 +286,9 @@ def _sagging(thought: _Thought) -> _Space:
 def _late(thought: _Thought) -> _Space:
     """Return measurements that reach the loops later, by up to one sample."""
     sensors = thought.config.sensors if thought.config.controllers else {}
-    sampled = {name: sensor for name, sensor in sensors.items() if isinstance(sensor, SampledSensor)}
+    sampled = {
+        name: sensor for name, sensor in sensors.items() if isinstance(sensor, SampledSensor)
+    }
     return {
         f"sensors.{name}.delay": Uniform(low=sensor.delay, high=sensor.delay + 1 / sensor.rate)
         for name, sensor in sampled.items()
@@ -243,9 +301,15 @@ def _moved(thought: _Thought) -> _Space:
     if scene.motion is not None:
         gaits = gaits_of(scene.motion.model, steps=True)
         scaled = scene.gait_keys.get("name", next(iter(gaits), None)) in gaits
-        return {f"{GAIT}.amplitude": _times(scene.gait_keys.get("amplitude", 1.0), _SIZE)} if scaled else {}
+        return (
+            {f"{GAIT}.amplitude": _times(scene.gait_keys.get("amplitude", 1.0), _SIZE)}
+            if scaled
+            else {}
+        )
     for name in thought.station.robots if scene.program is None else ():
-        space |= _scaled(thought.config.reference_of(name).model_dump(), thought.own(name, "reference"))
+        space |= _scaled(
+            thought.config.reference_of(name).model_dump(), thought.own(name, "reference")
+        )
     for name, section in thought.config.controllers.items():
         if commands := section.model_dump().get("commands"):
             space[f"controllers.{name}.commands"] = _resized(commands, _SPEEDS)
@@ -258,7 +322,13 @@ def _scaled(reference: Mapping[str, Any], key: str) -> _Space:
     space = {f"{key}.{name}": _times(reference[name], _PACE) for name in times}
     for name in _SIZES:
         value: Any = list(found) if isinstance(found := reference.get(name), tuple) else found
-        of_axes = list(value.items() if isinstance(value, Mapping) else enumerate(value) if np.ndim(value) else ())
+        of_axes = list(
+            value.items()
+            if isinstance(value, Mapping)
+            else enumerate(value)
+            if np.ndim(value)
+            else ()
+        )
         space |= {f"{key}.{name}": Choice(values=[value])} if of_axes else {}
         space |= {f"{key}.{name}.{axis}": _times(one, _SIZE) for axis, one in of_axes}
         space |= {f"{key}.{name}": _times(value, _SIZE)} if value and not of_axes else {}
@@ -276,7 +346,10 @@ def _resized(entries: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> Distr
         return (factor * np.asarray(value)).tolist()
 
     def resized(factor: float) -> list[Values]:
-        return [{**one, **{key: times(one[key], factor) for key in keys if key in one}} for one in entries]
+        return [
+            {**one, **{key: times(one[key], factor) for key in keys if key in one}}
+            for one in entries
+        ]
 
     return _together(_SIZE, resized)
 
@@ -302,7 +375,9 @@ UNKNOWN = ("backlash",)  # what no doubt changes, as too little is known of it; 
 def moves(scene: Scene) -> bool:
     """Tell whether something is asked that could be another move: by a gait, a program, references or commands."""
     asked = [scene.config.reference_of(name).model_dump()["kind"] for name in scene.config.robots]
-    commanded = any(section.model_dump().get("commands") for section in scene.config.controllers.values())
+    commanded = any(
+        section.model_dump().get("commands") for section in scene.config.controllers.values()
+    )
     return bool(scene.motion or scene.program or commanded or set(asked) - {"hold"})
 
 

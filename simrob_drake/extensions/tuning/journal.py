@@ -23,7 +23,13 @@ from pydantic import ConfigDict, Field
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.base.files import NotRead, opened
-from simrob_drake.base.folders import alone_in, check_folder, replaced_at_once, writing, written_at_once
+from simrob_drake.base.folders import (
+    alone_in,
+    check_folder,
+    replaced_at_once,
+    writing,
+    written_at_once,
+)
 from simrob_drake.base.messages import message
 from simrob_drake.base.progress import progress_bar
 from simrob_drake.base.sections import Model, Number, Strict, validated
@@ -34,7 +40,9 @@ Row = dict[str, Any]  # of a table, by column
 COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
 """How trials end: at their end; or never begun, their station cannot be; or with their process."""
 _LARGEST = 2**63
-_ALONE = RLock()  # what a process has built, the next trial uses: a Dask worker has many threads unless told
+_ALONE = (
+    RLock()
+)  # what a process has built, the next trial uses: a Dask worker has many threads unless told
 
 
 class Record(Strict):
@@ -67,7 +75,10 @@ class Trial(ABC):
 
     def record(self, measured: Sequence[Row]) -> Record:
         """Return its record, of plain values, as JSON keeps them; one that was left early has the first rows alone."""
-        rows = [plain({**columns, **more}) for columns, more in zip(self.columns, measured, strict=False)]
+        rows = [
+            plain({**columns, **more})
+            for columns, more in zip(self.columns, measured, strict=False)
+        ]
         return Record(number=self.number, rows=rows)
 
     def lost(self, ended: str, message: str) -> Record:
@@ -160,7 +171,9 @@ class _Outcome(Strict):
 
 def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
     """Return what a folder was asked for; raises InvalidConfig: there is none, or it is damaged."""
-    return validated(model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file)
+    return validated(
+        model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file
+    )
 
 
 class Journal:
@@ -250,27 +263,36 @@ class Journal:
                         break
                     end += len(line)
                     record = self._record(
-                        line, message("tuning.at_line", "{file}: line {line}", file=file, line=number)
+                        line,
+                        message("tuning.at_line", "{file}: line {line}", file=file, line=number),
                     )
                     if record.number in records:
                         raise InvalidConfig(
-                            message("tuning.at_line", "{file}: line {line}", file=file, line=number),
+                            message(
+                                "tuning.at_line", "{file}: line {line}", file=file, line=number
+                            ),
                             "",
                             message(
-                                "tuning.run_stands_before", "run {number} stands there before", number=record.number
+                                "tuning.run_stands_before",
+                                "run {number} stands there before",
+                                number=record.number,
                             ),
                         )
                     records[record.number] = record
         except NotRead as problem:
             raise InvalidConfig(
-                file, "", message("tuning.cannot_be_read", "cannot be read ({problem})", problem=problem)
+                file,
+                "",
+                message("tuning.cannot_be_read", "cannot be read ({problem})", problem=problem),
             ) from problem
         except InvalidConfig as problem:
             raise InvalidConfig(
                 "",
                 "",
                 message(
-                    "tuning.delete_the_line", "{problem}; delete the line, and its run is made again", problem=problem
+                    "tuning.delete_the_line",
+                    "{problem}; delete the line, and its run is made again",
+                    problem=problem,
                 ),
             ) from problem
         return [records[number] for number in sorted(records)], end
@@ -279,10 +301,16 @@ class Journal:
         try:
             text = line.decode()
         except UnicodeDecodeError as problem:
-            raise InvalidConfig(where, "", message("tuning.no_utf8", "is no text in UTF-8")) from problem
+            raise InvalidConfig(
+                where, "", message("tuning.no_utf8", "is no text in UTF-8")
+            ) from problem
         if len(line) >= _LONGEST:
             raise InvalidConfig(
-                where, "", message("tuning.longer_than", "is longer than {longest:g} MB", longest=_LONGEST / 1e6)
+                where,
+                "",
+                message(
+                    "tuning.longer_than", "is longer than {longest:g} MB", longest=_LONGEST / 1e6
+                ),
             )
         record = validated(Record, parse_json(text, where), where)
         columns = self._columns(record)
@@ -309,7 +337,9 @@ class Journal:
                 raise InvalidConfig(
                     where,
                     message("tuning.run_number", "run {number}", number=record.number),
-                    message("tuning.of_something_else", "is of something else than what was asked for"),
+                    message(
+                        "tuning.of_something_else", "is of something else than what was asked for"
+                    ),
                 )
             validated(_Outcome, others, where)
         return record
@@ -328,7 +358,14 @@ class TrialFolder(Generic[Task]):
     """
 
     def __init__(
-        self, folder: Path | str, file: str, spec: Strict, cases: Sequence[Task], digest: str, *, force: bool
+        self,
+        folder: Path | str,
+        file: str,
+        spec: Strict,
+        cases: Sequence[Task],
+        digest: str,
+        *,
+        force: bool,
     ) -> None:
         """Begin in a new folder, or go on with the same trials, as :class:`Journal` does."""
         self.folder, self.cases = as_path(folder, "folder"), cases
@@ -337,7 +374,9 @@ class TrialFolder(Generic[Task]):
     def _columns(self, record: Record) -> Sequence[Row]:
         return self.cases[record.number - 1].columns if record.number <= len(self.cases) else []
 
-    def made(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+    def made(
+        self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
+    ) -> list[Row]:
         """Make the trials that are not made yet, and return the rows of all; for the arguments see :func:`engine`.
 
         Raises OutputError: another process is at work on them, or the disk does not take them; SimrobError: no such
@@ -345,9 +384,14 @@ class TrialFolder(Generic[Task]):
         """
         with self.journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
             done = {record.number for record in self.journal.records}
-            left, many = [trial for trial in self.cases if trial.number not in done], len(self.cases)
+            left, many = (
+                [trial for trial in self.cases if trial.number not in done],
+                len(self.cases),
+            )
             with progress_bar(f"{many} runs", many, shown=progress) as move:
-                for number, record in enumerate(engine_.outcomes(made, left, killed), start=len(done) + 1):
+                for number, record in enumerate(
+                    engine_.outcomes(made, left, killed), start=len(done) + 1
+                ):
                     add(record)
                     if move:
                         move(number)

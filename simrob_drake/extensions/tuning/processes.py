@@ -20,7 +20,16 @@ from simrob_drake.base.messages import compound, join_texts, message
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
-_PACKAGES = ("python", "simrob-drake", "drake", "numpy", "mujoco", "dask", "distributed", "cloudpickle")
+_PACKAGES = (
+    "python",
+    "simrob-drake",
+    "drake",
+    "numpy",
+    "mujoco",
+    "dask",
+    "distributed",
+    "cloudpickle",
+)
 _AHEAD = 2  # tasks for each process of the cluster, so that none is idle
 _PATIENCE = 10  # s for the scheduler to answer
 
@@ -37,14 +46,19 @@ class Cluster:
         self._scheduler = scheduler
         with needed(message("tuning.a_cluster", "a cluster"), "tune"):
             from distributed import Client
-        for name in ("distributed", "distributed.client"):  # of a scheduler that is lost one line is said
+        for name in (
+            "distributed",
+            "distributed.client",
+        ):  # of a scheduler that is lost one line is said
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             self._client = Client(scheduler, timeout=_PATIENCE)
             found: Any = self._client.get_versions(packages=_PACKAGES[1:])
         except (OSError, ValueError) as problem:
             raise InvalidParameter(
-                "--scheduler", scheduler, message("tuning.address_of_dask", "the address of a Dask that answers")
+                "--scheduler",
+                scheduler,
+                message("tuning.address_of_dask", "the address of a Dask that answers"),
             ) from problem
         try:
             _check(scheduler, found)
@@ -60,7 +74,10 @@ class Cluster:
         self._client.close()
 
     def outcomes(
-        self, work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome]
+        self,
+        work: Callable[[Task], Outcome],
+        tasks: Iterable[Task],
+        died: Callable[[Task], Outcome],
     ) -> Iterator[Outcome]:
         """Yield what becomes of each task, as it comes; as :meth:`Processes.outcomes` does.
 
@@ -74,7 +91,9 @@ class Cluster:
         waiting, under_way, done = iter(tasks), dict[Any, Task](), as_completed()
 
         def submit() -> None:
-            for task in islice(waiting, max(_AHEAD * len(self._client.nthreads()) - len(under_way), 1)):
+            for task in islice(
+                waiting, max(_AHEAD * len(self._client.nthreads()) - len(under_way), 1)
+            ):
                 future = self._client.submit(work, task, pure=False)
                 under_way[future] = task
                 done.add(future)
@@ -106,16 +125,22 @@ def _check(scheduler: str, found: Any) -> None:
             message("tuning.without_workers", "{scheduler}, without workers", scheduler=scheduler),
             message("tuning.scheduler_with_workers", "a scheduler that has some"),
         )
-    here = {name: version for name, version in found["client"]["packages"].items() if name in _PACKAGES and version}
+    here = {
+        name: version
+        for name, version in found["client"]["packages"].items()
+        if name in _PACKAGES and version
+    }
     others = {"scheduler": found["scheduler"]} | {
-        message("tuning.worker", "worker {name}", name=name): one for name, one in found["workers"].items()
+        message("tuning.worker", "worker {name}", name=name): one
+        for name, one in found["workers"].items()
     }
     for who, one in others.items():
         off = [name for name, version in here.items() if one["packages"][name] != version]
         if off:
             absent = message("tuning.not_at_all", "not at all")
             has = join_texts(
-                compound("{name} {version}", name=name, version=one["packages"][name] or absent) for name in off
+                compound("{name} {version}", name=name, version=one["packages"][name] or absent)
+                for name in off
             )
             due = ", ".join(f"{name} {here[name]}" for name in off)
             raise SimrobError(
@@ -157,7 +182,10 @@ class Processes:
             process.terminate()
 
     def outcomes(
-        self, work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome]
+        self,
+        work: Callable[[Task], Outcome],
+        tasks: Iterable[Task],
+        died: Callable[[Task], Outcome],
     ) -> Iterator[Outcome]:
         """Yield what becomes of each task, as it comes; no more are under way than there are processes.
 
@@ -183,7 +211,9 @@ class Processes:
                 for task in under_way.values():
                     yield self._alone(work, task, died)
 
-    def _alone(self, work: Callable[[Task], Outcome], task: Task, died: Callable[[Task], Outcome]) -> Outcome:
+    def _alone(
+        self, work: Callable[[Task], Outcome], task: Task, died: Callable[[Task], Outcome]
+    ) -> Outcome:
         with self._fresh(1) as pool:
             try:
                 return pool.submit(work, task).result()
@@ -193,13 +223,17 @@ class Processes:
     @staticmethod
     def _fresh(workers: int) -> ProcessPoolExecutor:
         context = get_context("spawn")
-        return ProcessPoolExecutor(workers, context, initializer=_die_with_parent, max_tasks_per_child=_TASKS)
+        return ProcessPoolExecutor(
+            workers, context, initializer=_die_with_parent, max_tasks_per_child=_TASKS
+        )
 
 
 @contextmanager
 def _unheard() -> Iterator[None]:
     """Start processes that hear no Ctrl-C: it is for this one, which ends them; till then it waits for the user's."""
-    before = pthread_sigmask(SIG_BLOCK, {SIGINT})  # which they inherit, and the thread that starts more of them
+    before = pthread_sigmask(
+        SIG_BLOCK, {SIGINT}
+    )  # which they inherit, and the thread that starts more of them
     try:
         yield
     finally:

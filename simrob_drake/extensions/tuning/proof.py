@@ -20,7 +20,13 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.extensions.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
-from simrob_drake.extensions.tuning.journal import COMPLETED, Row, TrialFolder, read_spec, write_rows
+from simrob_drake.extensions.tuning.journal import (
+    COMPLETED,
+    Row,
+    TrialFolder,
+    read_spec,
+    write_rows,
+)
 from simrob_drake.extensions.tuning.rollout import UNITS, Case, measured
 from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.extensions.tuning.study import Parameters, Study, in_table, named
@@ -62,21 +68,39 @@ class Proof(Strict):
             raise InvalidConfig(folder / STUDY, "proof", expected)
         conditions = [{**study.overrides, **case} for case in study.proof.every.values()]
         compared = {START: study.start, WON: winner_of(folder, study)}
-        return cls(station=study.station, parameters=compared, conditions=conditions, seeds=seeds, study=study)
+        return cls(
+            station=study.station,
+            parameters=compared,
+            conditions=conditions,
+            seeds=seeds,
+            study=study,
+        )
 
     def cases(self) -> list[Case]:
         """Return all runs, numbered from 1: the same draws for all that is compared."""
         margin = self.study.margin if self.study else None
         return [
-            Case(number, self.station, overrides, {"of": of, "doubt": kind, "draw": draw}, draw, margin=margin)
+            Case(
+                number,
+                self.station,
+                overrides,
+                {"of": of, "doubt": kind, "draw": draw},
+                draw,
+                margin=margin,
+            )
             for number, (of, kind, draw, overrides) in enumerate(self._runs(), start=1)
         ]
 
     def _runs(self) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
         every = self.parameters.items()
         bases = {of: [{**under, **own} for under in self.conditions] for of, own in every}
-        drawn = {of: [doubts(Scene.of(self.station, base), self.seeds) for base in some] for of, some in bases.items()}
-        shared = [kind for kind in KINDS if all(kind in one for some in drawn.values() for one in some)]
+        drawn = {
+            of: [doubts(Scene.of(self.station, base), self.seeds) for base in some]
+            for of, some in bases.items()
+        }
+        shared = [
+            kind for kind in KINDS if all(kind in one for some in drawn.values() for one in some)
+        ]
         for kind in (THOUGHT, *shared):
             for draw in range(max(len(drawn[WON][0][kind]), len(self.conditions))):
                 place = draw % len(self.conditions)
@@ -84,7 +108,12 @@ class Proof(Strict):
                     base, changes = bases[of][place], drawn[of][place][kind]
                     change = changes[draw % len(changes)]
                     kept = {key: value for key, value in base.items() if key not in change}
-                    yield of, kind, draw, {**kept, **change}  # what is doubted comes last, as it is to hold
+                    yield (
+                        of,
+                        kind,
+                        draw,
+                        {**kept, **change},
+                    )  # what is doubted comes last, as it is to hold
 
     def undoubted(self, doubted: Collection[str]) -> list[str]:
         """Return what neither its doubts, of these kinds, nor its own conditions change."""
@@ -118,7 +147,9 @@ class ProofFolder(TrialFolder[Case]):
                 row |= {**named(costs), "over_limits": over}
         write_rows(self.folder / TABLE, rows)
         doubted = {row["doubt"] for row in rows}
-        proven, words = conclusion(rows, self.proof.undoubted(doubted), moved=self.proof.moved(doubted))
+        proven, words = conclusion(
+            rows, self.proof.undoubted(doubted), moved=self.proof.moved(doubted)
+        )
         title = f"{Path(self.proof.station).stem}: {len(rows)} runs"
         written_at_once(self.folder / PAGE, page(title, proven, words, rows, self.proof.parameters))
         return proven, words
@@ -128,7 +159,13 @@ _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and fra
 _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by side
 
 
-def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
+def page(
+    title: str,
+    proven: bool,
+    words: Sequence[str],
+    rows: Sequence[Row],
+    of: Mapping[str, Parameters],
+) -> str:
     """Return the page: the conclusion, its sentences, the shortest first, the runs, and what is compared."""
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
     return Template(text_of(Path(__file__).with_suffix(".html"))).substitute(
@@ -147,10 +184,20 @@ def _by_doubt(rows: Sequence[Row]) -> list[list[str]]:
     names = ("to the end", "within bounds", *cost_columns(rows[0]))
     lines = [["doubt", *(f"{name}, {of}" for name in names for of in _compared(rows))]]
     for doubt in dict.fromkeys(row["doubt"] for row in rows):
-        some = [[row for row in rows if (row["doubt"], row["of"]) == (doubt, of)] for of in _compared(rows)]
+        some = [
+            [row for row in rows if (row["doubt"], row["of"]) == (doubt, of)]
+            for of in _compared(rows)
+        ]
         ends = [f"{sum(row['ended'] == COMPLETED for row in own)} of {len(own)}" for own in some]
         within = [f"{sum(not row.get('beyond') for row in own)} of {len(own)}" for own in some]
-        lines.append([doubt, *ends, *within, *(_median(own, name) for name in cost_columns(rows[0]) for own in some)])
+        lines.append(
+            [
+                doubt,
+                *ends,
+                *within,
+                *(_median(own, name) for name in cost_columns(rows[0]) for own in some),
+            ]
+        )
     return lines
 
 
@@ -158,7 +205,9 @@ def _by_measure(rows: Sequence[Row]) -> list[list[str]]:
     """Return the medians of what was measured in all runs."""
     lines = [["median of all runs", *_compared(rows), "unit"]]
     for name in measured(rows):
-        medians = [_median([row for row in rows if row["of"] == of], name) for of in _compared(rows)]
+        medians = [
+            _median([row for row in rows if row["of"] == of], name) for of in _compared(rows)
+        ]
         lines.append([name, *medians, UNITS[name.rpartition(".")[2]]])
     return lines
 
@@ -180,7 +229,10 @@ def _median(rows: Sequence[Row], name: str) -> str:
 
 def _plot(rows: Sequence[Row]) -> bytes:
     """Return a picture: a frame for each measure, the runs as dots over the doubts."""
-    names, doubts = [*cost_columns(rows[0]), *measured(rows)], list(dict.fromkeys(row["doubt"] for row in rows))
+    names, doubts = (
+        [*cost_columns(rows[0]), *measured(rows)],
+        list(dict.fromkeys(row["doubt"] for row in rows)),
+    )
     lines = -(-len(names) // _COLUMNS)
     figure = Figure(figsize=(_WIDTH * _COLUMNS, _HEIGHT * max(lines, 1)), layout="constrained")
     blue, orange, *_ = COLOURS
@@ -189,10 +241,22 @@ def _plot(rows: Sequence[Row]) -> bytes:
         unit = UNITS.get(name.rpartition(".")[2])
         style(axes, f"{name} [{unit}]" if unit else name)
         for of, colour, aside in ((START, orange, -_ASIDE), (WON, blue, _ASIDE)):
-            own = [r for r in rows if r["of"] == of and r.get(name) is not None and r["ended"] == COMPLETED]
+            own = [
+                r
+                for r in rows
+                if r["of"] == of and r.get(name) is not None and r["ended"] == COMPLETED
+            ]
             if own:
                 at = [doubts.index(row["doubt"]) + aside for row in own]
-                axes.plot(at, [row[name] for row in own], "o", color=colour, alpha=0.5, markersize=4, label=of)
+                axes.plot(
+                    at,
+                    [row[name] for row in own],
+                    "o",
+                    color=colour,
+                    alpha=0.5,
+                    markersize=4,
+                    label=of,
+                )
         axes.set_xticks(range(len(doubts)), doubts, rotation=30, ha="right", fontsize=8)
         if place == 1:
             axes.legend(fontsize=8, frameon=False)

@@ -56,7 +56,9 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
             "tracking_error": float(np.sqrt(np.mean(error**2))) if len(driven) else None,
             "final_error": float(np.abs(error[-1]).max()) if len(driven) else None,
             "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
-            "peak_torque": float(torque_shares(run, robot).max()) if np.isfinite(limit).all() else None,
+            "peak_torque": float(torque_shares(run, robot).max())
+            if np.isfinite(limit).all()
+            else None,
             "work": mechanical_work(run, name),
         }
         if name in walkers:
@@ -99,11 +101,15 @@ class Case(Trial):
     station: str  # a name or a file
     # what is changed in it, in its robot's gait or in the program; see :mod:`simrob_drake.extensions.tuning.scene`
     overrides: Mapping[str, Any]
-    shown: Mapping[str, Any] = field(default_factory=dict)  # what the table tells of the case, by column
+    shown: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # what the table tells of the case, by column
     seed: int = 0  # the seed of its noise
     drawn: bool = False  # whether it is of that seed's robot and floor, too: of its posture, masses and friction
     allow_code: bool = False  # whether the station may name Python code
-    margin: Margin | None = None  # what is asked beside the run, if anything; the run itself is then without that push
+    margin: Margin | None = (
+        None  # what is asked beside the run, if anything; the run itself is then without that push
+    )
 
     def scene(self) -> Scene:
         """Return what is run; raises SimrobError: what cannot be."""
@@ -123,9 +129,15 @@ class Case(Trial):
         scene = self.scene()
         result = (scene if self.margin is None else scene.pushed(self.margin.push, 0.0)).run()
         row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}
-        row |= {"stop_time": result.stop_time, **measures(result), "beyond": " ".join(result.verdict.beyond)}
+        row |= {
+            "stop_time": result.stop_time,
+            **measures(result),
+            "beyond": " ".join(result.verdict.beyond),
+        }
         if self.margin is not None and result.ending == COMPLETED:
             push, sizes = self.margin.push, self.margin.sizes
-            stood = bisect(sizes, False, key=lambda size: scene.pushed(push, size).run().ending != COMPLETED)
+            stood = bisect(
+                sizes, False, key=lambda size: scene.pushed(push, size).run().ending != COMPLETED
+            )
             row["margin"] = sizes[stood - 1] if stood else 0.0
         return [{**row, "message": result.message}]

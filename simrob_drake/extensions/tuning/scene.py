@@ -75,7 +75,9 @@ class Scene:
     config: StationConfig  # the station
     motion: JointMotion | None = None  # the gait that its robot goes, if any
     program: Program | None = None  # what is done, if any
-    gait_keys: Mapping[str, Any] = field(default_factory=dict)  # what was asked of the gait, by its keys
+    gait_keys: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # what was asked of the gait, by its keys
     engine: str = DRAKE  # in which it is run
 
     @classmethod
@@ -94,7 +96,9 @@ class Scene:
         own = of_station(overrides)
         names = {key: name for key, name in (called or {}).items() if key in own}
         config = load_station(station, own, called=names, allow_code=allow_code)
-        engine = one_of(message("tuning.engine", "engine"), overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO))
+        engine = one_of(
+            message("tuning.engine", "engine"), overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO)
+        )
         gait: dict[str, Any] = {}
         for key, value in overrides.items():
             if key == GAIT:
@@ -106,7 +110,10 @@ class Scene:
             raise InvalidConfig(
                 station,
                 GAIT,
-                message("tuning.beside_a_program", "stands beside a program: a robot does one or the other"),
+                message(
+                    "tuning.beside_a_program",
+                    "stands beside a program: a robot does one or the other",
+                ),
             )
         if program and not gait:
             if engine != DRAKE:
@@ -166,16 +173,24 @@ class Scene:
             return perform(Workcell(config), self.program)
         if self.engine == DRAKE or decides:
             return run(config, self.reference)
-        with needed("MuJoCo", MUJOCO), needed_extension(MUJOCO, message("tuning.engine_mujoco", "engine: mujoco")):
+        with (
+            needed("MuJoCo", MUJOCO),
+            needed_extension(MUJOCO, message("tuning.engine_mujoco", "engine: mujoco")),
+        ):
             from simrob_drake.extensions.mujoco.runner import MujocoRunner
         return MujocoRunner(self.config).run(reference=self.reference)
 
     def pushed(self, name: str, size: float) -> "Scene":
         """Return it with a push so many times as hard, 0 for none; raises UnknownName: no such push."""
-        pushes = {name: force for name, force in self.config.forces.items() if isinstance(force, Push)}
+        pushes = {
+            name: force for name, force in self.config.forces.items() if isinstance(force, Push)
+        }
         push = pushes[one_of(message("tuning.push", "push"), name, pushes)]
         harder = push.model_copy(update={"force": tuple(size * part for part in push.force)})
-        return replace(self, config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}))
+        return replace(
+            self,
+            config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}),
+        )
 
     def write(self, folder: Path) -> None:
         """Write ``station.yaml`` and its files, a gait's or a program's YAML; raises OutputError: not written."""
@@ -185,7 +200,9 @@ class Scene:
         if self.program is not None:
             self.program.save(folder / "program.yaml")
         if self.gait_keys:
-            written_at_once(folder / "gait.yaml", yaml.safe_dump(dict(self.gait_keys), sort_keys=False))
+            written_at_once(
+                folder / "gait.yaml", yaml.safe_dump(dict(self.gait_keys), sort_keys=False)
+            )
 
 
 def in_mujoco(config: StationConfig) -> StationConfig:
@@ -201,7 +218,11 @@ def in_mujoco(config: StationConfig) -> StationConfig:
 
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of some changes that are of the station."""
-    return {key: value for key, value in overrides.items() if key.partition(".")[0] not in (GAIT, ENGINE)}
+    return {
+        key: value
+        for key, value in overrides.items()
+        if key.partition(".")[0] not in (GAIT, ENGINE)
+    }
 
 
 @lru_cache(maxsize=4)
@@ -211,12 +232,18 @@ def _motion(robot_file: str, keys_text: str) -> JointMotion:
     known = {**gaits_of(robot, steps=True), **gaits_of(robot, steps=False)}
     name = keys.pop("name", next(iter(known)))
     if name not in known:
-        raise UnknownName(message("tuning.gait_of", "gait of {robot}", robot=robot.name), name, known)
+        raise UnknownName(
+            message("tuning.gait_of", "gait of {robot}", robot=robot.name), name, known
+        )
     gait = known[name]
-    steps, amplitude = (keys.pop("steps", _STEPS), keys.pop("amplitude", 1.0)) if gait.steps else (0, 1.0)
+    steps, amplitude = (
+        (keys.pop("steps", _STEPS), keys.pop("amplitude", 1.0)) if gait.steps else (0, 1.0)
+    )
     content = gait.model_dump(exclude_unset=True)
     for key, value in keys.items():
-        section, last = place_of(content, key.split("."), message("tuning.gait_called", "gait {name}", name=name))
+        section, last = place_of(
+            content, key.split("."), message("tuning.gait_called", "gait {name}", name=name)
+        )
         section[int(last) if isinstance(section, list) else last] = value
     validated(type(gait), content, message("tuning.gait_called", "gait {name}", name=name))
     changed = {key.partition(".")[0] for key in keys}

@@ -28,7 +28,9 @@ class Enough(Exception):
     """As many points have been tried as were asked for."""
 
 
-def search(method: Method, start: Vector, costs: Costs, *, together: int, seed: int, aims: int = 1) -> None:
+def search(
+    method: Method, start: Vector, costs: Costs, *, together: int, seed: int, aims: int = 1
+) -> None:
     """Ask for costs from a start (n,) on until that raises :class:`Enough`, or nothing better is near.
 
     ``nelder_mead`` and ``powell`` are local, the others global; ``together`` points are asked for at a time, where the
@@ -52,7 +54,9 @@ def _local(method: str, start: Vector, costs: _Cost, _: int, seed: int) -> None:
 
     options: Any = {"maxfev": _ENDLESS, "maxiter": _ENDLESS}
     if method == "nelder_mead":
-        options["initial_simplex"] = np.vstack([start, start + np.diag(np.where(start + _NEAR > 1, -_NEAR, _NEAR))])
+        options["initial_simplex"] = np.vstack(
+            [start, start + np.diag(np.where(start + _NEAR > 1, -_NEAR, _NEAR))]
+        )
     way: Literal["Nelder-Mead", "Powell"] = "Powell" if method == "powell" else "Nelder-Mead"
     minimize(cost, start, method=way, bounds=[(0.0, 1.0)] * len(start), options=options)
 
@@ -93,7 +97,9 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aim
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     samplers: dict[str, Callable[[], Any]] = {
         "tpe": lambda: optuna.samplers.TPESampler(seed=seed, constant_liar=True),
-        "genetic": lambda: optuna.samplers.NSGAIISampler(population_size=max(together, _FEWEST), seed=seed),
+        "genetic": lambda: optuna.samplers.NSGAIISampler(
+            population_size=max(together, _FEWEST), seed=seed
+        ),
         "random": lambda: optuna.samplers.RandomSampler(seed=seed),
         "gp": lambda: _gaussian_process(seed),
     }
@@ -102,7 +108,9 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aim
     study.enqueue_trial(dict(zip(names, start.tolist(), strict=True)))
     while True:
         trials = [study.ask() for _ in range(together)]
-        points = np.array([[trial.suggest_float(name, 0.0, 1.0) for name in names] for trial in trials])
+        points = np.array(
+            [[trial.suggest_float(name, 0.0, 1.0) for name in names] for trial in trials]
+        )
         for trial, values, over in zip(trials, *costs(points), strict=True):
             trial.set_constraint("limits", float(over))
             study.tell(trial, values.tolist())

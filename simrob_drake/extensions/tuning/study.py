@@ -16,7 +16,15 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sampling import Draws, Space, applying, at, distinct, seeded
-from simrob_drake.base.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
+from simrob_drake.base.sections import (
+    Boolean,
+    Integer,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    validated,
+)
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
 from simrob_drake.extensions.tuning.rollout import SIGNED, UNITS, Case, Margin
@@ -43,7 +51,9 @@ class Conditions(Draws):
         draws = list(enumerate(self.draws(), start=1))
         every = enumerate(self.cases)
         return {
-            message("tuning.draw_of_cases", "cases.{place}, draw {number}", place=place, number=number): {
+            message(
+                "tuning.draw_of_cases", "cases.{place}, draw {number}", place=place, number=number
+            ): {
                 **case,
                 **draw,
             }
@@ -59,21 +69,35 @@ class Conditions(Draws):
     def located(self, folder: Path, border: Border) -> Self:
         """Return them with absolute paths; raises InvalidConfig: one that may not be read."""
         cases = [changes_with_absolute_paths(case, folder, border) for case in self.cases]
-        return self.model_copy(update={"cases": cases, "vary": located_space(self.vary, folder, border)})
+        return self.model_copy(
+            update={"cases": cases, "vary": located_space(self.vary, folder, border)}
+        )
 
 
-def located_space(space: Mapping[str, AnyDistribution], folder: Path, border: Border) -> dict[str, AnyDistribution]:
+def located_space(
+    space: Mapping[str, AnyDistribution], folder: Path, border: Border
+) -> dict[str, AnyDistribution]:
     """Return distributions with absolute paths in what is chosen from; as :func:`changes_with_absolute_paths` does."""
     found = dict(space)
     for key, one in space.items():
         if isinstance(one, Choice):
-            values = [changes_with_absolute_paths({key: value}, folder, border)[key] for value in one.values]
+            values = [
+                changes_with_absolute_paths({key: value}, folder, border)[key]
+                for value in one.values
+            ]
             found[key] = one if values == one.values else Choice(values=values, when=one.when)
     return found
 
 
-Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
-SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")  # methods that look for the best trades between several costs
+Method = Literal[
+    "cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"
+]
+SEVERAL_AIMS = (
+    "genetic",
+    "tpe",
+    "gp",
+    "random",
+)  # methods that look for the best trades between several costs
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
 Parameters = Values  # values of what varies, by key
 
@@ -115,14 +139,18 @@ class Study(Strict):
         """Return a file's study; raises InvalidConfig: it is none; SimrobError: no such station, key or measure."""
         file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
-        study = study.located(file).model_copy(update={"station": station_with_absolute_path(study.station, file)})
+        study = study.located(file).model_copy(
+            update={"station": station_with_absolute_path(study.station, file)}
+        )
         study.check(file)
         return study
 
     def located(self, file: Path) -> Self:
         """Return the study with absolute paths in all that it changes; raises InvalidConfig: one is out of bounds."""
         folder, border = file.absolute().parent, Border(file)
-        changed: dict[str, Any] = {kind: one.located(folder, border) for kind, one in self._conditions}
+        changed: dict[str, Any] = {
+            kind: one.located(folder, border) for kind, one in self._conditions
+        }
         changed["overrides"] = changes_with_absolute_paths(self.overrides, folder, border)
         return self.model_copy(update={"vary": located_space(self.vary, folder, border), **changed})
 
@@ -137,10 +165,16 @@ class Study(Strict):
                 count=len(self.aims),
                 methods=", ".join(SEVERAL_AIMS),
             )
-            raise InvalidConfig(where, message("tuning.method_called", "method {method}", method=self.method), expected)
+            raise InvalidConfig(
+                where,
+                message("tuning.method_called", "method {method}", method=self.method),
+                expected,
+            )
         if self.margin is None and any(name.endswith("margin") for name in self.measures):
             raise InvalidConfig(
-                where, "margin", message("tuning.needed_for_margin", "this key is needed where a margin counts")
+                where,
+                "margin",
+                message("tuning.needed_for_margin", "this key is needed where a margin counts"),
             )
         for kind, conditions in self._conditions:
             self._check_conditions(kind, conditions, where)
@@ -157,22 +191,35 @@ class Study(Strict):
             InvalidConfig: at ``prune``.
         """
         signed = [
-            name for aim in self.aims for name, weight in aim.items() if weight < 0 or name.rpartition(".")[2] in SIGNED
+            name
+            for aim in self.aims
+            for name, weight in aim.items()
+            if weight < 0 or name.rpartition(".")[2] in SIGNED
         ]
         if signed or len(self.aims) > 1:
             why = (
-                message("tuning.can_count_less", "and {measure} can count less than 0", measure=signed[0])
+                message(
+                    "tuning.can_count_less",
+                    "and {measure} can count less than 0",
+                    measure=signed[0],
+                )
                 if signed
                 else message("tuning.and_here_are", "and here are {count}", count=len(self.aims))
             )
             raise InvalidConfig(
-                where, "prune", message("tuning.one_cost_only", "is for one cost that no run lowers, {why}", why=why)
+                where,
+                "prune",
+                message(
+                    "tuning.one_cost_only", "is for one cost that no run lowers, {why}", why=why
+                ),
             )
         if len(self.cases(self.start, self.search)) == 1:
             raise InvalidConfig(
                 where,
                 "prune",
-                message("tuning.nothing_to_leave_out", "has nothing to leave out: each trial is one run"),
+                message(
+                    "tuning.nothing_to_leave_out", "has nothing to leave out: each trial is one run"
+                ),
             )
 
     def _check_conditions(self, kind: str, conditions: Conditions, where: Path | str) -> None:
@@ -181,9 +228,13 @@ class Study(Strict):
             twice = next((key for key in case if key in self.vary), None)
             if twice is not None:
                 raise InvalidConfig(
-                    where, f"{kind}.{name}.{twice}", message("tuning.varies", "varies; a case cannot change it")
+                    where,
+                    f"{kind}.{name}.{twice}",
+                    message("tuning.varies", "varies; a case cannot change it"),
                 )
-            called = {key: f"{kind}.{'vary' if key in conditions.vary else name} {key}" for key in case}
+            called = {
+                key: f"{kind}.{'vary' if key in conditions.vary else name} {key}" for key in case
+            }
             called |= {key: f"overrides {key}" for key in self.overrides}
             called |= {key: f"vary {key}" for key in self.vary}
             scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
@@ -223,7 +274,9 @@ class Study(Strict):
     @property
     def measures(self) -> list[str]:
         """All measures that count."""
-        return list(dict.fromkeys([*(name for aim in self.aims for name in aim), *self.limits, *self.least]))
+        return list(
+            dict.fromkeys([*(name for aim in self.aims for name in aim), *self.limits, *self.least])
+        )
 
     @property
     def start(self) -> Parameters:
@@ -247,11 +300,21 @@ class Study(Strict):
             for number, (case, seed) in enumerate(runs, start=first)
         ]
 
-    def _case(self, number: int, parameters: Parameters, case: Mapping[str, Any], seed: int, *, drawn: bool) -> Case:
+    def _case(
+        self,
+        number: int,
+        parameters: Parameters,
+        case: Mapping[str, Any],
+        seed: int,
+        *,
+        drawn: bool,
+    ) -> Case:
         changed = {**self.overrides, **case}
         streams = _streams(self.station, json.dumps(of_station(changed), sort_keys=True), seed)
         overrides = {**changed, **streams, **parameters}
-        return Case(number, self.station, overrides, parameters, seed, drawn=drawn, margin=self.margin)
+        return Case(
+            number, self.station, overrides, parameters, seed, drawn=drawn, margin=self.margin
+        )
 
     def judged(self, row: Row) -> tuple[Vector, float]:
         """Return what a run costs, shape (aims,), and by which part it breaks limits, which is in these, too."""
@@ -259,7 +322,11 @@ class Study(Strict):
         measures = {name: value for name, value in known.items() if np.isfinite(value)}
         counts = row["ended"] == COMPLETED or bool(row.get("fall") and "fall" in measures)
         if not counts or len(measures) < len(self.measures):
-            done = 0.0 if counts else float(row.get("stop_time", 0.0)) / float(row.get("duration", np.inf))
+            done = (
+                0.0
+                if counts
+                else float(row.get("stop_time", 0.0)) / float(row.get("duration", np.inf))
+            )
             return np.full(len(self.aims), self.failure * (2.0 - done)), 2.0 - done
         over = sum(max(measures[name] / most - 1.0, 0.0) for name, most in self.limits.items())
         over += sum(max(1.0 - measures[name] / least, 0.0) for name, least in self.least.items())
@@ -277,7 +344,9 @@ class Study(Strict):
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):
                 raise InvalidConfig(
-                    "study", f"cost.{name}", message("tuning.means_nothing", "means nothing in this station")
+                    "study",
+                    f"cost.{name}",
+                    message("tuning.means_nothing", "means nothing in this station"),
                 )
 
 

@@ -35,7 +35,13 @@ from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.extensions.tuning.search import Enough, search
 from simrob_drake.extensions.tuning.study import Conditions, Parameters, Study, named
 
-STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
+STUDY, WINNER, TRIALS, FRONT, PROOF = (
+    "study.yaml",
+    "winner.yaml",
+    "trials.csv",
+    "front.csv",
+    "proof.csv",
+)
 PLOTS = "plots"
 
 
@@ -46,10 +52,17 @@ def winner_of(folder: Path, study: Study) -> Parameters:
         raise InvalidConfig(
             folder,
             "",
-            message("tuning.has_no_winner", "has no {winner} yet: let simrob tune go on with it first", winner=WINNER),
+            message(
+                "tuning.has_no_winner",
+                "has no {winner} yet: let simrob tune go on with it first",
+                winner=WINNER,
+            ),
         )
     content = read_yaml(file)
-    wrong = next((key for key, one in study.vary.items() if key in content and not one.holds(content[key])), None)
+    wrong = next(
+        (key for key, one in study.vary.items() if key in content and not one.holds(content[key])),
+        None,
+    )
     if wrong is not None:
         raise InvalidConfig(
             file,
@@ -65,7 +78,11 @@ def winner_of(folder: Path, study: Study) -> Parameters:
         raise InvalidConfig(
             file,
             "",
-            message("tuning.values_of", "must hold figures of {vary}, and of nothing else", vary=", ".join(study.vary)),
+            message(
+                "tuning.values_of",
+                "must hold figures of {vary}, and of nothing else",
+                vary=", ".join(study.vary),
+            ),
         )
     return parameters
 
@@ -83,7 +100,9 @@ class StudyFolder:
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
-        self.journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
+        self.journal = Journal(
+            folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"]
+        )
         self._tried = {record.number: self._of(record) for record in self.journal.records}
         self._started = 0
 
@@ -118,10 +137,14 @@ class StudyFolder:
         if len(self.study.aims) == 1 or not within.size:
             return [int(costs.sum(axis=1).argmin())]
         others = costs[within]
-        beaten = [bool(((others <= own).all(axis=1) & (others < own).any(axis=1)).any()) for own in others]
+        beaten = [
+            bool(((others <= own).all(axis=1) & (others < own).any(axis=1)).any()) for own in others
+        ]
         return [int(place) for place in within[np.logical_not(beaten)]]
 
-    def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+    def run(
+        self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
+    ) -> list[Row]:
         """Make the trials that are not made yet, see :func:`engine`, prove the best, and return the proof's runs.
 
         Those of where the search began come first, then those of the best, with a column ``of``. Raises SimrobError:
@@ -148,14 +171,25 @@ class StudyFolder:
                 if self._started - first < len(points) or self._started == study.trials:
                     raise Enough
                 made = [self._tried[number] for number in range(first + 1, self._started + 1)]
-                return np.array([cost for _, cost, _ in made]), np.array([over for *_, over in made])
+                return np.array([cost for _, cost, _ in made]), np.array(
+                    [over for *_, over in made]
+                )
 
-            search(study.method, start, costs, together=study.together, seed=study.seed, aims=len(study.aims))
+            search(
+                study.method,
+                start,
+                costs,
+                together=study.together,
+                seed=study.seed,
+                aims=len(study.aims),
+            )
             proof = self._proof(workers_)
         self._write(proof)
         return proof
 
-    def _make(self, workers: Engine, points: Vector, add: Callable[[Record], None]) -> Iterator[None]:
+    def _make(
+        self, workers: Engine, points: Vector, add: Callable[[Record], None]
+    ) -> Iterator[None]:
         """Try points, unless they are kept from before, and keep what they cost as soon as all before them are."""
         parameters_of = dict(enumerate(map(self.study.at, points), start=self._started + 1))
         for number, parameters in parameters_of.items():
@@ -165,12 +199,19 @@ class StudyFolder:
                     "holds trials of a search by other versions of packages; begin another study",
                 )
                 raise InvalidConfig(self.folder / ROWS, "", text)
-        new = [parameters for number, parameters in parameters_of.items() if number not in self._tried]
+        new = [
+            parameters for number, parameters in parameters_of.items() if number not in self._tried
+        ]
         trials: list[list[Any]] = self._cases(new, self.study.search)
         if self.study.prune:
-            before = [cost[0] for number, (_, cost, _) in self._tried.items() if number <= self._started]
+            before = [
+                cost[0] for number, (_, cost, _) in self._tried.items() if number <= self._started
+            ]
             least = float(min(before, default=np.inf))
-            trials = [[Race(place, self.study, tuple(cases), least)] for place, cases in enumerate(trials, start=1)]
+            trials = [
+                [Race(place, self.study, tuple(cases), least)]
+                for place, cases in enumerate(trials, start=1)
+            ]
         runs = _in_order(workers, trials)
         for number in parameters_of:
             if number not in self._tried:
@@ -186,14 +227,19 @@ class StudyFolder:
     def _cases(self, tried: list[Parameters], under: Conditions) -> list[list[Case]]:
         """Return the runs of each set of figures, all numbered from 1."""
         many = len(under.every) * len(under.seeds)
-        return [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
+        return [
+            self.study.cases(parameters, under, first=many * place + 1)
+            for place, parameters in enumerate(tried)
+        ]
 
     def _columns(self, record: Record) -> Sequence[Row]:
         """Return what identifies the runs of a trial: its figures, and their seeds."""
         parameters = self.study.parameters_of(record.rows[0])
         if not parameters:
             return []
-        columns = [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+        columns = [
+            row for case in self.study.cases(parameters, self.study.search) for row in case.columns
+        ]
         return columns[: len(record.rows)] if self.study.prune else columns
 
     def _of(self, record: Record) -> tuple[Parameters, Vector, float]:
@@ -212,9 +258,17 @@ class StudyFolder:
 
     def _write(self, proof: list[Row]) -> None:
         """Write what was found: all trials, those of the front, the winner, and the runs of the proof."""
-        runs = {one.number: {"runs": len(one.rows)} for one in self.journal.records if self.study.prune}
+        runs = {
+            one.number: {"runs": len(one.rows)} for one in self.journal.records if self.study.prune
+        }
         tried = [
-            {"trial": number, **parameters, **named(costs), "over_limits": over, **runs.get(number, {})}
+            {
+                "trial": number,
+                **parameters,
+                **named(costs),
+                "over_limits": over,
+                **runs.get(number, {}),
+            }
             for number, (parameters, costs, over) in sorted(self._tried.items())
         ]
         write_rows(self.folder / TRIALS, tried)
@@ -258,6 +312,8 @@ class Race(Trial):
         rows = list[Row]()
         for case in self.cases:
             rows += made(case).rows
-            if sum(float(self.study.judged(row)[0][0]) for row in rows) > self.least * len(self.cases):
+            if sum(float(self.study.judged(row)[0][0]) for row in rows) > self.least * len(
+                self.cases
+            ):
                 break
         return rows

@@ -11,7 +11,17 @@ from pydantic import Field
 from simrob_drake.base.distributions import Choice, Values
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.messages import message
-from simrob_drake.base.sampling import COUNT, MOST_SEEDS, Draws, Sampling, Space, applying, distinct, seed_keys, seeded
+from simrob_drake.base.sampling import (
+    COUNT,
+    MOST_SEEDS,
+    Draws,
+    Sampling,
+    Space,
+    applying,
+    distinct,
+    seed_keys,
+    seeded,
+)
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.rollout import Case
 from simrob_drake.extensions.tuning.scene import Scene
@@ -42,7 +52,10 @@ class Sweep(Strict):
         """The values of the keys in each run, and its seed: the last key varies fastest, and the seed faster still."""
         if self._draws is not None:
             return list(product(self._draws.draws(), range(self.seeds)))
-        found = [(self._of_seed(values, seed), seed) for *values, seed in product(*self._listed, range(self.seeds))]
+        found = [
+            (self._of_seed(values, seed), seed)
+            for *values, seed in product(*self._listed, range(self.seeds))
+        ]
         return distinct(found) if any(one.when for one in self.vary.values()) else found
 
     @property
@@ -80,7 +93,10 @@ class Sweep(Strict):
             )
         if self.count is not None and self.sampling is None:
             raise Unsuitable(
-                "--count", message("tuning.belongs_to_sampling", "it belongs to --sampling, which is not given")
+                "--count",
+                message(
+                    "tuning.belongs_to_sampling", "it belongs to --sampling, which is not given"
+                ),
             )
         many = self.seeds * (self._draws.size if self._draws else prod(map(len, self._listed)))
         if many > _MOST_RUNS:
@@ -90,8 +106,12 @@ class Sweep(Strict):
                 message("tuning.of_at_most", "of at most {most}", most=_MOST_RUNS),
             )
         first, _ = self.combinations[0]
-        called = {key: f"--set {key}" for key in self.overrides} | {key: f"--vary {key}" for key in first}
-        scene = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code)
+        called = {key: f"--set {key}" for key in self.overrides} | {
+            key: f"--vary {key}" for key in first
+        }
+        scene = Scene.of(
+            self.station, {**self.overrides, **first}, called=called, allow_code=allow_code
+        )
         scene.check()
         if not (self.vary or self.seeds > 1):
             raise Unsuitable(
@@ -99,7 +119,9 @@ class Sweep(Strict):
                 message("tuning.nothing_is_varied", "nothing is varied"),
                 message("tuning.give_it_once", "give it at least once, or --seeds above 1"),
             )
-        drawn = self._draws is None and not all(isinstance(one, Choice) for one in self.vary.values())
+        drawn = self._draws is None and not all(
+            isinstance(one, Choice) for one in self.vary.values()
+        )
         if self.seeds > 1 and not (drawn or seed_keys(scene.config.model_dump())):
             what = message(
                 "tuning.one_where_nothing_random",
@@ -116,6 +138,10 @@ class Sweep(Strict):
             for number, (values, seed) in enumerate(self.combinations, start=1)
         ]
 
-    def _case(self, number: int, values: Values, seed: int, content: Mapping[str, Any], allow_code: bool) -> Case:
+    def _case(
+        self, number: int, values: Values, seed: int, content: Mapping[str, Any], allow_code: bool
+    ) -> Case:
         streams = seeded(content, seed, self.overrides) if self.seeds > 1 else {}
-        return Case(number, self.station, {**self.overrides, **streams, **values}, values, seed, allow_code)
+        return Case(
+            number, self.station, {**self.overrides, **streams, **values}, values, seed, allow_code
+        )

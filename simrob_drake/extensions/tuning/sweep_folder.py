@@ -15,7 +15,13 @@ from simrob_drake.base.folders import writing
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.packages import Border
 from simrob_drake.extensions.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
-from simrob_drake.extensions.tuning.journal import COMPLETED, Row, TrialFolder, read_spec, write_rows
+from simrob_drake.extensions.tuning.journal import (
+    COMPLETED,
+    Row,
+    TrialFolder,
+    read_spec,
+    write_rows,
+)
 from simrob_drake.extensions.tuning.rollout import UNITS, Case, measured
 from simrob_drake.extensions.tuning.sweep import Sweep
 from simrob_drake.results.colours import COLOURS
@@ -28,7 +34,9 @@ SWEEP, TABLE = "sweep.yaml", "sweep.csv"
 class SweepFolder(TrialFolder[Case]):
     """A ``sweep`` and its runs, in a folder."""
 
-    def __init__(self, folder: Path | str, sweep: Sweep, *, force: bool = False, allow_code: bool = False) -> None:
+    def __init__(
+        self, folder: Path | str, sweep: Sweep, *, force: bool = False, allow_code: bool = False
+    ) -> None:
         """Begin a sweep in a new folder, or go on with the same one.
 
         Args:
@@ -54,10 +62,14 @@ class SweepFolder(TrialFolder[Case]):
         """
         place = as_path(folder, "folder")
         sweep = read_spec(place, SWEEP, Sweep)
-        changes = changes_with_absolute_paths(sweep.overrides, place.absolute(), Border(place / SWEEP))
+        changes = changes_with_absolute_paths(
+            sweep.overrides, place.absolute(), Border(place / SWEEP)
+        )
         return cls(place, sweep.model_copy(update={"overrides": changes}), allow_code=allow_code)
 
-    def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+    def run(
+        self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
+    ) -> list[Row]:
         """Make the runs that are not done yet, write the table and the plots of all, and return the rows.
 
         Args and errors are those of :meth:`made`.
@@ -83,17 +95,28 @@ def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Pa
     Curves are medians over all runs with one value, in a band from the least to the largest; maps are medians. The
     measures that no run has are left out. Raises OutputError: the disk does not take them.
     """
-    listed = {key: one for key, one in sweep.vary.items() if isinstance(one, Choice) and len(one.values) > 1}
-    figures = {f"over_{key}": _figure(rows, f"over {key}", partial(_curve, key, one)) for key, one in listed.items()}
+    listed = {
+        key: one
+        for key, one in sweep.vary.items()
+        if isinstance(one, Choice) and len(one.values) > 1
+    }
+    figures = {
+        f"over_{key}": _figure(rows, f"over {key}", partial(_curve, key, one))
+        for key, one in listed.items()
+    }
     if len(listed) > 1:
         first, second, *_ = listed.items()
-        figures["map"] = _figure(rows, f"over {first[0]} and {second[0]}", partial(_map, first, second))
+        figures["map"] = _figure(
+            rows, f"over {first[0]} and {second[0]}", partial(_map, first, second)
+        )
     figures["spread"] = _figure(rows, "all runs", _spread)
     written = []
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in figures.items():
-            figure.suptitle(f"{sweep.station}: {figure.get_suptitle()}", x=0.01, ha="left", fontweight="bold")
+            figure.suptitle(
+                f"{sweep.station}: {figure.get_suptitle()}", x=0.01, ha="left", fontweight="bold"
+            )
             written.append(folder / f"{name}.png")
             figure.savefig(written[-1], dpi=_DPI)
     return written
@@ -122,12 +145,19 @@ def _figure(rows: Sequence[Row], title: str, draw: Draw) -> Figure:
 
 
 def _curve(key: str, choice: Choice, axes: Axes, rows: Sequence[Row], name: str) -> None:
-    found = [_numbers([row for row in rows if row.get(key) == value], name) for value in choice.values]
+    found = [
+        _numbers([row for row in rows if row.get(key) == value], name) for value in choice.values
+    ]
     places = _axis(axes, choice)
     there = [place for place, values in enumerate(found) if values.size]
     at = places[there]
     axes.fill_between(
-        at, [found[p].min() for p in there], [found[p].max() for p in there], color=_BLUE, alpha=0.2, linewidth=0
+        at,
+        [found[p].min() for p in there],
+        [found[p].max() for p in there],
+        color=_BLUE,
+        alpha=0.2,
+        linewidth=0,
     )
     axes.plot(at, [np.median(found[place]) for place in there], "o-", color=_BLUE, markersize=3)
     axes.set_xlabel(key)
@@ -139,12 +169,19 @@ def _map(across: _Axis, up: _Axis, axes: Axes, rows: Sequence[Row], name: str) -
     for line, up_value in enumerate(high.values):
         for column, across_value in enumerate(wide.values):
             values = _numbers(
-                [row for row in rows if row.get(first) == across_value and row.get(second) == up_value], name
+                [
+                    row
+                    for row in rows
+                    if row.get(first) == across_value and row.get(second) == up_value
+                ],
+                name,
             )
             cells[line, column] = np.median(values) if values.size else np.nan
     image = axes.imshow(cells, origin="lower", aspect="auto", cmap="viridis")
     axes.grid(visible=False)
-    axes.set_xticks(range(len(wide.values)), [_short(value) for value in wide.values], rotation=45, ha="right")
+    axes.set_xticks(
+        range(len(wide.values)), [_short(value) for value in wide.values], rotation=45, ha="right"
+    )
     axes.set_yticks(range(len(high.values)), [_short(value) for value in high.values])
     axes.set_xlabel(first)
     axes.set_ylabel(second)

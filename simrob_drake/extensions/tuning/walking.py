@@ -64,7 +64,9 @@ class Walking(Strict, ABC):
     def settings(self) -> dict[str, Change]:
         """The changes of each set of trials, by its name."""
         name = ", ".join(f"{key}={value}" for key, value in self.variant.items())
-        return {UNCHANGED: self.overrides} | ({name: {**self.overrides, **self.variant}} if self.variant else {})
+        return {UNCHANGED: self.overrides} | (
+            {name: {**self.overrides, **self.variant}} if self.variant else {}
+        )
 
     @property
     def draws(self) -> list[int | None]:
@@ -90,9 +92,13 @@ class Walking(Strict, ABC):
         """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""
         if "duration" in self.overrides | self.variant:
             raise Unsuitable(
-                "--set duration", message("tuning.trial_says_duration", "the trial says how long a run is")
+                "--set duration",
+                message("tuning.trial_says_duration", "the trial says how long a run is"),
             )
-        walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
+        walks = [
+            self.scene(changes, self.longest, allow_code=allow_code)
+            for changes in self.settings.values()
+        ]
         subject_of(walks[0].config, self.at)
         run = walks[0].run()
         if run.ending != COMPLETED:
@@ -110,12 +116,16 @@ class Walking(Strict, ABC):
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return what the rows of all trials come to."""
 
-    def scene(self, changes: Change, seconds: float, *, seed: int | None = None, allow_code: bool = False) -> Scene:
+    def scene(
+        self, changes: Change, seconds: float, *, seed: int | None = None, allow_code: bool = False
+    ) -> Scene:
         """Return a walk of some time [s]; a gait goes as many steps as it takes, unless it is told how many.
 
         The changes are of a set of trials, and of one of them. Raises SimrobError: a station or a gait that cannot be.
         """
-        called = {key: f"--set {key}" for key in self.overrides} | {key: f"--variant {key}" for key in self.variant}
+        called = {key: f"--set {key}" for key in self.overrides} | {
+            key: f"--variant {key}" for key in self.variant
+        }
 
         def scene(changed: Change) -> Scene:
             return Scene.of(self.station, changed, called=called, allow_code=allow_code)
@@ -128,7 +138,9 @@ class Walking(Strict, ABC):
                 self.station,
                 key,
                 message(
-                    "tuning.station_or_gait", "is to be left out: a station alone is tried, or its {gait}", gait=GAIT
+                    "tuning.station_or_gait",
+                    "is to be left out: a station alone is tried, or its {gait}",
+                    gait=GAIT,
                 ),
             )
         counted = gait_of(found) is not None and "steps" not in found.gait_keys
@@ -190,7 +202,11 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     Raises UnknownName: there is no such place; InvalidParameter: no robot on feet of its own whose fall a monitor ends.
     """
     resolved = resolve(config)
-    frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
+    frames = [
+        frame
+        for frame in frame_names(resolved)
+        if config.only_robot or frame.partition(".")[0] in config.robots
+    ]
     place = name_or_only(
         at,
         [*config.robots, *(frames if at else [])],
@@ -201,10 +217,15 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     robot = resolved.robots[name]
     if not config.engine.moves_by_forces or not robot.floats:
         expected = message(
-            "tuning.station_on_feet", "a dynamic station with a robot on feet of its own, and {name} is held", name=name
+            "tuning.station_on_feet",
+            "a dynamic station with a robot on feet of its own, and {name} is held",
+            name=name,
         )
         raise InvalidParameter("station", config.name, expected)
-    if not any(isinstance(one, Fall) and one.faller(config.only_robot) == name for one in config.monitors.values()):
+    if not any(
+        isinstance(one, Fall) and one.faller(config.only_robot) == name
+        for one in config.monitors.values()
+    ):
         expected = message(
             "tuning.station_that_tells",
             "a station that tells when {name} has fallen: monitors: {{fall: {{height: METRES, tilt_deg: 60}}}}",
@@ -216,7 +237,10 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     base = body.root.CalcPoseInWorld(context)
     heading = float(headings(station, body, xyz_quaternion_from_transform(base)[np.newaxis])[0])
     turned = RigidTransform(RotationMatrix.MakeZRotation(heading), np.zeros(3))
-    seen = place_of(station, place)[0].CalcPoseInWorld(context).rotation().inverse() @ turned.rotation()
+    seen = (
+        place_of(station, place)[0].CalcPoseInWorld(context).rotation().inverse()
+        @ turned.rotation()
+    )
     ahead, left, _ = seen.matrix().T.copy()  # Drake 1.51 lets go of what it shows a column of
     return Subject(
         name=name,
@@ -231,7 +255,9 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
 _LEAST = 1e-3  # of the first number: what is smaller is nothing
 
 
-def bracket(holds: Callable[[float], bool], first: float, *, close: float, most: float = inf) -> tuple[float, float]:
+def bracket(
+    holds: Callable[[float], bool], first: float, *, close: float, most: float = inf
+) -> tuple[float, float]:
     """Return the largest number that holds, and one not much larger that does not, ``close`` to it as its part.
 
     That nothing holds again beyond what does not is taken for granted. From the first number on it grows by twos until

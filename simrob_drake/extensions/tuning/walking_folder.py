@@ -67,8 +67,12 @@ class PushMap(Walking):
 
     def tried(self, *, allow_code: bool) -> "list[Callable[..., PushTrial]]":
         """Return what makes the trial of each moment."""
-        period = self.period or _period(self.scene(self.overrides, self.start, allow_code=allow_code))
-        moments = [round(self.start + period * phase / self.phases, 9) for phase in range(self.phases)]
+        period = self.period or _period(
+            self.scene(self.overrides, self.start, allow_code=allow_code)
+        )
+        moments = [
+            round(self.start + period * phase / self.phases, 9) for phase in range(self.phases)
+        ]
         return [partial(PushTrial, moment=moment) for moment in moments]
 
     def summary(self, rows: list[Row]) -> list[Row]:
@@ -97,7 +101,11 @@ def _weakest(rows: Sequence[Row]) -> Row:
     weakest = min(rows, key=lambda row: push_of(row, "force"))
     keys = ("force", "impulse", "impulse_per_mass")
     middle = {f"median_{key}": median(push_of(row, key) for row in rows) for key in keys}
-    return {**{f"weakest_{key}": push_of(weakest, key) for key in keys}, **middle, "moment": weakest["moment"]}
+    return {
+        **{f"weakest_{key}": push_of(weakest, key) for key in keys},
+        **middle,
+        "moment": weakest["moment"],
+    }
 
 
 def _period(scene: Scene) -> float:
@@ -128,7 +136,10 @@ class PushTrial(WalkTrial):
     def scene(self) -> Scene:
         """Return the walk, with a push whose force is still to be told."""
         seconds = self.moment + self.spec.duration + self.spec.after
-        changes = {**self.changes, f"forces.{_PUSH}": {"kind": "push", **self._push([0.0, 0.0, 1.0])}}
+        changes = {
+            **self.changes,
+            f"forces.{_PUSH}": {"kind": "push", **self._push([0.0, 0.0, 1.0])},
+        }
         return self.spec.scene(changes, seconds, seed=self.seed, allow_code=self.allow_code)
 
     def measured(self) -> list[Row]:
@@ -143,24 +154,42 @@ class PushTrial(WalkTrial):
         fork = runner_of(scene.config).branch(self.moment, reference=scene.reference)
 
         def outcome(turn: float, force: float) -> Outcome:
-            return fork.outcome({_PUSH: self._push((force * subject.along(np.deg2rad(turn))).tolist())})
+            return fork.outcome(
+                {_PUSH: self._push((force * subject.along(np.deg2rad(turn))).tolist())}
+            )
 
         for turn in spec.turns:
             if spec.force is None:
-                force, end = _largest(partial(outcome, turn), first, close=spec.close, most=_MOST * weight)
+                force, end = _largest(
+                    partial(outcome, turn), first, close=spec.close, most=_MOST * weight
+                )
                 first = force or first
             else:
                 force, end = spec.force, outcome(turn, spec.force)
             impulse = force * spec.duration
             ending = {"ended": end.stopped_by or end.ending, "message": end.message}
-            rows.append({"force": force, "impulse": impulse, "impulse_per_mass": impulse / subject.mass, **ending})
+            rows.append(
+                {
+                    "force": force,
+                    "impulse": impulse,
+                    "impulse_per_mass": impulse / subject.mass,
+                    **ending,
+                }
+            )
         return rows
 
     def _push(self, force: list[float]) -> Row:
-        return {"at": self.spec.at, "start": self.moment, "duration": self.spec.duration, "force": force}
+        return {
+            "at": self.spec.at,
+            "start": self.moment,
+            "duration": self.spec.duration,
+            "force": force,
+        }
 
 
-def _largest(outcome: Callable[[float], Outcome], first: float, *, close: float, most: float) -> tuple[float, Outcome]:
+def _largest(
+    outcome: Callable[[float], Outcome], first: float, *, close: float, most: float
+) -> tuple[float, Outcome]:
     """Return the largest force that is withstood [N], and how the run ended under the next larger one."""
     ends: dict[float, Outcome] = {}
 
@@ -173,8 +202,14 @@ def _largest(outcome: Callable[[float], Outcome], first: float, *, close: float,
 
 
 _DPI, _SIDE = 110, 4.2  # and inches of a frame
-_FILLED, _WIDEST = 0.6, 8  # the part of a direction that its bars fill, and how many there are at least
-_NAMED, _BETWEEN = 12, 0.5  # directions that all have their number; where the lengths stand between the first two
+_FILLED, _WIDEST = (
+    0.6,
+    8,
+)  # the part of a direction that its bars fill, and how many there are at least
+_NAMED, _BETWEEN = (
+    12,
+    0.5,
+)  # directions that all have their number; where the lengths stand between the first two
 _IMPULSE, _SHARE = "impulse over mass [N·s/kg]", "part of the pushes withstood"
 
 
@@ -186,14 +221,18 @@ def save_push_picture(spec: PushMap, rows: Sequence[Row], file: Path) -> None:
     which part of them is withstood. Raises OutputError: the disk does not take it.
     """
     names = list(spec.settings)
-    values = {name: _values(spec, [row for row in rows if row["settings"] == name]) for name in names}
+    values = {
+        name: _values(spec, [row for row in rows if row["settings"] == name]) for name in names
+    }
     highest = max(float(each.max()) for each in values.values()) or 1.0
     figure = Figure(figsize=(_SIDE * (1 + len(names)), _SIDE), layout="constrained")
     title = f"{Path(spec.station).stem}: pushes of {f'{spec.force:g} N for ' if spec.force else ''}{spec.duration:g} s"
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     around: Any = figure.add_subplot(1, 1 + len(names), 1, projection="polar")
     around.set_theta_zero_location("N")
-    around.set_thetagrids(spec.turns if len(spec.turns) <= _NAMED else spec.turns[:: len(spec.turns) // 4])
+    around.set_thetagrids(
+        spec.turns if len(spec.turns) <= _NAMED else spec.turns[:: len(spec.turns) // 4]
+    )
     around.set_rlabel_position(_BETWEEN * spec.turns[1] if len(spec.turns) > 1 else 90.0)
     around.set_axisbelow("line")  # circles and lengths over the bars
     around.yaxis.set_major_locator(MaxNLocator(4))
@@ -212,29 +251,50 @@ def save_push_picture(spec: PushMap, rows: Sequence[Row], file: Path) -> None:
 
 def _values(spec: PushMap, rows: Sequence[Row]) -> Vector:
     """Return what is drawn of each push, shape (draws, moments, directions)."""
-    found = [float(row["ended"] == COMPLETED) if spec.force else push_of(row, "impulse_per_mass") for row in rows]
+    found = [
+        float(row["ended"] == COMPLETED) if spec.force else push_of(row, "impulse_per_mass")
+        for row in rows
+    ]
     return np.array(found).reshape(-1, spec.phases, spec.directions)
 
 
-def _draw_around(axes: Axes, spec: PushMap, values: Vector, name: str, colour: str, place: tuple[int, int]) -> None:
+def _draw_around(
+    axes: Axes, spec: PushMap, values: Vector, name: str, colour: str, place: tuple[int, int]
+) -> None:
     """Draw the bars of settings that are the first of so many by their ``place``."""
     number, count = place
     width = _FILLED * 2 * np.pi / max(len(spec.turns), _WIDEST) / count
-    angles = np.deg2rad(spec.turns) - (number - (count - 1) / 2) * width  # to the left is counted up
+    angles = (
+        np.deg2rad(spec.turns) - (number - (count - 1) / 2) * width
+    )  # to the left is counted up
     lengths = values.mean(axis=(0, 1)) if spec.force else values.min(axis=(0, 1))
     axes.bar(angles, lengths, width, color=colour, label=name if spec.force else f"{name}: weakest")
     if not spec.force:
         medians = np.median(values, axis=(0, 1))
-        axes.hlines(medians, angles - width / 2, angles + width / 2, color=colour, label=f"{name}: median")
+        axes.hlines(
+            medians, angles - width / 2, angles + width / 2, color=colour, label=f"{name}: median"
+        )
 
 
 def _draw_map(
-    axes: Axes, spec: PushMap, values: Vector, rows: Sequence[Row], name: str, highest: float, what: str
+    axes: Axes,
+    spec: PushMap,
+    values: Vector,
+    rows: Sequence[Row],
+    name: str,
+    highest: float,
+    what: str,
 ) -> None:
     cells = (values.mean if spec.force else values.min)(axis=0)
     image = axes.imshow(cells.T, aspect="auto", vmin=0.0, vmax=highest, cmap="viridis")
     moments = [row["moment"] for row in rows[: cells.size : spec.directions]]
-    axes.set_xticks(range(spec.phases), [f"{moment:.4g}" for moment in moments], rotation=45, ha="right", fontsize=8)
+    axes.set_xticks(
+        range(spec.phases),
+        [f"{moment:.4g}" for moment in moments],
+        rotation=45,
+        ha="right",
+        fontsize=8,
+    )
     axes.set_yticks(range(spec.directions), [f"{turn:.4g}" for turn in spec.turns], fontsize=8)
     axes.set_xlabel("moment of the push [s]")
     axes.set_ylabel("direction, from ahead to the left [deg]")
@@ -245,7 +305,9 @@ def _draw_map(
 class WalkingFolder(TrialFolder[WalkTrial]):
     """Trials of a robot that walks, in a folder."""
 
-    def __init__(self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False) -> None:
+    def __init__(
+        self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False
+    ) -> None:
         """Begin trials in a new folder, or go on with the same ones; ``force`` replaces what is there.
 
         Raises SimrobError: trials that cannot be; OutputError: the folder holds something else, or cannot be written;
@@ -255,20 +317,29 @@ class WalkingFolder(TrialFolder[WalkTrial]):
         trials = walking.trials(allow_code=allow_code)
         super().__init__(folder, f"{walking.name}.yaml", walking, trials, digest, force=force)
 
-    def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+    def run(
+        self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
+    ) -> list[Row]:
         """Make trials as :meth:`made`, write table, summary, picture; return the rows."""
         rows = self.made(workers=workers, scheduler=scheduler, progress=progress)
         walking, place = self._walking, self.folder / self._walking.name
         write_rows(place.with_suffix(".csv"), rows)
         content = {"asked": walking.model_dump(mode="json"), "summary": walking.summary(rows)}
-        written_at_once(place.with_suffix(".json"), json.dumps(content, indent=1, ensure_ascii=False))
+        written_at_once(
+            place.with_suffix(".json"), json.dumps(content, indent=1, ensure_ascii=False)
+        )
         if isinstance(walking, PushMap):
             save_push_picture(walking, rows, place.with_suffix(".png"))
         return rows
 
 
 def push_map(
-    station: str, folder: Path | str | None = None, *, workers: int | None = None, progress: bool = True, **keys: Any
+    station: str,
+    folder: Path | str | None = None,
+    *,
+    workers: int | None = None,
+    progress: bool = True,
+    **keys: Any,
 ) -> list[Row]:
     """Push a robot that walks, and return a row for each direction, moment, draw and set of settings.
 
@@ -285,4 +356,6 @@ def push_map(
     """
     what = validated(PushMap, {"station": station, **keys}, "push map")
     with TemporaryDirectory() as nowhere:
-        return WalkingFolder(folder or Path(nowhere) / what.name, what).run(workers=workers, progress=progress)
+        return WalkingFolder(folder or Path(nowhere) / what.name, what).run(
+            workers=workers, progress=progress
+        )

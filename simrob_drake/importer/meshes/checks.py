@@ -211,7 +211,11 @@ def _check_stl(data: bytes) -> CheckedMesh:
     notes: list[str] = []
     if rest:
         notes.append(
-            message("importer.bytes_left_out", "{count} bytes after its last face left out", count=len(rest)),
+            message(
+                "importer.bytes_left_out",
+                "{count} bytes after its last face left out",
+                count=len(rest),
+            ),
         )
     return CheckedMesh(data[:end], notes)
 
@@ -225,13 +229,17 @@ def _check_dae(data: bytes) -> CheckedMesh:
     """Refuse COLLADA files with entities, too many elements or nodes, or a wrong unit; note an up axis other than Z."""
     if data.count(b"<") > _MOST_TAGS:
         raise UnreadableMesh(
-            message("importer.too_many_elements", "has more than {most} elements", most=_MOST_TAGS // 2)
+            message(
+                "importer.too_many_elements", "has more than {most} elements", most=_MOST_TAGS // 2
+            )
         )
     try:
         root = ET.fromstring(data, ET.XMLParser(target=_BuilderWithoutDoctype()))
     except (ET.ParseError, ValueError, LookupError) as problem:
         raise UnreadableMesh(
-            message("importer.not_readable_dae", "is not readable as DAE ({problem})", problem=problem)
+            message(
+                "importer.not_readable_dae", "is not readable as DAE ({problem})", problem=problem
+            )
         ) from problem
     if _node_count(root) > _MOST_NODES:
         raise UnreadableMesh(
@@ -249,12 +257,18 @@ def _check_dae(data: bytes) -> CheckedMesh:
     except ValueError:
         metres = math.nan
     if not 0 < metres < math.inf:
-        raise UnreadableMesh(message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter)))
+        raise UnreadableMesh(
+            message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter))
+        )
 
     notes: list[str] = []
     up_axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
     if up_axis != "Z_UP":
-        notes.append(message("importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up_axis))
+        notes.append(
+            message(
+                "importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up_axis
+            )
+        )
     return CheckedMesh(data, notes)
 
 
@@ -266,7 +280,10 @@ class _BuilderWithoutDoctype(ET.TreeBuilder):
 
     def doctype(self, *_: Any) -> NoReturn:
         raise UnreadableMesh(
-            message("importer.mesh_with_entities", "declares entities or a document type, which a mesh never needs")
+            message(
+                "importer.mesh_with_entities",
+                "declares entities or a document type, which a mesh never needs",
+            )
         )
 
 
@@ -312,7 +329,9 @@ def _check_gltf(data: bytes) -> CheckedMesh:
     size = sum(_declared_values(header, "bufferViews", "byteLength"))
     nodes = len(_declared_values(header, "nodes", "mesh"))
     if items > _MOST_ITEMS or size > _MOST_BYTES or nodes > _MOST_NODES:
-        raise UnreadableMesh(message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has"))
+        raise UnreadableMesh(
+            message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has")
+        )
     return CheckedMesh(data, [])
 
 
@@ -346,7 +365,11 @@ def _check_ply(data: bytes) -> CheckedMesh:
     header = data[: end if end >= 0 else 10_000]
     counts = re.findall(rb"element\s+\w+\s+(\d{1,18})\b", header)
     if any(int(count) > len(data) for count in counts):
-        raise UnreadableMesh(message("importer.header_counts_more", "is cut off: its header counts more than is there"))
+        raise UnreadableMesh(
+            message(
+                "importer.header_counts_more", "is cut off: its header counts more than is there"
+            )
+        )
     return CheckedMesh(data, [])
 
 

@@ -52,7 +52,9 @@ _CODE = [Path(__file__).parent]  # a change of this code makes the cached parts 
 
 # 98 directions, distributed over all sides: the grid points on the surface of a cube. The
 # volumes of cuts are compared with the outermost points in these directions only, to save time.
-_GRID_POINTS = np.array([point for point in product((-2, -1, 0, 1, 2), repeat=3) if 2 in map(abs, point)])
+_GRID_POINTS = np.array(
+    [point for point in product((-2, -1, 0, 1, 2), repeat=3) if 2 in map(abs, point)]
+)
 _DIRECTIONS = _GRID_POINTS / np.linalg.norm(_GRID_POINTS, axis=1, keepdims=True)
 
 
@@ -172,7 +174,9 @@ class _Part:
 class _Cut(NamedTuple):
     """A cut of a part by a plane."""
 
-    gain: float  # volume that the cut removes [m³]; for `best_first_cut`, together with the next cuts
+    gain: (
+        float  # volume that the cut removes [m³]; for `best_first_cut`, together with the next cuts
+    )
     axis: int  # index of the axis normal to the plane
     level: float  # position of the plane on the axis [m]
 

@@ -131,7 +131,11 @@ class MeshLibrary:
             others, missing = self.places.needed_by(path)
         except OSError as problem:
             raise UnreadableMesh(
-                message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
+                message(
+                    "base.cannot_be_read",
+                    "cannot be read ({problem})",
+                    problem=problem.strerror or problem,
+                )
             ) from problem
         source = read_mesh(path, others)
         face_total = face_count(source.parts)
@@ -150,7 +154,9 @@ class MeshLibrary:
             after=face_count(parts),
         )
         is_unchanged = not changes and not source.notes and len(parts) == 1 and scale == _NO_SCALE
-        can_be_copied = path.suffix.lower() == ".obj" and is_unchanged and has_common_lines_only(source.data)
+        can_be_copied = (
+            path.suffix.lower() == ".obj" and is_unchanged and has_common_lines_only(source.data)
+        )
         return Mesh(
             path,
             parts,
@@ -174,15 +180,28 @@ def _describe_changes(missing: list[str], *, before: int, cleaned: int, after: i
     if missing:
         names = ", ".join(missing)
         changes.append(
-            message("importer.textures_missing", "textures or materials missing: {missing}", missing=names),
+            message(
+                "importer.textures_missing",
+                "textures or materials missing: {missing}",
+                missing=names,
+            ),
         )
     if cleaned < before:
         changes.append(
-            message("importer.degenerate_faces", "{faces} degenerate faces left out", faces=before - cleaned),
+            message(
+                "importer.degenerate_faces",
+                "{faces} degenerate faces left out",
+                faces=before - cleaned,
+            ),
         )
     if after < cleaned:
         changes.append(
-            message("importer.decimated", "decimated from {before} to {after} faces", before=cleaned, after=after),
+            message(
+                "importer.decimated",
+                "decimated from {before} to {after} faces",
+                before=cleaned,
+                after=after,
+            ),
         )
     return changes
 
@@ -239,7 +258,13 @@ def drake_mesh(file: Path) -> Path:
             written_at_once(converted, obj_text(_orient_outwards(part)).decode())
     except OSError as problem:
         raise InvalidModel(
-            file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
+            file,
+            "",
+            message(
+                "base.cannot_be_read",
+                "cannot be read ({problem})",
+                problem=problem.strerror or problem,
+            ),
         ) from problem
     except (UnreadableMesh, OutsideBorder) as problem:
         raise InvalidModel(file, "", str(problem)) from problem

@@ -66,7 +66,11 @@ def decode_texture(image: Any) -> "Image | None":
     """
     from PIL import Image as Pillow
 
-    if image is None or image.format not in _IMAGE_FORMATS or image.width * image.height > _MOST_PIXELS:
+    if (
+        image is None
+        or image.format not in _IMAGE_FORMATS
+        or image.width * image.height > _MOST_PIXELS
+    ):
         return None
     has_opacity = "A" in image.getbands() or "transparency" in image.info
     try:
@@ -130,7 +134,9 @@ class MeshPart:
             return self
         linear = matrix[:3, :3]
         vertices = self.vertices @ linear.T + matrix[:3, 3]
-        transformed = replace(self, vertices=vertices, normals=_transform_normals(self.normals, linear))
+        transformed = replace(
+            self, vertices=vertices, normals=_transform_normals(self.normals, linear)
+        )
         is_mirrored = np.linalg.det(linear) < 0
         return transformed._turned_inside_out() if is_mirrored else transformed
 

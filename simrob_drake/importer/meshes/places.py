@@ -10,7 +10,10 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from os.path import exists, isfile  # unlike Path's methods, they are false for names that no file can have
+from os.path import (
+    exists,
+    isfile,
+)  # unlike Path's methods, they are false for names that no file can have
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -167,7 +170,9 @@ class MeshPlaces:
         if parsed.package:
             return self.find(name)
         # Authors often leave their own folders in the name; the file itself is delivered with the mesh.
-        return self._first_readable(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
+        return self._first_readable(
+            name, parsed, [owner.parent / parsed.path], [owner.parent / last]
+        )
 
     def _first_readable(
         self,
@@ -203,16 +208,25 @@ class MeshPlaces:
             if is_from_name and existing.is_exact:
                 return FoundFile(existing.path)
             shown = self._relative_to_package(existing.path)
-            return FoundFile(existing.path, message("importer.found_as", "found as {shown}", shown=shown))
+            return FoundFile(
+                existing.path, message("importer.found_as", "found as {shown}", shown=shown)
+            )
 
         if outside is not None:
             raise OutsideBorder(
-                message("importer.mesh_outside", "mesh '{uri}': {outside}", uri=shortened(uri), outside=outside)
+                message(
+                    "importer.mesh_outside",
+                    "mesh '{uri}': {outside}",
+                    uri=shortened(uri),
+                    outside=outside,
+                )
             )
         hint = ""
         if name.package and self.border.package(name.package) is None:
             hint = compound("; {unknown_package}", unknown_package=unknown_package(name.package))
-        raise MeshMissing(message("importer.no_such_file", "there is no such file{hint}", hint=hint))
+        raise MeshMissing(
+            message("importer.no_such_file", "there is no such file{hint}", hint=hint)
+        )
 
     def _relative_to_package(self, path: Path) -> Path:
         """Shorten a path to the part below the robot's package. A path outside of the package stays."""
@@ -224,7 +238,9 @@ class MeshPlaces:
         path = PurePosixPath(name.package, name.path)
         parts = [part for part in path.parts if part not in ("/", "..", ".")]
         last_parts = parts[-_MOST_TRIED_PARTS:]
-        folders = list(dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path)))
+        folders = list(
+            dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path))
+        )
         for start in range(len(last_parts)):
             for folder in folders:
                 yield folder.joinpath(*last_parts[start:])
@@ -302,5 +318,7 @@ def in_any_case(path: Path) -> Path | None:
 def unknown_package(name: str) -> str:
     """Sentence for a package that is not found, with the option that would give its folder."""
     return message(
-        "importer.package_not_found", "package '{name}' is not found, name its folder with --mesh-path DIR", name=name
+        "importer.package_not_found",
+        "package '{name}' is not found, name its folder with --mesh-path DIR",
+        name=name,
     )

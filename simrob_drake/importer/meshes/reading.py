@@ -20,8 +20,20 @@ from simrob_drake.base.files import NotRead, TooLarge, content_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.base.messages import message
-from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, check_mesh, decode
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, decode_texture, face_count, group_by_look
+from simrob_drake.importer.meshes.checks import (
+    LARGEST_FILE,
+    MESH_FORMATS,
+    UnreadableMesh,
+    check_mesh,
+    decode,
+)
+from simrob_drake.importer.meshes.parts import (
+    MeshPart,
+    Rgba,
+    decode_texture,
+    face_count,
+    group_by_look,
+)
 
 _MOST_FACES = 1_500_000
 """Meshes with more faces are refused, because their simplification takes more than a gigabyte of memory."""
@@ -124,7 +136,12 @@ def mesh_content(path: Path) -> bytes:
         if isinstance(problem, TooLarge):
             hint = message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
         raise UnreadableMesh(
-            message("importer.cannot_be_read_hint", "cannot be read ({problem}){hint}", problem=problem, hint=hint)
+            message(
+                "importer.cannot_be_read_hint",
+                "cannot be read ({problem}){hint}",
+                problem=problem,
+                hint=hint,
+            )
         ) from problem
 
 
@@ -142,7 +159,9 @@ def _load_scene(data: bytes, suffix: str, others: Mapping[str, Path]) -> Any:
     import trimesh
 
     format_name = suffix.removeprefix(".")
-    return trimesh.load_scene(io.BytesIO(data), file_type=format_name, resolver=_resolver(others), process=False)
+    return trimesh.load_scene(
+        io.BytesIO(data), file_type=format_name, resolver=_resolver(others), process=False
+    )
 
 
 @contextmanager
@@ -225,7 +244,11 @@ def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart
             placed_meshes.append(_PlacedMesh(matrix, geometry))
     if sum(len(placed.mesh.faces) for placed in placed_meshes) > _MOST_FACES:
         raise UnreadableMesh(
-            message("importer.too_many_faces", "has more than {most} faces; decimate it", most=_MOST_FACES)
+            message(
+                "importer.too_many_faces",
+                "has more than {most} faces; decimate it",
+                most=_MOST_FACES,
+            )
         )
 
     to_z_up = _Y_UP if suffix in (".gltf", ".glb") else np.eye(4)
@@ -314,9 +337,13 @@ def _part_with_material(bare: MeshPart, mesh: Any, suffix: str) -> MeshPart:
     """
     material = mesh.visual.material
     uv = mesh.visual.uv
-    image = decode_texture(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
+    image = decode_texture(
+        getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    )
     # Texture coordinates belong to vertices. They fit only if no face was left out.
-    has_coordinates = uv is not None and len(uv) == len(mesh.vertices) and len(bare.faces) == len(mesh.faces)
+    has_coordinates = (
+        uv is not None and len(uv) == len(mesh.vertices) and len(bare.faces) == len(mesh.faces)
+    )
     if image is not None and has_coordinates:
         corners = np.asarray(uv, dtype=float)[bare.faces][..., :2]
         if np.isfinite(corners).all():
@@ -336,7 +363,9 @@ def _material_colour(material: Any, suffix: str) -> Rgba:
         # The colours of glTF are linear in the amount of light. The equation converts them to sRGB (IEC 61966-2-1):
         # 12.92 c for c <= 0.0031308, and 1.055 c^(1/2.4) - 0.055 above.
         linear = colour[:3]
-        colour[:3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        colour[:3] = np.where(
+            linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
+        )
     opacity = _mtl_opacity(material)
     return _rgba([*colour[:3], colour[3] if opacity is None else opacity])
 

@@ -22,7 +22,15 @@ from contextlib import suppress
 from typing import IO, Any, NamedTuple, cast
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.messages import Message, as_data, compound, from_data, join_texts, message, message_of
+from simrob_drake.base.messages import (
+    Message,
+    as_data,
+    compound,
+    from_data,
+    join_texts,
+    message,
+    message_of,
+)
 from simrob_drake.robots.imports import ImportReport
 
 MAX_OUTPUT = 20_000_000
@@ -89,7 +97,9 @@ def in_child(
             with suppress(OSError):  # what the process did not read any more
                 cast(IO[bytes], child.stdin).close()
         if result is None and not is_in_time:
-            raise ChildFailed(message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds))
+            raise ChildFailed(
+                message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds)
+            )
         if result is None:
             raise ChildFailed(_crash_reason(errors, child))
 
@@ -115,10 +125,14 @@ def _crash_reason(errors: IO[bytes], child: subprocess.Popen[bytes]) -> str:
     lines = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
     if lines:
         return lines[-1]
-    return message("importer.its_process_ended", "its process ended with code {code}", code=child.wait())
+    return message(
+        "importer.its_process_ended", "its process ended with code {code}", code=child.wait()
+    )
 
 
-def _exchange(job: dict[str, Any], answer: Answer, child: subprocess.Popen[bytes]) -> dict[str, Any] | None:
+def _exchange(
+    job: dict[str, Any], answer: Answer, child: subprocess.Popen[bytes]
+) -> dict[str, Any] | None:
     """Send the job to the process, and answer its requests until it sends a result or a problem.
 
     Returns None if the process ends before, or sends anything else than JSON.
@@ -194,7 +208,9 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
         )
         end = {"problem": as_data(too_much)}
     except OSError as problem:
-        why = compound("{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror)
+        why = compound(
+            "{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror
+        )
         end = {"problem": as_data(why)}
     except Exception as problem:
         end = {"problem": as_data(_in_one_line(problem))}
@@ -258,10 +274,35 @@ class _Machine(NamedTuple):
 # The allowed calls are, in this order: read, write, close, fstat, lseek, mmap, mprotect, munmap, brk, rt_sigaction,
 # rt_sigprocmask, rt_sigreturn, mremap, madvise, sched_yield, getpid, exit, futex, clock_gettime, exit_group, getrandom.
 _MACHINES = {
-    "x86_64": _Machine(0xC000003E, (0, 1, 3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 25, 28, 24, 39, 60, 202, 228, 231, 318)),
+    "x86_64": _Machine(
+        0xC000003E,
+        (0, 1, 3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 25, 28, 24, 39, 60, 202, 228, 231, 318),
+    ),
     "aarch64": _Machine(
         0xC00000B7,
-        (63, 64, 57, 80, 62, 222, 226, 215, 214, 134, 135, 139, 216, 233, 124, 172, 93, 98, 113, 94, 278),
+        (
+            63,
+            64,
+            57,
+            80,
+            62,
+            222,
+            226,
+            215,
+            214,
+            134,
+            135,
+            139,
+            216,
+            233,
+            124,
+            172,
+            93,
+            98,
+            113,
+            94,
+            278,
+        ),
     ),
 }
 
@@ -339,7 +380,12 @@ def _shut_files(system: ctypes.CDLL) -> bool:
 class _Step(ctypes.Structure):
     """One instruction of a filter, the kernel's ``sock_filter``. ``yes`` and ``no`` count the steps to skip."""
 
-    _fields_ = (("code", ctypes.c_uint16), ("yes", ctypes.c_uint8), ("no", ctypes.c_uint8), ("value", ctypes.c_uint32))
+    _fields_ = (
+        ("code", ctypes.c_uint16),
+        ("yes", ctypes.c_uint8),
+        ("no", ctypes.c_uint8),
+        ("value", ctypes.c_uint32),
+    )
 
 
 class _Program(ctypes.Structure):

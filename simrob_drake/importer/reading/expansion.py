@@ -22,7 +22,13 @@ from xacro import substitution_args
 
 from simrob_drake.base.messages import from_data, message
 from simrob_drake.importer.reading.child import ask, serve
-from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
+from simrob_drake.importer.reading.expressions import (
+    Function,
+    NotAllowed,
+    bounded,
+    evaluate,
+    symbols,
+)
 
 SECONDS = 20
 """Longest processor time of an expansion [s]. A xacro file can call itself without end."""
@@ -63,8 +69,12 @@ class _Expansion:
         # Functions of the namespace "xacro" in expressions.
         own = {
             "abs_filename": xacro.abs_filename_spec,
-            "arg": lambda name: substitution_args._eval_arg(name, xacro.substitution_args_context["arg"]),
-            "load_yaml": lambda file: bounded(yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)),
+            "arg": lambda name: substitution_args._eval_arg(
+                name, xacro.substitution_args_context["arg"]
+            ),
+            "load_yaml": lambda file: bounded(
+                yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)
+            ),
             "fatal": lambda *words: _refuse(" ".join(map(str, words))),
             "message": self._say,
             "warning": self._say,
@@ -126,7 +136,10 @@ class _Expansion:
 
     def _eval(self, text: str, context: dict[str, Any]) -> str:
         """Evaluate ``$(eval ...)``, in which the names of arguments stand for their values."""
-        arguments = {key: substitution_args.convert_value(value, "auto") for key, value in context["arg"].items()}
+        arguments = {
+            key: substitution_args.convert_value(value, "auto")
+            for key, value in context["arg"].items()
+        }
         functions = {
             "arg": Function("arg", arguments.__getitem__),
             "env": Function("env", _environment),
@@ -182,7 +195,11 @@ def _cause(problem: Exception) -> Exception:
     cause: Any = problem
     while getattr(cause, "exc", None) is not None:
         cause = cause.exc
-    return cause if isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError) else problem
+    return (
+        cause
+        if isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError)
+        else problem
+    )
 
 
 if __name__ == "__main__":

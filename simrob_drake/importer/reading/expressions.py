@@ -19,7 +19,9 @@ from typing import Any
 
 from simrob_drake.base.messages import message
 
-LARGEST = 1_000_000  # how much a value may hold: letters, and ten for each number and each entry in it
+LARGEST = (
+    1_000_000  # how much a value may hold: letters, and ten for each number and each entry in it
+)
 _LONGEST = 20_000  # letters of an expression
 _BITS = 2048  # of a whole number; a float reaches to 1024
 _PLAIN = (bool, int, float, str, list, tuple, dict, set, range, type(None))
@@ -91,7 +93,11 @@ def size_of(value: Any, size: int = 0) -> int:
     """
     if isinstance(_plain(value), int) and value.bit_length() > _BITS:
         raise NotAllowed(
-            message("importer.number_too_large", "a number of more than {bits} bits is not allowed", bits=_BITS)
+            message(
+                "importer.number_too_large",
+                "a number of more than {bits} bits is not allowed",
+                bits=_BITS,
+            )
         )
     size += len(value) if isinstance(value, str) else 10
     if isinstance(value, dict):
@@ -101,7 +107,11 @@ def size_of(value: Any, size: int = 0) -> int:
             size = size_of(part, size)
     if size > LARGEST:
         raise NotAllowed(
-            message("importer.value_too_long", "a value of more than {largest} letters is not allowed", largest=LARGEST)
+            message(
+                "importer.value_too_long",
+                "a value of more than {largest} letters is not allowed",
+                largest=LARGEST,
+            )
         )
     return size
 
@@ -117,7 +127,9 @@ class _Scope:
         if type(node) not in _RULES:
             raise NotAllowed(
                 message(
-                    "importer.not_in_expression", "{name} is not allowed in an expression", name=type(node).__name__
+                    "importer.not_in_expression",
+                    "{name} is not allowed in an expression",
+                    name=type(node).__name__,
                 )
             )
         return _RULES[type(node)](self, node)
@@ -127,7 +139,9 @@ def _name(scope: _Scope, node: ast.Name) -> Any:
     try:
         return _plain(scope.own[node.id] if node.id in scope.own else scope.names[node.id])
     except KeyError:
-        raise NameError(message("importer.name_not_defined", "name '{name}' is not defined", name=node.id)) from None
+        raise NameError(
+            message("importer.name_not_defined", "name '{name}' is not defined", name=node.id)
+        ) from None
 
 
 def _list(scope: _Scope, node: ast.List | ast.Tuple) -> Any:
@@ -145,11 +159,19 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
     match node.op:
         case ast.Pow() if whole and one.bit_length() * other > _BITS:
             raise NotAllowed(
-                message("importer.power_too_large", "a power of more than {bits} bits is not allowed", bits=_BITS)
+                message(
+                    "importer.power_too_large",
+                    "a power of more than {bits} bits is not allowed",
+                    bits=_BITS,
+                )
             )
         case ast.Mult() if not whole:
             for many, times in ((one, other), (other, one)):
-                if isinstance(many, str | list | tuple) and isinstance(times, int) and size_of(many) * times > LARGEST:
+                if (
+                    isinstance(many, str | list | tuple)
+                    and isinstance(times, int)
+                    and size_of(many) * times > LARGEST
+                ):
                     raise NotAllowed(
                         message(
                             "importer.repetition_too_long",
@@ -158,7 +180,11 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
                         )
                     )
         case ast.Mod() if isinstance(one, str) and _WIDE.search(one):
-            raise NotAllowed(message("importer.format_too_long", "a format of more than 999 letters is not allowed"))
+            raise NotAllowed(
+                message(
+                    "importer.format_too_long", "a format of more than 999 letters is not allowed"
+                )
+            )
     return bounded(_operator(node.op)(one, other))
 
 
@@ -186,7 +212,11 @@ def _entry(scope: _Scope, node: ast.Subscript) -> Any:
     owner, place = scope.value(node.value), node.slice
     if not isinstance(owner, str | list | tuple | dict | range):
         raise NotAllowed(
-            message("importer.entry_not_allowed", "an entry of a {name} is not allowed", name=type(owner).__name__)
+            message(
+                "importer.entry_not_allowed",
+                "an entry of a {name} is not allowed",
+                name=type(owner).__name__,
+            )
         )
     if isinstance(place, ast.Slice):
         ends = (place.lower, place.upper, place.step)
@@ -197,7 +227,10 @@ def _entry(scope: _Scope, node: ast.Subscript) -> Any:
 def _call(scope: _Scope, node: ast.Call) -> Any:
     if any(key.arg is None for key in node.keywords):
         raise NotAllowed(message("importer.no_double_star", "** is not allowed in an expression"))
-    run, by_name = _function(scope, node.func), {str(key.arg): scope.value(key.value) for key in node.keywords}
+    run, by_name = (
+        _function(scope, node.func),
+        {str(key.arg): scope.value(key.value) for key in node.keywords},
+    )
     return bounded(run(*map(scope.value, node.args), **by_name))
 
 
@@ -231,7 +264,10 @@ def _comprehension(scope: _Scope, node: ast.ListComp) -> list[Any]:
             )
         )
     several = isinstance(loop.target, ast.Tuple)
-    names = [ast.unparse(name) for name in (loop.target.elts if isinstance(loop.target, ast.Tuple) else [loop.target])]
+    names = [
+        ast.unparse(name)
+        for name in (loop.target.elts if isinstance(loop.target, ast.Tuple) else [loop.target])
+    ]
     made, size = list[Any](), 0
     for entry in bounded(scope.value(loop.iter)):
         own = dict(zip(names, bounded(entry) if several else [entry], strict=True))
@@ -250,7 +286,9 @@ _RULES: dict[type[ast.expr], Callable[[_Scope, Any], Any]] = {
     ast.BinOp: _binary,
     ast.BoolOp: _junction,
     ast.Compare: _comparison,
-    ast.IfExp: lambda scope, node: scope.value(node.body if scope.value(node.test) else node.orelse),
+    ast.IfExp: lambda scope, node: scope.value(
+        node.body if scope.value(node.test) else node.orelse
+    ),
     ast.Subscript: _entry,
     ast.Attribute: lambda scope, node: _under(scope.value(node.value), node.attr),
     ast.Call: _call,
@@ -261,7 +299,11 @@ _RULES: dict[type[ast.expr], Callable[[_Scope, Any], Any]] = {
 def _operator(op: ast.AST) -> Callable[..., Any]:
     if type(op) not in _OPERATORS:
         raise NotAllowed(
-            message("importer.not_in_expression", "{name} is not allowed in an expression", name=type(op).__name__)
+            message(
+                "importer.not_in_expression",
+                "{name} is not allowed in an expression",
+                name=type(op).__name__,
+            )
         )
     return _OPERATORS[type(op)]
 
@@ -302,7 +344,16 @@ _OF_MATH = re.findall(
     radians remainder sin sinh sqrt tan tanh trunc ulp""",
 )
 _CONSTANTS = ("e", "inf", "nan", "pi", "tau")
-_KINDS = {"bool": bool, "dict": dict, "float": float, "int": int, "list": list, "set": set, "str": str, "tuple": tuple}
+_KINDS = {
+    "bool": bool,
+    "dict": dict,
+    "float": float,
+    "int": int,
+    "list": list,
+    "set": set,
+    "str": str,
+    "tuple": tuple,
+}
 _FINEST = 400  # digits that a float can be rounded to
 
 
@@ -335,7 +386,10 @@ def _map(function: Function, many: Iterable[Any]) -> list[Any]:
 
 
 def _isinstance(value: Any, kinds: Function | tuple[Function, ...]) -> bool:
-    return isinstance(value, tuple(_KINDS[kind.name] for kind in (kinds if isinstance(kinds, tuple) else (kinds,))))
+    return isinstance(
+        value,
+        tuple(_KINDS[kind.name] for kind in (kinds if isinstance(kinds, tuple) else (kinds,))),
+    )
 
 
 def _round(value: float, ndigits: int | None = None) -> float:
@@ -343,7 +397,9 @@ def _round(value: float, ndigits: int | None = None) -> float:
 
 
 def _sum(many: Iterable[float], start: float = 0) -> float:
-    return sum((value + 0 for value in many), start)  # numbers alone: lists would be copied again and again
+    return sum(
+        (value + 0 for value in many), start
+    )  # numbers alone: lists would be copied again and again
 
 
 def _tokenize(text: str, sep: str = ",; ", skip_empty: bool = True) -> list[str]:
@@ -369,7 +425,11 @@ def _listed(name: str, mapping: dict[Any, Any]) -> list[Any]:
 def _check_size(size: int) -> None:
     if size > LARGEST:
         raise NotAllowed(
-            message("importer.text_too_long", "a text of more than {largest} letters is not allowed", largest=LARGEST)
+            message(
+                "importer.text_too_long",
+                "a text of more than {largest} letters is not allowed",
+                largest=LARGEST,
+            )
         )
 
 
@@ -392,7 +452,11 @@ _OF_VALUES = {
 }
 
 _METHODS: dict[tuple[type, str], Callable[..., Any]] = {
-    **{(kind, name): getattr(kind, name) for kind, names in _OF_VALUES.items() for name in names.split()},
+    **{
+        (kind, name): getattr(kind, name)
+        for kind, names in _OF_VALUES.items()
+        for name in names.split()
+    },
     (str, "join"): _joined,
     (str, "replace"): _replaced,
     **{(dict, name): partial(_listed, name) for name in ("items", "keys", "values")},

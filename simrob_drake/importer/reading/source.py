@@ -25,7 +25,9 @@ _HIDDEN_TAG = re.compile(
 """An element of a URDF in the text of a comment."""
 
 
-def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
+def read_source(
+    path: Path, report: ImportReport, options: ImportOptions | None = None
+) -> ET.Element:
     """Read the ``robot`` element of a robot's file.
 
     Elements and attributes of namespaces other than Drake's are left out, because no simulation uses them.
@@ -45,7 +47,10 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         text = expand_xacro(path, text, options, report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
-            raise report.refusal("", message("importer.still_xacro", "still holds xacro elements after its expansion"))
+            raise report.refusal(
+                "",
+                message("importer.still_xacro", "still holds xacro elements after its expansion"),
+            )
         report.add("read", "", message("importer.xacro_expanded", "xacro, expanded"))
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options, report)
@@ -78,7 +83,9 @@ def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
         hiding_count += bool(tags)
     if not hiding_count:
         return
-    listed = (compound("{count} <{tag}>", count=count, tag=tag) for tag, count in tag_counts.most_common())
+    listed = (
+        compound("{count} <{tag}>", count=count, tag=tag) for tag, count in tag_counts.most_common()
+    )
     report.add(
         "read",
         "",
@@ -145,7 +152,11 @@ def _remove_foreign_names(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "dropped",
             name,
-            message("importer.namespace_unused", "{count} ×: of a namespace that no simulation uses", count=count),
+            message(
+                "importer.namespace_unused",
+                "{count} ×: of a namespace that no simulation uses",
+                count=count,
+            ),
         )
 
 

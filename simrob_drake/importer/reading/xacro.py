@@ -80,7 +80,9 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
     package = importlib.util.find_spec("xacro")
     # A folder named xacro in the working folder is found, too, but has no origin.
     if package is None or package.origin is None:
-        raise report.refusal("", lacking(message("importer.is_xacro", "is a xacro file, which"), "xacro"))
+        raise report.refusal(
+            "", lacking(message("importer.is_xacro", "is a xacro file, which"), "xacro")
+        )
     path = path.absolute()
     border = Border(path, options.mesh_path, options.package_folders)
     files = _Files({str(path): text}, border, report)
@@ -111,7 +113,9 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         )
     if attempt.problem:
         refusal: str = message(
-            "importer.xacro_cannot_expand", "xacro cannot expand it: {problem}", problem=attempt.problem
+            "importer.xacro_cannot_expand",
+            "xacro cannot expand it: {problem}",
+            problem=attempt.problem,
         )
         raise report.refusal("", join_texts([refusal, summary], "; ") if summary else refusal)
     urdf = str(attempt.result["urdf"])
@@ -120,7 +124,11 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
     if summary:
         report.add("read", "", summary)
     for sentence in attempt.result["messages"]:
-        report.add("read", "", message("importer.file_says", "the file says: {text}", text=shortened(sentence, 400)))
+        report.add(
+            "read",
+            "",
+            message("importer.file_says", "the file says: {text}", text=shortened(sentence, 400)),
+        )
     return urdf
 
 
@@ -188,7 +196,9 @@ class _Files:
         except (LookupError, InvalidModel) as problem:  # their messages contain the name already
             return {"refused": as_data(message_of(problem))}
         except (OutsideBorder, NotRead) as problem:
-            return {"refused": as_data(compound("{about}: {problem}", about=about, problem=problem))}
+            return {
+                "refused": as_data(compound("{about}: {problem}", about=about, problem=problem))
+            }
 
     def package(self, name: str) -> Path:
         """Folder of a package.
@@ -354,7 +364,12 @@ class Outline:
                 part = message("importer.argument_needed", "{name} (needed)", name=name)
             if name in self.choices:
                 choices = ", ".join(self.choices[name])
-                part = message("importer.argument_known", "{part} (known: {choices})", part=part, choices=choices)
+                part = message(
+                    "importer.argument_known",
+                    "{part} (known: {choices})",
+                    part=part,
+                    choices=choices,
+                )
             parts.append(part)
         return shortened("; ".join(parts), _LONGEST_SUMMARY)
 
@@ -381,7 +396,9 @@ def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
     macros = {}
     for element in _elements(own_text):
         if element.tag == "xacro:macro" and "name" in element.attributes:
-            macros[element.attributes["name"]] = ", ".join(element.attributes.get("params", "").split())
+            macros[element.attributes["name"]] = ", ".join(
+                element.attributes.get("params", "").split()
+            )
 
     comparisons = list(_comparisons(whole_text))
     paths = [_PackagePath(*found) for found in dict.fromkeys(_PATH.findall(whole_text))]
@@ -465,7 +482,9 @@ def _comparisons_of(node: ast.Compare) -> Iterator[_Comparison]:
             yield _Comparison(name, text)
 
 
-def _values_in_path(path: _PackagePath, names: set[str], find: Callable[[str], Path]) -> Iterator[str]:
+def _values_in_path(
+    path: _PackagePath, names: set[str], find: Callable[[str], Path]
+) -> Iterator[str]:
     """Yield the values of a variable part of a path for which there is a file with that path.
 
     Args:

@@ -12,7 +12,10 @@ import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
-from os.path import exists, isdir  # unlike Path's methods, they are false for names that no file can have
+from os.path import (
+    exists,
+    isdir,
+)  # unlike Path's methods, they are false for names that no file can have
 from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
@@ -32,7 +35,8 @@ _LATE_DECLARATION = re.compile(_BEFORE_DECLARATION + r"++(<\?xml\b.*?\?>)", re.D
 """A declaration that does not stand at the beginning of the file."""
 
 _DECLARED_ENCODING = re.compile(
-    _BEFORE_DECLARATION.encode() + rb"""*+<\?xml[^>]*\sencoding\s*=\s*["']([\w.:-]+)["']""", re.DOTALL
+    _BEFORE_DECLARATION.encode() + rb"""*+<\?xml[^>]*\sencoding\s*=\s*["']([\w.:-]+)["']""",
+    re.DOTALL,
 )
 _COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 
@@ -76,15 +80,21 @@ def xml_text(path: Path, report: ImportReport) -> str:
     """
     text = _decode(_file_content(path, report), report)
     if "\0" in text:
-        raise report.refusal("", message("importer.is_binary", "is a binary file, not the text of a URDF"))
+        raise report.refusal(
+            "", message("importer.is_binary", "is a binary file, not the text of a URDF")
+        )
     if not text.strip():
         raise report.refusal("", message("importer.is_empty", "is empty"))
     if text.count("<") > MOST_TAGS:
-        raise report.refusal("", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
+        raise report.refusal(
+            "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS)
+        )
     return _repair_comments(_remove_late_declaration(text, report), report)
 
 
-def read_included(read: Callable[[Path, ImportReport], _Content], path: Path, report: ImportReport) -> _Content:
+def read_included(
+    read: Callable[[Path, ImportReport], _Content], path: Path, report: ImportReport
+) -> _Content:
     """Read a file that another file includes.
 
     Args:
@@ -107,7 +117,10 @@ def _remove_late_declaration(text: str, report: ImportReport) -> str:
     report.add(
         "repaired",
         "",
-        message("importer.xml_line_misplaced", "<?xml ...?> is not at the beginning, as it must be; left out"),
+        message(
+            "importer.xml_line_misplaced",
+            "<?xml ...?> is not at the beginning, as it must be; left out",
+        ),
     )
     return text[: late.start(1)] + text[late.end(1) :]
 
@@ -127,7 +140,9 @@ def _repair_comments(text: str, report: ImportReport) -> str:
         "repaired",
         "",
         message(
-            "importer.comments_with_dashes", "{count} comment(s) hold --, which XML forbids; mended", count=bad_count
+            "importer.comments_with_dashes",
+            "{count} comment(s) hold --, which XML forbids; mended",
+            count=bad_count,
         ),
     )
     repaired = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end])
@@ -187,7 +202,12 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
             )
         return text
     raise report.refusal(
-        "", message("importer.no_text_of_encoding", "cannot be read as {encoding} text", encoding=expected.upper())
+        "",
+        message(
+            "importer.no_text_of_encoding",
+            "cannot be read as {encoding} text",
+            encoding=expected.upper(),
+        ),
     )
 
 
@@ -198,7 +218,9 @@ def _file_content(path: Path, report: ImportReport) -> bytes:
         InvalidModel: the file does not exist, is a folder, is too large, or cannot be read.
     """
     if isdir(path):
-        raise report.refusal("", message("importer.is_a_folder", "is a folder; name the URDF file in it"))
+        raise report.refusal(
+            "", message("importer.is_a_folder", "is a folder; name the URDF file in it")
+        )
     if not exists(path):
         raise report.refusal("", message("importer.there_is_no_file", "there is no such file"))
     try:
@@ -237,7 +259,9 @@ class _Parser:
         self._builder = ET.TreeBuilder()
         # For each open element, the known prefix ("drake", "xacro" or "") that stands for each prefix of the file. The
         # first entry holds outside of all elements.
-        self._prefixes: list[Mapping[str, str]] = [{_DRAKE_PREFIX: _DRAKE_PREFIX, _XACRO_PREFIX: _XACRO_PREFIX}]
+        self._prefixes: list[Mapping[str, str]] = [
+            {_DRAKE_PREFIX: _DRAKE_PREFIX, _XACRO_PREFIX: _XACRO_PREFIX}
+        ]
 
     def parse(self, text: str) -> tuple[ET.Element, list[str]]:
         """Parse the text. See :func:`parse_tree`."""
@@ -263,7 +287,9 @@ class _Parser:
                     column=problem.offset + 1,
                 ),
             ) from problem
-        except ValueError as problem:  # characters that XML cannot contain, such as single surrogates
+        except (
+            ValueError
+        ) as problem:  # characters that XML cannot contain, such as single surrogates
             raise self._report.refusal(
                 "", message("robots.not_xml", "is not XML: {problem}", problem=problem)
             ) from problem

@@ -11,7 +11,15 @@ import numpy as np
 from simrob_drake.base.messages import message
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.imports import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, pose_of, root_link
+from simrob_drake.robots.urdf import (
+    MOVABLE_JOINTS,
+    joints_at,
+    link_of,
+    name_of,
+    outward,
+    pose_of,
+    root_link,
+)
 
 FLOATING_MARK = "simrob_base"
 """Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""
@@ -19,8 +27,14 @@ FLOATING_MARK = "simrob_base"
 _WORLD = re.compile(r"(robot_)?world(_link)?(_\d+)?", re.IGNORECASE)
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # of left_leg2, LeftLeg, LLeg
 _SIDE = r"(?:[lrfhbm]{0,2}|left|right|front|rear|hind|back|mid|middle)"
-_LEG = re.compile(_SIDE + r"(?:legs?|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|coxa|femur|tibia|haa|hfe|kfe)")
-_ARM = re.compile(_SIDE + r"(?:(?:fore|upper|lower)?arms?|shoulder|elbow|wrist|palm|hand|gripper|fingers?|thumb|index)")
+_LEG = re.compile(
+    _SIDE
+    + r"(?:legs?|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|coxa|femur|tibia|haa|hfe|kfe)"
+)
+_ARM = re.compile(
+    _SIDE
+    + r"(?:(?:fore|upper|lower)?arms?|shoulder|elbow|wrist|palm|hand|gripper|fingers?|thumb|index)"
+)
 _WHEEL = re.compile(_SIDE + r"(?:wheels?)")
 _LEG_JOINTS, _NAMED_LEG_JOINTS = 3, 2  # called legs may have two: hip and knee
 _FINGERS = 5  # a hand has no more; insects have six legs, which start sideways
@@ -39,7 +53,9 @@ def choose_base(robot: ET.Element, options: ImportOptions, report: ImportReport)
         else message(
             "importer.base_option",
             "; --base {base} changes that",
-            base=message("importer.floating", "floating") if base == "fixed" else message("importer.fixed", "fixed"),
+            base=message("importer.floating", "floating")
+            if base == "fixed"
+            else message("importer.fixed", "fixed"),
         )
     )
     report.add(
@@ -62,14 +78,24 @@ def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
     starts = joints_at(robot)
     if stands := _named(robot, starts, root) or _shaped(starts, root):
         return "floating", stands
-    arms = sum(_is_called(_ARM, joint) for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS)
+    arms = sum(
+        _is_called(_ARM, joint)
+        for joint in robot.iterfind("joint")
+        if joint.get("type") in MOVABLE_JOINTS
+    )
     called = (
-        message("importer.called_as_arms", "; {arms} joints are called as those of arms and hands are", arms=arms)
+        message(
+            "importer.called_as_arms",
+            "; {arms} joints are called as those of arms and hands are",
+            arms=arms,
+        )
         if arms
         else ""
     )
     return "fixed", message(
-        "importer.no_legs_no_wheels", "no pair of legs and no wheels carry it{called}", called=called
+        "importer.no_legs_no_wheels",
+        "no pair of legs and no wheels carry it{called}",
+        called=called,
     )
 
 
@@ -96,7 +122,9 @@ def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str)
     wheels = sum(_is_called(_WHEEL, joint) for joint in joints if joint.get("type") == "continuous")
     return (
         message(
-            "importer.joints_called_as_wheels", "{wheels} continuous joints are called as wheels are", wheels=wheels
+            "importer.joints_called_as_wheels",
+            "{wheels} continuous joints are called as wheels are",
+            wheels=wheels,
         )
         if wheels >= _NAMED_WHEELS
         else ""
@@ -127,10 +155,14 @@ def _shaped(starts: Mapping[str, list[ET.Element]], root: str) -> str:
             legs=legs,
             joints=_LEG_JOINTS,
         )
-    wheels = sum(branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches)
+    wheels = sum(
+        branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches
+    )
     return (
         message(
-            "importer.joints_start_as_wheels", "{wheels} continuous joints start at it, as wheels do", wheels=wheels
+            "importer.joints_start_as_wheels",
+            "{wheels} continuous joints start at it, as wheels do",
+            wheels=wheels,
         )
         if wheels >= _WHEELS
         else ""

@@ -58,9 +58,13 @@ LEAST_TORQUE = 1.0  # least estimated effort of a revolute joint [N·m]
 LEAST_FORCE = 10.0  # least estimated effort of a prismatic joint [N]
 REVOLUTE_SPEED = math.pi  # default speed of a revolute joint [rad/s]
 PRISMATIC_SPEED = 1.0  # default speed of a prismatic joint [m/s]
-_SHARE_OF_STRONGEST = 0.1  # least estimated effort, as a fraction of the strongest motor of the same robot
+_SHARE_OF_STRONGEST = (
+    0.1  # least estimated effort, as a fraction of the strongest motor of the same robot
+)
 _LARGEST_EFFORT = 1e9  # bound of estimated efforts, which absurd masses would exceed [N·m or N]
-_LARGEST_REAL_EFFORT = 1e5  # larger efforts of a file stand for "no limit" and say nothing of other motors [N·m or N]
+_LARGEST_REAL_EFFORT = (
+    1e5  # larger efforts of a file stand for "no limit" and say nothing of other motors [N·m or N]
+)
 
 _LEAST_GEAR_VALUES = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "rotor_inertia": 0.0}
 """Smallest value of the elements of an actuator that hold a number, by tag. A reduction may turn the joint's sense."""
@@ -71,7 +75,9 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
 
     Passive joints have no transmission, and the effort 0.
     """
-    movable = dict.fromkeys(movable_joints(robot))  # names in file order; a dict finds each of thousands at once
+    movable = dict.fromkeys(
+        movable_joints(robot)
+    )  # names in file order; a dict finds each of thousands at once
     driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
         driven.update(_repair_transmission(robot, drive, movable, driven, report))
@@ -87,7 +93,9 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
         report.add(
             "defaulted",
             message("importer.joints_called", "joints '{names}'", names=names),
-            message("importer.motor_made_for_each", "no transmission drives them; a motor made for each"),
+            message(
+                "importer.motor_made_for_each", "no transmission drives them; a motor made for each"
+            ),
         )
     _rename_duplicate_motors(robot, report)
     _repair_efforts_and_speeds(robot, options, report, passive)
@@ -157,13 +165,24 @@ def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
                 actuator.set("name", new)
                 report.add(
                     "repaired",
-                    message("importer.transmission_called", "transmission '{name}'", name=name_of(drive)),
-                    message("importer.second_motor", "a second motor called '{name}'; '{new}'", name=name, new=new),
+                    message(
+                        "importer.transmission_called", "transmission '{name}'", name=name_of(drive)
+                    ),
+                    message(
+                        "importer.second_motor",
+                        "a second motor called '{name}'; '{new}'",
+                        name=name,
+                        new=new,
+                    ),
                 )
 
 
 def _repair_transmission(
-    robot: ET.Element, drive: ET.Element, movable: Collection[str], driven: Collection[str], report: ImportReport
+    robot: ET.Element,
+    drive: ET.Element,
+    movable: Collection[str],
+    driven: Collection[str],
+    report: ImportReport,
 ) -> list[str]:
     """Keep a transmission that Drake reads, or replace it by a simple transmission for each of its joints, in place.
 
@@ -179,7 +198,9 @@ def _repair_transmission(
     """
     where = message("importer.transmission_called", "transmission '{name}'", name=name_of(drive))
     actuators = drive.findall("actuator")
-    joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))  # each name once
+    joints = list(
+        dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint"))
+    )  # each name once
     new_joints = [joint for joint in joints if joint in movable and joint not in driven]
     if _is_read_by_drake(drive) and new_joints == joints:
         _repair_gears(actuators[0], where, report)
@@ -189,12 +210,16 @@ def _repair_transmission(
         # If there are as many motors as joints, each joint keeps its motor with its gears.
         if len(actuators) == len(new_joints):
             old_motor = actuators[index]
-            motor = add_motor(robot, joint, drive=f"{joint}_drive", motor=name_of(old_motor).strip())
+            motor = add_motor(
+                robot, joint, drive=f"{joint}_drive", motor=name_of(old_motor).strip()
+            )
             motor.extend(list(old_motor))
         else:
             motor = add_motor(robot, joint, drive=f"{joint}_drive")
         _repair_gears(motor, where, report)
-    report.add("repaired" if new_joints else "dropped", where, _reason(drive, joints, new_joints, movable))
+    report.add(
+        "repaired" if new_joints else "dropped", where, _reason(drive, joints, new_joints, movable)
+    )
     return new_joints
 
 
@@ -207,7 +232,9 @@ def _is_read_by_drake(drive: ET.Element) -> bool:
     return bool(name_of(actuators[0]).strip())
 
 
-def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable: Collection[str]) -> str:
+def _reason(
+    drive: ET.Element, joints: list[str], new_joints: list[str], movable: Collection[str]
+) -> str:
     """Say in words why a transmission was replaced or removed.
 
     Args:
@@ -226,10 +253,15 @@ def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable
             else message("importer.is_no_moving_joint", "is no joint that moves")
         )
         return message(
-            "importer.joints_with_problem", "'{joints}' {problem}", joints=", ".join(joints), problem=problem
+            "importer.joints_with_problem",
+            "'{joints}' {problem}",
+            joints=", ".join(joints),
+            problem=problem,
         )
     names = "', '".join(new_joints)
-    replacement = message("importer.simple_transmission_of", "{simple} of '{names}'", simple=SIMPLE, names=names)
+    replacement = message(
+        "importer.simple_transmission_of", "{simple} of '{names}'", simple=SIMPLE, names=names
+    )
     if len(new_joints) > 1:
         return message(
             "importer.drives_several",
@@ -239,7 +271,9 @@ def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable
         )
     kind = _transmission_type(drive)
     if not kind:
-        return message("importer.without_type", "has no type; {replacement}", replacement=replacement)
+        return message(
+            "importer.without_type", "has no type; {replacement}", replacement=replacement
+        )
     if not kind.endswith(SIMPLE):
         return message(
             "importer.type_not_simulated",
@@ -248,7 +282,9 @@ def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable
             replacement=replacement,
         )
     return message(
-        "importer.written_as_drake_reads", "written as Drake reads it; {replacement}", replacement=replacement
+        "importer.written_as_drake_reads",
+        "written as Drake reads it; {replacement}",
+        replacement=replacement,
     )
 
 
@@ -269,20 +305,30 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
         report: report of the import.
     """
     for gear in list(actuator):
-        tag = gear.tag.removeprefix(DRAKE)  # Drake's own elements have its prefix, and their number is an attribute
+        tag = gear.tag.removeprefix(
+            DRAKE
+        )  # Drake's own elements have its prefix, and their number is an attribute
         if tag not in _LEAST_GEAR_VALUES:
             continue
         text = gear.text if tag == "mechanicalReduction" else gear.get("value")
         values = numbers_in(text or "") or []
         is_number = len(values) == 1
         # Only the rotor inertia can be 0: a ratio of 0 would let the motor move nothing.
-        is_possible = is_number and values[0] >= _LEAST_GEAR_VALUES[tag] and (values[0] != 0 or tag == "rotor_inertia")
+        is_possible = (
+            is_number
+            and values[0] >= _LEAST_GEAR_VALUES[tag]
+            and (values[0] != 0 or tag == "rotor_inertia")
+        )
         if not is_possible:
             actuator.remove(gear)
             report.add(
                 "dropped",
                 where,
-                message("importer.no_number_of_motor", "its {tag} is no number that a motor can have", tag=tag),
+                message(
+                    "importer.no_number_of_motor",
+                    "its {tag} is no number that a motor can have",
+                    tag=tag,
+                ),
             )
 
 
@@ -308,7 +354,9 @@ def _repair_efforts_and_speeds(
             effort=effort,
             mass=mass,
         )
-        report.add("open", message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name), text)
+        report.add(
+            "open", message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name), text
+        )
     movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
     with_motor = [joint for joint in movable if name_of(joint) not in passive]
     revolute = [joint for joint in with_motor if joint.get("type") != "prismatic"]
@@ -319,7 +367,9 @@ def _repair_efforts_and_speeds(
     _repair_speeds(prismatic, PRISMATIC_SPEED, "m/s", report)
 
 
-def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report: ImportReport) -> None:
+def _repair_speeds(
+    joints: Sequence[ET.Element], speed: float, unit: str, report: ImportReport
+) -> None:
     """Give joints without a positive velocity a default speed, in place.
 
     Args:
@@ -336,7 +386,12 @@ def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report
         report.add(
             "defaulted",
             message("importer.limit_of_joints", "joints '{names}' <limit>", names=names),
-            message("importer.no_velocity", "no velocity above 0; {speed:.4g} {unit}", speed=speed, unit=unit),
+            message(
+                "importer.no_velocity",
+                "no velocity above 0; {speed:.4g} {unit}",
+                speed=speed,
+                unit=unit,
+            ),
         )
 
 
@@ -381,7 +436,11 @@ def _repair_efforts(
         load = loads[link_of(joint, "child")]
         estimates.append(_estimate_effort(joint, load, rotors[name_of(joint)], floating_mass))
     # A motor is not weaker than a fraction of the robot's other motors of the same kind.
-    shares = [_SHARE_OF_STRONGEST * effort for effort in (*efforts, *estimates) if effort <= _LARGEST_REAL_EFFORT]
+    shares = [
+        _SHARE_OF_STRONGEST * effort
+        for effort in (*efforts, *estimates)
+        if effort <= _LARGEST_REAL_EFFORT
+    ]
     least = max([least_effort, *shares])
     for joint, estimate in zip(without_effort, estimates, strict=True):
         rotor = rotors[name_of(joint)]
@@ -389,10 +448,14 @@ def _repair_efforts(
         if not is_mass_known:
             why = message("importer.guess_without_mass", "a guess, for no mass is known")
         elif estimate < least:
-            why = message("importer.least_of_other_motors", "the least beside the robot's other motors")
+            why = message(
+                "importer.least_of_other_motors", "the least beside the robot's other motors"
+            )
         elif rotor:
             why = message(
-                "importer.by_carried_and_armature", "by what it carries and its armature of {rotor:.3g}", rotor=rotor
+                "importer.by_carried_and_armature",
+                "by what it carries and its armature of {rotor:.3g}",
+                rotor=rotor,
             )
         else:
             why = message("importer.by_carried", "by what it carries")
@@ -502,8 +565,12 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         report: report of the import.
     """
     bounded = min(effort, _LARGEST_EFFORT)
-    second_digit = 10.0 ** (math.floor(math.log10(bounded)) - 1)  # value of a 1 at the second significant digit
-    digits = math.ceil(round(bounded / second_digit, 6))  # the inner rounding removes rounding errors
+    second_digit = 10.0 ** (
+        math.floor(math.log10(bounded)) - 1
+    )  # value of a 1 at the second significant digit
+    digits = math.ceil(
+        round(bounded / second_digit, 6)
+    )  # the inner rounding removes rounding errors
     rounded = float(f"{digits * second_digit:.2g}")
     limit = child_of(joint, "limit")
     old_text = limit.get("effort")
@@ -512,7 +579,9 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
     problem = (
         message("importer.has_no_effort", "has no effort")
         if old_text is None
-        else message("importer.effort_would_not_move", "effort {effort} would not move it", effort=old_text)
+        else message(
+            "importer.effort_would_not_move", "effort {effort} would not move it", effort=old_text
+        )
     )
     report.add(
         "defaulted",

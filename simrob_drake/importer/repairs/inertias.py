@@ -85,7 +85,9 @@ class _Replacement(NamedTuple):
     text: str
 
 
-def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
+def repair_inertias(
+    robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
+) -> None:
     """Repair the inertias of all links, in place.
 
     Args:
@@ -98,14 +100,20 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
     removed |= _remove_points_on_axes(robot)
 
     carrier_of = carriers(robot)
-    bodies_with_mass = {carrier_of[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
+    bodies_with_mass = {
+        carrier_of[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0
+    }
     for link in robot.iterfind("link"):
         inertia = removed.get(name_of(link))
         if inertia is None:
             continue
         if options.estimate_inertia:
             replacement = _estimate(link, inertia, folder, options.density)
-        elif inertia.mass > 0 and inertia.moments is None and carrier_of[name_of(link)] in bodies_with_mass:
+        elif (
+            inertia.mass > 0
+            and inertia.moments is None
+            and carrier_of[name_of(link)] in bodies_with_mass
+        ):
             # Other links of the same body have moments, so that a point of mass makes no body without moments.
             replacement = _replace_by_point(link, inertia)
         else:
@@ -172,7 +180,9 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
     if not inertia.mass and not has_moments:
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
-            report.add("dropped", where, message("importer.says_nothing", "has neither a mass nor moments"))
+            report.add(
+                "dropped", where, message("importer.says_nothing", "has neither a mass nor moments")
+            )
         return None
 
     problem = inertia.problem
@@ -191,7 +201,10 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
         "repaired",
         where,
         message(
-            "importer.by_rounding", "{problem}; this is a rounding error: {moments}", problem=problem, moments=listed
+            "importer.by_rounding",
+            "{problem}; this is a rounding error: {moments}",
+            problem=problem,
+            moments=listed,
         ),
     )
     return None
@@ -228,12 +241,19 @@ def correct_rounding(moments: Vector) -> Vector | None:
 def _replace_by_point(link: ET.Element, inertia: _Inertial) -> _Replacement:
     """Write the mass of a removed inertia, as a point without moments, into its link."""
     no_moments = RotationalInertia(0, 0, 0)
-    point = SpatialInertia.MakeFromCentralInertia(inertia.mass, inertia.place.translation(), no_moments)
+    point = SpatialInertia.MakeFromCentralInertia(
+        inertia.mass, inertia.place.translation(), no_moments
+    )
     _write(link, point)
-    return _Replacement("defaulted", message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass))
+    return _Replacement(
+        "defaulted",
+        message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass),
+    )
 
 
-def _estimate(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> _Replacement:
+def _estimate(
+    link: ET.Element, inertia: _Inertial, folder: Path | None, density: float
+) -> _Replacement:
     """Estimate the inertia of a link whose own was removed, and write it.
 
     A mass that the link had is kept. A link with shapes gets the inertia of these. A link without shapes becomes a ball
@@ -248,7 +268,9 @@ def _estimate(link: ET.Element, inertia: _Inertial, folder: Path | None, density
     estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
-        whole = message("importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass)
+        whole = message(
+            "importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass
+        )
         text = message(
             "importer.estimated_and_scaled",
             "; estimated: {inertia} of its shapes, {scaled}",
@@ -257,15 +279,23 @@ def _estimate(link: ET.Element, inertia: _Inertial, folder: Path | None, density
         )
         return _Replacement("defaulted", text)
     if estimate is not None:
-        text = message("importer.estimated", "; estimated: {inertia} of its shapes", inertia=_write(link, estimate))
+        text = message(
+            "importer.estimated",
+            "; estimated: {inertia} of its shapes",
+            inertia=_write(link, estimate),
+        )
         return _Replacement("defaulted", text)
     if inertia.mass > 0:
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
         text = message(
-            "importer.estimated_as_ball", "; and it has no shape; a ball: {inertia}", inertia=_write(link, ball)
+            "importer.estimated_as_ball",
+            "; and it has no shape; a ball: {inertia}",
+            inertia=_write(link, ball),
         )
         return _Replacement("defaulted", text)
-    return _Replacement("dropped", message("importer.without_shape_left_out", ", and it has no shape; left out"))
+    return _Replacement(
+        "dropped", message("importer.without_shape_left_out", ", and it has no shape; left out")
+    )
 
 
 def _estimate_body(
@@ -292,7 +322,9 @@ def _estimate_body(
             inertia=_write(link, estimate),
             density=density,
         )
-        report.add("defaulted", message("robots.link_called", "link '{link}'", link=name_of(link)), text)
+        report.add(
+            "defaulted", message("robots.link_called", "link '{link}'", link=name_of(link)), text
+        )
     if has_shapes:
         return
     link = next(link for link in links if name_of(link) == carrier)
@@ -300,7 +332,11 @@ def _estimate_body(
     report.add(
         "defaulted",
         message("robots.link_called", "link '{link}'", link=carrier),
-        message("importer.small_ball", "has neither inertia nor shape; a small ball: {inertia}", inertia=ball),
+        message(
+            "importer.small_ball",
+            "has neither inertia nor shape; a small ball: {inertia}",
+            inertia=ball,
+        ),
     )
 
 
@@ -350,7 +386,9 @@ def _remove_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
                 links[name_of(link)] = link
                 inertias[name_of(link)] = _read(inertial)
         axis = _axis_direction(joint)
-        if not all(_is_on_axis(inertia, link, joint_of_link, axis) for link, inertia in inertias.items()):
+        if not all(
+            _is_on_axis(inertia, link, joint_of_link, axis) for link, inertia in inertias.items()
+        ):
             continue
         for name, inertia in inertias.items():
             removed[name] = _Inertial(inertia.mass, None, inertia.place)
@@ -367,7 +405,9 @@ def _axis_direction(joint: ET.Element) -> Vector:
     return np.array(text.split(), dtype=float)
 
 
-def _is_on_axis(inertia: _Inertial, link: str, joint_of_link: dict[str, ET.Element], axis: Vector) -> bool:
+def _is_on_axis(
+    inertia: _Inertial, link: str, joint_of_link: dict[str, ET.Element], axis: Vector
+) -> bool:
     """Whether the mass of a link is a point on an axis through the origin of its body.
 
     Args:

@@ -36,14 +36,23 @@ from simrob_drake.robots.urdf import (
 from simrob_drake.robots.urdf_check import numbers_in
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")  # of the URDF format
-_OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")
+_OF_OTHER_FORMATS = (
+    "revolute2",
+    "screw",
+    "ball",
+    "universal",
+    "gearbox",
+    "spherical",
+    "cylindrical",
+)
 _ADVICE = {
     "floating": message(
         "importer.only_root_floats",
         "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
     ),
     "planar": message(
-        "importer.write_planar", "write it as two prismatic joints and a revolute or continuous one, or make it fixed"
+        "importer.write_planar",
+        "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
     ),
 }
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
@@ -51,8 +60,12 @@ _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 DEFAULT_STROKE = 1.0  # range of a prismatic joint without limits, to each side [m]
 _ROUNDING = 1e-4  # limits that differ by less were rounded [rad or m]
 _NO_DIRECTION = 1e-6  # a shorter axis vector has no direction
-_UNIT_LENGTH = 1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
-_TYPE_LIKENESS = 0.75  # least likeness of a misspelled type to a known one, from 0 to 1 (of difflib)
+_UNIT_LENGTH = (
+    1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
+)
+_TYPE_LIKENESS = (
+    0.75  # least likeness of a misspelled type to a known one, from 0 to 1 (of difflib)
+)
 _ACCELERATION = f"{DRAKE}acceleration"
 _FIXED_AT = "simrob_fixed_at"
 """Attribute of a joint that was fixed where its equal limits hold it [rad or m], until its followers are repaired."""
@@ -132,7 +145,12 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
     report.add(
         "repaired",
         where,
-        message("importer.similar_type", "its type is '{kind}'; {similar}", kind=kind, similar=similar[0]),
+        message(
+            "importer.similar_type",
+            "its type is '{kind}'; {similar}",
+            kind=kind,
+            similar=similar[0],
+        ),
     )
 
 
@@ -161,7 +179,9 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
         root=name_of(root),
         new_root=new_root,
     )
-    report.add("repaired", message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), why)
+    report.add(
+        "repaired", message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), why
+    )
 
 
 def _check_followers(robot: ET.Element, report: ImportReport) -> None:
@@ -196,7 +216,9 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
         elif leader not in joints:
             joint.remove(mimic)
             problem = message(
-                "importer.which_is_no_joint", "which is no joint{suggestion}", suggestion=nearest(leader, joints)
+                "importer.which_is_no_joint",
+                "which is no joint{suggestion}",
+                suggestion=nearest(leader, joints),
             )
             report.add(
                 "lost",
@@ -243,7 +265,11 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "read",
             message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
-            message("importer.stations_couple_them", "{statement}: stations couple them", statement=statement),
+            message(
+                "importer.stations_couple_them",
+                "{statement}: stations couple them",
+                statement=statement,
+            ),
         )
 
 
@@ -293,13 +319,21 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
         follower.remove(follows)
         _fix_at(follower, position)
         still_leader = message(
-            "importer.follows_still_joint", "follows '{leader}', which does not move", leader=name_of(leader)
+            "importer.follows_still_joint",
+            "follows '{leader}', which does not move",
+            leader=name_of(leader),
         )
-        why = still_leader if multiplier else message("importer.follows_by_zero", "follows with a multiplier of 0")
+        why = (
+            still_leader
+            if multiplier
+            else message("importer.follows_by_zero", "follows with a multiplier of 0")
+        )
         report.add(
             "repaired",
             message("robots.joint_called", "joint '{joint}'", joint=name_of(follower)),
-            message("importer.fixed_at", "{why}; fixed at {position:g}", why=why, position=position),
+            message(
+                "importer.fixed_at", "{why}; fixed at {position:g}", why=why, position=position
+            ),
         )
         follower = _find_still_follower(joints)
     for joint in joints.values():
@@ -328,7 +362,11 @@ def _leader_of(joints: Mapping[str, ET.Element], follower: ET.Element) -> ET.Ele
 
 def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
     """Widen the limits of every follower so that it can go wherever its leader takes it, in place."""
-    joints = {name_of(joint): joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
+    joints = {
+        name_of(joint): joint
+        for joint in robot.iterfind("joint")
+        if joint.get("type") in MOVABLE_JOINTS
+    }
     finished = set[str]()  # names of the followers that are done
 
     def widen_after_leader(name: str) -> None:
@@ -338,7 +376,9 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         if name in finished or follows is None:
             return
         finished.add(name)
-        leader = joints[follows.get("joint", "")]  # it moves: followers of other joints were made fixed before
+        leader = joints[
+            follows.get("joint", "")
+        ]  # it moves: followers of other joints were made fixed before
         widen_after_leader(name_of(leader))
         _widen_follower(joint, leader, report)
 
@@ -370,7 +410,9 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
         report.add(
             "repaired",
             where,
-            compound("{problem}; [{lower:.4g}, {upper:.4g}]", problem=problem, lower=lower, upper=upper),
+            compound(
+                "{problem}; [{lower:.4g}, {upper:.4g}]", problem=problem, lower=lower, upper=upper
+            ),
         )
     # Otherwise the leader has no limits. A prismatic follower keeps its own, since it must have some.
     elif joint.get("type") == "revolute":
@@ -379,7 +421,11 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
         report.add(
             "repaired",
             where,
-            message("importer.continuous_instead", "{problem}; continuous instead of revolute", problem=problem),
+            message(
+                "importer.continuous_instead",
+                "{problem}; continuous instead of revolute",
+                problem=problem,
+            ),
         )
 
 
@@ -395,7 +441,11 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
         report.add(
             "defaulted",
             where,
-            message("importer.has_no_axis", "has no axis; {axis}, as the format has it", axis=_DEFAULT_AXIS),
+            message(
+                "importer.has_no_axis",
+                "has no axis; {axis}, as the format has it",
+                axis=_DEFAULT_AXIS,
+            ),
         )
         return
     text = axis.attrib["xyz"]
@@ -405,7 +455,9 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
         raise report.refusal(
             compound("{where} <axis>", where=where),
             message(
-                "importer.no_direction", 'xyz="{text}" is no direction; write one, or make the joint fixed', text=text
+                "importer.no_direction",
+                'xyz="{text}" is no direction; write one, or make the joint fixed',
+                text=text,
             ),
         )
     # Drake normalizes the axis anyway. A length that differs by more than rounding may be a mistake of the file, which
@@ -425,7 +477,9 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
         )
 
 
-def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, report: ImportReport) -> None:
+def _repair_dynamics(
+    joint: ET.Element, where: str, options: ImportOptions, report: ImportReport
+) -> None:
     """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping if so chosen.
 
     Args:
@@ -445,7 +499,12 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
             report.add(
                 "repaired",
                 place_in_file,
-                message("importer.negative_value", "{key} {value:g} is negative; 0", key=key, value=value),
+                message(
+                    "importer.negative_value",
+                    "{key} {value:g} is negative; 0",
+                    key=key,
+                    value=value,
+                ),
             )
     friction = number(dynamics, "friction")
     if not friction:
@@ -583,7 +642,9 @@ def _repair_range(
     for key, value in (("lower", lower), ("upper", upper)):
         if value is None:
             report.add(
-                "defaulted", where, message("importer.has_no_key", "has no {key}; 0, as the format has it", key=key)
+                "defaulted",
+                where,
+                message("importer.has_no_key", "has no {key}; 0, as the format has it", key=key),
             )
     first = lower or 0.0
     second = upper or 0.0
@@ -639,7 +700,9 @@ def _fix_at(joint: ET.Element, position: float) -> None:
     if joint.get("type") == "prismatic":
         motion = RigidTransform([position * part for part in direction])
     else:
-        motion = RigidTransform(RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0])
+        motion = RigidTransform(
+            RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0]
+        )
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
     joint.set(_FIXED_AT, format_number(position))
@@ -664,4 +727,9 @@ def _range_text(lower: float | None, upper: float | None) -> str:
         return message("importer.no_limits", "no limits")
     lower_text = "missing" if lower is None else f"{lower:g}"
     upper_text = "missing" if upper is None else f"{upper:g}"
-    return message("importer.lower_and_upper", "lower {lower}, upper {upper}", lower=lower_text, upper=upper_text)
+    return message(
+        "importer.lower_and_upper",
+        "lower {lower}, upper {upper}",
+        lower=lower_text,
+        upper=upper_text,
+    )

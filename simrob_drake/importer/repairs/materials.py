@@ -22,13 +22,20 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
             for material in visual.findall("material"):
                 _settle(robot, visual, material, colours, report)
     # what one visual defines and others use is defined for the robot: that one may be dropped
-    used = {name_of(material) for material in robot.iterfind("link/visual/material") if _rgba(material) is None}
+    used = {
+        name_of(material)
+        for material in robot.iterfind("link/visual/material")
+        if _rgba(material) is None
+    }
     for name in sorted(used - {name_of(material) for material in robot.iterfind("material")}):
         robot.insert(0, add_colour(ET.Element("robot"), name, colours[name]))
         report.add(
             "read",
             message("robots.material_called", "material '{name}'", name=name),
-            message("importer.material_for_all", "defined in one visual and used in others; now for all of them"),
+            message(
+                "importer.material_for_all",
+                "defined in one visual and used in others; now for all of them",
+            ),
         )
 
 
@@ -52,7 +59,9 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     rgba = colour.get("rgba")
     if rgba is None:
         material.remove(colour)
-        report.add("dropped", where, message("importer.colour_without_rgba", "its colour has no rgba"))
+        report.add(
+            "dropped", where, message("importer.colour_without_rgba", "its colour has no rgba")
+        )
         return
     values = [float(word) for word in rgba.split()]
     rgb, alpha = values[:3], values[3] if len(values) > 3 else 1.0
@@ -80,7 +89,9 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
     for material in list(robot.iterfind("material")):
         name, rgba = name_of(material), _rgba(material)
         if not name:
-            problem = message("importer.material_without_name", "has no name, so nothing can use it")
+            problem = message(
+                "importer.material_without_name", "has no name, so nothing can use it"
+            )
         elif rgba is None:
             problem = message("importer.material_without_colour", "has no colour")
         elif name not in colours:
@@ -96,12 +107,18 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
                 first=format_numbers(colours[name]),
             )
         robot.remove(material)
-        report.add("dropped", message("robots.material_called", "material '{name}'", name=name), problem)
+        report.add(
+            "dropped", message("robots.material_called", "material '{name}'", name=name), problem
+        )
     return colours
 
 
 def _settle(
-    robot: ET.Element, visual: ET.Element, material: ET.Element, colours: dict[str, list[float]], report: ImportReport
+    robot: ET.Element,
+    visual: ET.Element,
+    material: ET.Element,
+    colours: dict[str, list[float]],
+    report: ImportReport,
 ) -> None:
     """Give the material of a visual a colour, and a name of its own where the colour is another one."""
     name, rgba = name_of(material), _rgba(material)
@@ -127,7 +144,11 @@ def _settle(
                 ),
             )
     elif colours.setdefault(name, rgba) != rgba:
-        same = (other for other, colour in colours.items() if colour == rgba and other.startswith(f"{name}_"))
+        same = (
+            other
+            for other, colour in colours.items()
+            if colour == rgba and other.startswith(f"{name}_")
+        )
         new = next(same, free_name(name, colours))
         colours[new] = rgba
         material.set("name", new)

@@ -33,7 +33,11 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "repaired",
             "<robot>",
-            message("importer.called_after_file", "has no name; called '{name}' after its file", name=name_of(robot)),
+            message(
+                "importer.called_after_file",
+                "has no name; called '{name}' after its file",
+                name=name_of(robot),
+            ),
         )
     _name_links(robot, report)
     free = FreeNames(names(robot, "joint"))
@@ -134,7 +138,11 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
             "repaired",
             message("robots.link_called", "link '{link}'", link=name),
             message("importer.had_no_name", "had no name")
-            + (message("importer.joint_asks_for_it", "; a joint asks for one of this name") if is_clear else ""),
+            + (
+                message("importer.joint_asks_for_it", "; a joint asks for one of this name")
+                if is_clear
+                else ""
+            ),
         )
 
 
@@ -150,7 +158,8 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
             raise report.refusal(
                 message("robots.link_called", "link '{link}'", link=name),
                 message(
-                    "importer.twice_rename_one", "stands twice with different contents; rename or remove one of them"
+                    "importer.twice_rename_one",
+                    "stands twice with different contents; rename or remove one of them",
                 ),
             )
         # One of the two may be empty: the one with more in it is kept.
@@ -162,7 +171,9 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "dropped",
             message("robots.link_called", "link '{link}'", link=name),
-            message("importer.twice_left_out", "stands twice; the one that says nothing new is left out"),
+            message(
+                "importer.twice_left_out", "stands twice; the one that says nothing new is left out"
+            ),
         )
 
 
@@ -189,7 +200,10 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
         elif link_of(joint, "child") == link_of(other, "child"):
             raise report.refusal(
                 message("robots.joint_called", "joint '{joint}'", joint=name),
-                message("importer.twice_remove_one", "stands twice with different contents; remove one of them"),
+                message(
+                    "importer.twice_remove_one",
+                    "stands twice with different contents; remove one of them",
+                ),
             )
         else:
             new = free.take(name)
@@ -231,7 +245,11 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "repaired",
             message("robots.link_called", "link '{link}'", link=new),
-            message("importer.called_as_world", "was called '{world}', as is Drake's own link", world=WORLD),
+            message(
+                "importer.called_as_world",
+                "was called '{world}', as is Drake's own link",
+                world=WORLD,
+            ),
         )
     for element in references:
         element.set("link", new)

@@ -22,7 +22,15 @@ from simrob_drake.importer.meshes.parts import MeshPart, Rgba, combine_without_l
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.robots.imports import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, format_numbers, name_of, place, pose_of
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    add_colour,
+    drop_collision,
+    format_numbers,
+    name_of,
+    place,
+    pose_of,
+)
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
 
 PLAIN = "simrob_plain"
@@ -33,7 +41,12 @@ _Drawn = tuple[str, Rgba | None, bool]
 
 
 def import_shapes(
-    robot: ET.Element, *, source: Path, folder: Path | None, options: ImportOptions, report: ImportReport
+    robot: ET.Element,
+    *,
+    source: Path,
+    folder: Path | None,
+    options: ImportOptions,
+    report: ImportReport,
 ) -> None:
     """Rewrite every ``<visual>`` and ``<collision>`` of a robot, in place, and write its meshes.
 
@@ -72,11 +85,20 @@ class _Shapes:
     """
 
     def __init__(
-        self, robot: ET.Element, library: MeshLibrary, writer: MeshWriter, options: ImportOptions, report: ImportReport
+        self,
+        robot: ET.Element,
+        library: MeshLibrary,
+        writer: MeshWriter,
+        options: ImportOptions,
+        report: ImportReport,
     ) -> None:
         self._robot, self._library, self._writer, self._report = robot, library, writer, report
         self._kind = options.collision
-        self._stems, self._free, self._counts = dict[str, str](), FreeNames(), Counter[tuple[str, str]]()
+        self._stems, self._free, self._counts = (
+            dict[str, str](),
+            FreeNames(),
+            Counter[tuple[str, str]](),
+        )
         self._materials = FreeNames(name_of(element) for element in robot.iter("material"))
         self._shown = dict[tuple[Path, Scale, bool], tuple[Mesh, list[_Drawn]]]()
         self._hulls = dict[tuple[Path, Scale], tuple[Mesh, str, str]]()
@@ -108,8 +130,14 @@ class _Shapes:
                         self._report,
                     )
 
-    def _rewrite_visual(self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str) -> None:
-        uri, scale, bare = mesh.get("filename", ""), _scale_of(mesh, where, self._report), PLAIN in mesh.attrib
+    def _rewrite_visual(
+        self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str
+    ) -> None:
+        uri, scale, bare = (
+            mesh.get("filename", ""),
+            _scale_of(mesh, where, self._report),
+            PLAIN in mesh.attrib,
+        )
         key = self._library.path_of(uri), scale, bare
         if key in self._shown:
             loaded, drawn = self._shown[key]
@@ -124,23 +152,42 @@ class _Shapes:
             self._shown[key] = loaded.without_content(), drawn
         note = self._library.places.find(uri).note
         notes = (
-            [message("importer.visual_for_each_colour", "{count} colours, a <visual> for each", count=len(drawn))]
+            [
+                message(
+                    "importer.visual_for_each_colour",
+                    "{count} colours, a <visual> for each",
+                    count=len(drawn),
+                )
+            ]
             if len(drawn) > 1
             else []
         )
         notes += (
-            [message("importer.own_colour_kept", "its own colour is kept")] if len(drawn) == 1 and drawn[0][1] else []
+            [message("importer.own_colour_kept", "its own colour is kept")]
+            if len(drawn) == 1 and drawn[0][1]
+            else []
         )
-        if any(rgba or textured for _, rgba, textured in drawn) and element.find("material") is not None:
-            notes.append(message("importer.own_look", "the URDF's material gives way to its own look, as in RViz"))
-        _report_mesh(self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *notes])
+        if (
+            any(rgba or textured for _, rgba, textured in drawn)
+            and element.find("material") is not None
+        ):
+            notes.append(
+                message(
+                    "importer.own_look", "the URDF's material gives way to its own look, as in RViz"
+                )
+            )
+        _report_mesh(
+            self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *notes]
+        )
         index = list(link).index(element)
         link.remove(element)
         for number, file in enumerate(drawn):
             link.insert(index + number, self._visual(link, element, file))
 
     def _file(self, link: ET.Element, loaded: Mesh, part: MeshPart) -> _Drawn:
-        name = self._writer.write(part, role="visual", stem=self._next(link, "visual"), original=loaded.original)
+        name = self._writer.write(
+            part, role="visual", stem=self._next(link, "visual"), original=loaded.original
+        )
         return name, part.rgba, part.image is not None
 
     def _visual(self, link: ET.Element, element: ET.Element, file: _Drawn) -> ET.Element:
@@ -170,7 +217,11 @@ class _Shapes:
                     (
                         where,
                         element,
-                        compound("{mesh} {problem}", mesh=_mesh_name(element.find("geometry/mesh")), problem=problem),
+                        compound(
+                            "{mesh} {problem}",
+                            mesh=_mesh_name(element.find("geometry/mesh")),
+                            problem=problem,
+                        ),
                     )
                 )
         for where, element, why in failed[1:]:
@@ -181,7 +232,11 @@ class _Shapes:
                 self._report.add(
                     "repaired",
                     where,
-                    message("importer.shape_of_visuals", "{why}; the shape of the link's visuals is taken", why=why),
+                    message(
+                        "importer.shape_of_visuals",
+                        "{why}; the shape of the link's visuals is taken",
+                        why=why,
+                    ),
                 )
             else:
                 _drop(link, element, where, why, self._report)
@@ -201,7 +256,9 @@ class _Shapes:
                         count=count,
                     ),
                 )
-        elif not count and (made := sum(self._touch_by_visuals(link, drawn) for link, drawn in self._drawn)):
+        elif not count and (
+            made := sum(self._touch_by_visuals(link, drawn) for link, drawn in self._drawn)
+        ):
             self._report.add(
                 "defaulted",
                 "",
@@ -217,7 +274,9 @@ class _Shapes:
         quiet, made = ImportReport(self._report.source), 0
         for visual in drawn:
             collision = ET.SubElement(link, "collision")
-            collision.extend(deepcopy(child) for child in visual if child.tag in ("origin", "geometry"))
+            collision.extend(
+                deepcopy(child) for child in visual if child.tag in ("origin", "geometry")
+            )
             try:
                 self._rewrite_collision(link, collision, "", quiet)
                 made += 1
@@ -225,7 +284,9 @@ class _Shapes:
                 link.remove(collision)
         return made
 
-    def _rewrite_collision(self, link: ET.Element, element: ET.Element, where: str, report: ImportReport) -> None:
+    def _rewrite_collision(
+        self, link: ET.Element, element: ET.Element, where: str, report: ImportReport
+    ) -> None:
         """Rewrite a collision shape if it is a mesh; raises UnreadableMesh: it can't be had."""
         mesh = element.find("geometry/mesh")
         if mesh is None:
@@ -237,9 +298,13 @@ class _Shapes:
         else:
             loaded, become, change = self._hull(link, uri, scale)
             shape = ET.Element("mesh", filename=become)
-            ET.SubElement(shape, f"{DRAKE}declare_convex")  # then Drake can press it into others, not just touch points
+            ET.SubElement(
+                shape, f"{DRAKE}declare_convex"
+            )  # then Drake can press it into others, not just touch points
             _set_shape(element, shape)
-        _report_mesh(report, where, mesh, loaded, [become], [self._library.places.find(uri).note, change])
+        _report_mesh(
+            report, where, mesh, loaded, [become], [self._library.places.find(uri).note, change]
+        )
 
     def _hull(self, link: ET.Element, uri: str, scale: Scale) -> tuple[Mesh, str, str]:
         """Return a mesh, the file of its hull, and what was done, in words."""
@@ -260,11 +325,17 @@ class _Shapes:
                 gap=hull.gap * 1e3,
             )
             change += (
-                message("importer.made_thick", ", made {thickness:.2g} mm thick", thickness=hull.thickened * 1e3)
+                message(
+                    "importer.made_thick",
+                    ", made {thickness:.2g} mm thick",
+                    thickness=hull.thickened * 1e3,
+                )
                 if hull.thickened
                 else ""
             )
-        stem = self._next(link, "collision")  # only now that nothing can fail: the next import counts the same
+        stem = self._next(
+            link, "collision"
+        )  # only now that nothing can fail: the next import counts the same
         name = self._writer.write(part, role="collision", stem=stem, original=original)
         self._hulls[key] = loaded.without_content(), name, change
         return loaded, name, change
@@ -296,7 +367,11 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
             ),
         )
     defect = "" if shapes[0].tag == "mesh" else shape_defect(shapes[0])
-    return compound("<{shape}> {defect}", shape=shapes[0].tag.rpartition("}")[2], defect=defect) if defect else ""
+    return (
+        compound("<{shape}> {defect}", shape=shapes[0].tag.rpartition("}")[2], defect=defect)
+        if defect
+        else ""
+    )
 
 
 def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
@@ -313,7 +388,9 @@ def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
     )
 
 
-def _drop(link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport) -> None:
+def _drop(
+    link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport
+) -> None:
     link.remove(element)
     if element.tag == "visual":
         effect = message("importer.not_shown", "it is not shown")
@@ -345,19 +422,30 @@ def _set_shape(element: ET.Element, shape: ET.Element) -> None:
 
 def _mesh_name(mesh: ET.Element | None) -> str:
     return message(
-        "robots.mesh_called", "mesh '{uri}'", uri=shortened("" if mesh is None else mesh.get("filename", ""))
+        "robots.mesh_called",
+        "mesh '{uri}'",
+        uri=shortened("" if mesh is None else mesh.get("filename", "")),
     )
 
 
 def _report_mesh(
-    report: ImportReport, where: str, mesh: ET.Element, loaded: Mesh, become: list[str], changes: list[str]
+    report: ImportReport,
+    where: str,
+    mesh: ET.Element,
+    loaded: Mesh,
+    become: list[str],
+    changes: list[str],
 ) -> None:
     """Note what a mesh has become: ``read`` if nothing but its name is new."""
     scale = mesh.get("scale")
     notes = [
         *loaded.changes,
         *filter(None, changes),
-        *([message("importer.scaled_by", "scaled by {scale}", scale=scale)] if scale is not None else []),
+        *(
+            [message("importer.scaled_by", "scaled by {scale}", scale=scale)]
+            if scale is not None
+            else []
+        ),
     ]
     faces = message(
         "importer.mesh_with_faces",
@@ -368,17 +456,32 @@ def _report_mesh(
     files = (
         become[0]
         if len(become) == 1
-        else message("importer.first_to_last", "{first} to {last}", first=become[0], last=Path(become[-1]).name)
+        else message(
+            "importer.first_to_last",
+            "{first} to {last}",
+            first=become[0],
+            last=Path(become[-1]).name,
+        )
     )
     if loaded.original is not None and not notes:
         report.add(
-            "read", where, message("importer.is_as_it_was", "{mesh} is {files} as it was", mesh=faces, files=files)
+            "read",
+            where,
+            message(
+                "importer.is_as_it_was", "{mesh} is {files} as it was", mesh=faces, files=files
+            ),
         )
     else:
         report.add(
             "repaired",
             where,
-            join_texts([message("importer.is_now", "{mesh} is now {files}", mesh=faces, files=files), *notes], "; "),
+            join_texts(
+                [
+                    message("importer.is_now", "{mesh} is now {files}", mesh=faces, files=files),
+                    *notes,
+                ],
+                "; ",
+            ),
         )
     for remark in loaded.remarks:
         report.add("read", where, compound("{mesh} {remark}", mesh=_mesh_name(mesh), remark=remark))
@@ -395,7 +498,9 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
         report.add(
             "repaired",
             where,
-            message("importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shortened(text)),
+            message(
+                "importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shortened(text)
+            ),
         )
         return _UNSCALED
     return numbers[0], numbers[1], numbers[2]

@@ -18,8 +18,22 @@ from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_p
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.robots.fingers import FOLLOWS
 from simrob_drake.robots.imports import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import DRAKE, MOMENTS, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
-from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS, SHAPE_SIZES, check_parents, check_size
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOMENTS,
+    MOVABLE_JOINTS,
+    joints_at,
+    link_of,
+    name_of,
+    outward,
+)
+from simrob_drake.robots.urdf_check import (
+    NUMBER,
+    NUMBER_COUNTS,
+    SHAPE_SIZES,
+    check_parents,
+    check_size,
+)
 
 LARGEST = 1e30
 """Larger numbers count as infinite: no length, mass or torque is near it, and their squares would overflow."""
@@ -27,7 +41,15 @@ LARGEST = 1e30
 SMALLEST = 1e-30
 """Smaller absolute values count as zero."""
 
-_UNITS = {"xyz": "m", "size": "m", "radius": "m", "length": "m", "rpy": "rad", "lower": "rad", "upper": "rad"}
+_UNITS = {
+    "xyz": "m",
+    "size": "m",
+    "radius": "m",
+    "length": "m",
+    "rpy": "rad",
+    "lower": "rad",
+    "upper": "rad",
+}
 """Unit that a number of an attribute may be written with, by the attribute's name."""
 _DEFAULT_UNIT = "kg"  # the unit of the other attributes
 _CHECKED = ("link", "joint", "material")  # tags of the elements in which all numbers are checked
@@ -53,11 +75,17 @@ _ZERO = _NumberRule((3,), "0 0 0")
 _RULES: dict[tuple[str, str], _NumberRule] = {
     **{(tag, key): _ZERO for tag in ("origin", "frame") for key in ("xyz", "rpy")},
     ("axis", "xyz"): _NumberRule((3,), is_required=True),
-    **{("limit", key): _NumberRule() for key in ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")},
+    **{
+        ("limit", key): _NumberRule()
+        for key in ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")
+    },
     **{("dynamics", key): _NumberRule(default="0") for key in ("damping", "friction")},
     ("mass", "value"): _NumberRule(),
     **{("inertia", key): _NumberRule() for key in MOMENTS},
-    **{(tag, "radius"): _NumberRule() for tag in ("cylinder", "sphere", "capsule", f"{DRAKE}capsule")},
+    **{
+        (tag, "radius"): _NumberRule()
+        for tag in ("cylinder", "sphere", "capsule", f"{DRAKE}capsule")
+    },
     **{(tag, "length"): _NumberRule() for tag in ("cylinder", "capsule", f"{DRAKE}capsule")},
     **{(f"{DRAKE}ellipsoid", key): _NumberRule() for key in "abc"},
     ("box", "size"): _NumberRule((3,)),
@@ -93,7 +121,9 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
                     value=shortened(value),
                 )
                 raise report.refusal(place.words, problem)
-        is_checked = place.words.startswith(_CHECKED)  # the words begin with the tag of the link, joint or material
+        is_checked = place.words.startswith(
+            _CHECKED
+        )  # the words begin with the tag of the link, joint or material
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key))
             if rule is None and is_checked:
@@ -128,10 +158,15 @@ def _elements_with_places(robot: ET.Element) -> Iterator[_Place]:
         owner = compound("{tag} '{name_of}'", tag=top.tag, name_of=name_of(top))
         for element in top.iter():
             tag = element.tag.removeprefix(DRAKE)
-            yield _Place(owner if element is top else compound("{owner} <{tag}>", owner=owner, tag=tag), element)
+            yield _Place(
+                owner if element is top else compound("{owner} <{tag}>", owner=owner, tag=tag),
+                element,
+            )
 
 
-def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str, report: ImportReport) -> None:
+def _repair_numbers(
+    element: ET.Element, key: str, rule: _NumberRule, where: str, report: ImportReport
+) -> None:
     """Repair the numbers of one attribute, in place.
 
     Args:
@@ -149,16 +184,28 @@ def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str
     if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
         return
     value = f'{key}="{shortened(text)}"'
-    problem = message("importer.is_not_count", "{value} is not {count}", value=value, count=_count_text(rule.counts))
+    problem = message(
+        "importer.is_not_count",
+        "{value} is not {count}",
+        value=value,
+        count=_count_text(rule.counts),
+    )
     numbers = _understand_numbers(text, rule.counts, _UNITS.get(key, _DEFAULT_UNIT))
     if numbers is not None:
         element.set(key, " ".join(numbers))
         report.add(
             "repaired",
             where,
-            message("importer.written_as", '{value} written as "{written}"', value=value, written=element.get(key)),
+            message(
+                "importer.written_as",
+                '{value} written as "{written}"',
+                value=value,
+                written=element.get(key),
+            ),
         )
-    elif rule.is_required and text.strip():  # an empty text counts as missing, and a later stage gives the default
+    elif (
+        rule.is_required and text.strip()
+    ):  # an empty text counts as missing, and a later stage gives the default
         raise report.refusal(where, problem)
     elif rule.default is not None:
         element.set(key, rule.default)
@@ -166,7 +213,10 @@ def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str
             "defaulted",
             where,
             message(
-                "importer.default_instead", '{problem}; "{default}" instead', problem=problem, default=rule.default
+                "importer.default_instead",
+                '{problem}; "{default}" instead',
+                problem=problem,
+                default=rule.default,
             ),
         )
     elif element.tag == "inertia":
@@ -176,12 +226,20 @@ def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str
         report.add(
             "dropped",
             where,
-            message("importer.moments_count_as_missing", "{problem}; the moments count as missing", problem=problem),
+            message(
+                "importer.moments_count_as_missing",
+                "{problem}; the moments count as missing",
+                problem=problem,
+            ),
         )
     else:
         del element.attrib[key]
         report.add(
-            "dropped", where, message("importer.counts_as_missing", "{problem}; it counts as missing", problem=problem)
+            "dropped",
+            where,
+            message(
+                "importer.counts_as_missing", "{problem}; it counts as missing", problem=problem
+            ),
         )
 
 
@@ -230,11 +288,19 @@ def _count_text(counts: tuple[int, ...]) -> str:
     if counts == (1,):
         return message("importer.finite_number", "a finite number")
     alternatives = " or ".join(str(count) for count in counts)
-    return message("importer.finite_numbers", "{alternatives} finite numbers", alternatives=alternatives)
+    return message(
+        "importer.finite_numbers", "{alternatives} finite numbers", alternatives=alternatives
+    )
 
 
-_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")  # elements that name another group
-_VISUAL = {f"{DRAKE}{name}" for name in ("illustration_properties", "perception_properties", "accepting_renderer")}
+_GROUPS = (
+    f"{DRAKE}ignored_collision_filter_group",
+    f"{DRAKE}member_group",
+)  # elements that name another group
+_VISUAL = {
+    f"{DRAKE}{name}"
+    for name in ("illustration_properties", "perception_properties", "accepting_renderer")
+}
 _KNOWN: dict[str, set[str]] = {
     "robot": {"link", "joint", "material", "transmission", "frame"},
     "link": {"inertial", "visual", "collision"},
@@ -251,7 +317,10 @@ _OPAQUE = ("transmission", "collision_filter_group", "linear_bushing_rpy", "prox
 """Elements whose content is not checked here: another stage of the import, or Drake alone, reads it."""
 _REPEATED = {"link", "joint", "material", "transmission", "frame", "visual", "collision", *_VISUAL}
 """Elements of which an element may contain several."""
-_KEPT_OF_DRAKE = {f"{DRAKE}collision_filter_group", f"{DRAKE}linear_bushing_rpy"}  # additional elements in a robot
+_KEPT_OF_DRAKE = {
+    f"{DRAKE}collision_filter_group",
+    f"{DRAKE}linear_bushing_rpy",
+}  # additional elements in a robot
 _LOOP_TAGS = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}tendon_constraint")
 """Elements that close a loop, or move in a way that no motor drives."""
 
@@ -269,7 +338,9 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     # Loops come first: the next step would remove their elements as unknown ones.
     closings = _take_out_loops(robot, options, report)
     _keep_known_elements(robot, report)
-    repair_names(robot, report)  # before the next step: of two joints that are equal, one is removed here
+    repair_names(
+        robot, report
+    )  # before the next step: of two joints that are equal, one is removed here
     closings += _closings_of_second_parents(robot, options, report)
     mend_numbers(robot, report)  # only of elements that are left
     if not names(robot, "link"):
@@ -312,7 +383,9 @@ def _closings_of_second_parents(
                 "read",
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
                 message(
-                    "importer.coupling_of_first_station", "a coupling of the first station: {line}", line=closing.line
+                    "importer.coupling_of_first_station",
+                    "a coupling of the first station: {line}",
+                    line=closing.line,
                 ),
             )
         elif options.drop_loops:
@@ -320,7 +393,12 @@ def _closings_of_second_parents(
             report.add(
                 "lost",
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
-                message("importer.place_left_out", "{where} {problem}; left out", where=where, problem=problem),
+                message(
+                    "importer.place_left_out",
+                    "{where} {problem}; left out",
+                    where=where,
+                    problem=problem,
+                ),
             )
         elif closing is not None:
             advice = message(
@@ -340,7 +418,9 @@ def _closings_of_second_parents(
             )
 
 
-def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportReport) -> list[ET.Element]:
+def _take_out_loops(
+    robot: ET.Element, options: ImportOptions, report: ImportReport
+) -> list[ET.Element]:
     """Take the elements that close loops, or move in a way that no motor drives, out of a robot, in place.
 
     Returns:
@@ -351,11 +431,16 @@ def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportRep
     """
     closings = []
     for element in [element for element in robot if element.tag in _LOOP_TAGS]:
-        where = compound("<{tag}> '{name_of}'", tag=element.tag.removeprefix(DRAKE), name_of=name_of(element))
-        problem = message(
-            "importer.no_part_of_tree", "is no part of a tree of motored joints, which a station's robot is"
+        where = compound(
+            "<{tag}> '{name_of}'", tag=element.tag.removeprefix(DRAKE), name_of=name_of(element)
         )
-        coupling = element.find(CLOSING)  # added by the reader of the file, if a coupling can replace the element
+        problem = message(
+            "importer.no_part_of_tree",
+            "is no part of a tree of motored joints, which a station's robot is",
+        )
+        coupling = element.find(
+            CLOSING
+        )  # added by the reader of the file, if a coupling can replace the element
         line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
             robot.remove(element)
@@ -363,11 +448,19 @@ def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportRep
             report.add(
                 "read",
                 where,
-                message("importer.coupling_of_first_station", "a coupling of the first station: {line}", line=line),
+                message(
+                    "importer.coupling_of_first_station",
+                    "a coupling of the first station: {line}",
+                    line=line,
+                ),
             )
         elif options.drop_loops:
             robot.remove(element)
-            report.add("lost", where, message("importer.problem_left_out", "{problem}; left out", problem=problem))
+            report.add(
+                "lost",
+                where,
+                message("importer.problem_left_out", "{problem}; left out", problem=problem),
+            )
         elif coupling is not None:
             advice = message(
                 "importer.drop_loop_and_couple",
@@ -377,7 +470,10 @@ def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportRep
             raise report.refusal(
                 where,
                 message(
-                    "importer.or_couple", "{problem}; {advice}, or let --couple do both", problem=problem, advice=advice
+                    "importer.or_couple",
+                    "{problem}; {advice}, or let --couple do both",
+                    problem=problem,
+                    advice=advice,
                 ),
             )
         else:
@@ -400,8 +496,17 @@ def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
     for nesting, count in removed_counts.items():
         report.add(
             "dropped",
-            message("importer.tag_in_parent", "<{tag}> in <{parent}>", tag=nesting.tag, parent=nesting.parent),
-            message("importer.no_simulation_uses_it", "{count} ×: no simulation here uses it", count=count),
+            message(
+                "importer.tag_in_parent",
+                "<{tag}> in <{parent}>",
+                tag=nesting.tag,
+                parent=nesting.parent,
+            ),
+            message(
+                "importer.no_simulation_uses_it",
+                "{count} ×: no simulation here uses it",
+                count=count,
+            ),
         )
     _remove_repeated(robot, report)
 
@@ -417,7 +522,11 @@ def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -
                 report.add(
                     "repaired",
                     compound("{tag} '{name_of}'", tag=child.tag, name_of=name_of(child)),
-                    message("importer.moved_into_robot", "stood in a <{tag}>; moved into <robot>", tag=element.tag),
+                    message(
+                        "importer.moved_into_robot",
+                        "stood in a <{tag}>; moved into <robot>",
+                        tag=element.tag,
+                    ),
                 )
 
 
@@ -460,7 +569,10 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
                         "dropped",
                         compound("{tag} '{name_of}'", tag=top.tag, name_of=name_of(top)),
                         message(
-                            "importer.second_tag", "a second <{tag}> in its <{parent}>", tag=tag, parent=element.tag
+                            "importer.second_tag",
+                            "a second <{tag}> in its <{parent}>",
+                            tag=tag,
+                            parent=element.tag,
                         ),
                     )
 
@@ -479,22 +591,33 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "dropped",
                 message("importer.frame_called", "frame '{name}'", name=name),
-                message("importer.frame_without_link", "its link is not there, or its name is missing or taken"),
+                message(
+                    "importer.frame_without_link",
+                    "its link is not there, or its name is missing or taken",
+                ),
             )
         else:
             taken_names.add(name)
     _drop_lost_groups(robot, links, taken_names, report)
     for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
         # A bushing names its two frames in <bushing_frameA> and <bushing_frameC>.
-        ends = {frame.get("name", "") for tag in "AC" for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")}
+        ends = {
+            frame.get("name", "")
+            for tag in "AC"
+            for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")
+        }
         if len(ends) != 2 or not ends <= taken_names:
             robot.remove(bushing)
             report.add(
-                "dropped", "drake:linear_bushing_rpy", message("importer.frame_missing", "a frame of it is not there")
+                "dropped",
+                "drake:linear_bushing_rpy",
+                message("importer.frame_missing", "a frame of it is not there"),
             )
 
 
-def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str], report: ImportReport) -> None:
+def _drop_lost_groups(
+    robot: ET.Element, links: set[str], taken_names: set[str], report: ImportReport
+) -> None:
     """Remove collision filter groups that name missing or welded links, and names of missing groups, in place.
 
     Args:
@@ -503,11 +626,17 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
         taken_names: names of links and frames, to which those of the groups are added.
         report: report of the import.
     """
-    welded_links = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
+    welded_links = {
+        link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"
+    }
     for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
         members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
         # The words before the name let a group have the name of a link or frame.
-        name = message("importer.collision_filter_group", "collision filter group '{name}'", name=name_of(group))
+        name = message(
+            "importer.collision_filter_group",
+            "collision filter group '{name}'",
+            name=name_of(group),
+        )
         has_free_name = bool(name_of(group)) and name not in taken_names
         # A link that is welded to another one may be merged with it later in the import.
         has_known_members = bool(members) and members <= links - welded_links
@@ -529,10 +658,14 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
                 if name_of(other) not in group_names:
                     group.remove(other)
                     where = message(
-                        "importer.collision_filter_group", "collision filter group '{name}'", name=name_of(group)
+                        "importer.collision_filter_group",
+                        "collision filter group '{name}'",
+                        name=name_of(group),
                     )
                     report.add(
-                        "dropped", where, message("importer.no_group", "'{name}' is no group", name=name_of(other))
+                        "dropped",
+                        where,
+                        message("importer.no_group", "'{name}' is no group", name=name_of(other)),
                     )
 
 
@@ -593,15 +726,25 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
                 if link
                 else message("importer.has_no_end", "it has no {end}", end=end)
             )
-            if end == "parent" and joint.get("type") in MOVABLE_JOINTS and link_of(joint, "child") in links:
+            if (
+                end == "parent"
+                and joint.get("type") in MOVABLE_JOINTS
+                and link_of(joint, "child") in links
+            ):
                 raise report.refusal(
                     where,
-                    message("importer.falls_apart", "{problem}; without it the robot falls apart", problem=problem),
+                    message(
+                        "importer.falls_apart",
+                        "{problem}; without it the robot falls apart",
+                        problem=problem,
+                    ),
                 )
             report.add(
                 "dropped",
                 where,
-                message("importer.joint_left_out", "{problem}; the joint is left out", problem=problem),
+                message(
+                    "importer.joint_left_out", "{problem}; the joint is left out", problem=problem
+                ),
             )
             dropped.append(_DroppedJoint(where, problem))
             break
@@ -609,7 +752,10 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
 
 
 def _keep_one_tree(
-    robot: ET.Element, dropped_joints: list[_DroppedJoint], child_links: Collection[str], report: ImportReport
+    robot: ET.Element,
+    dropped_joints: list[_DroppedJoint],
+    child_links: Collection[str],
+    report: ImportReport,
 ) -> None:
     """Keep one tree of links, in place: the only one that moves, or if none does, the largest.
 
@@ -626,8 +772,14 @@ def _keep_one_tree(
     if len(roots) == 1:
         return
     joints_of_link = joints_at(robot)
-    trees = {root: outward(joints_of_link, root) for root in roots}  # joints of each tree, by the name of its root
-    moving = [root for root, joints in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
+    trees = {
+        root: outward(joints_of_link, root) for root in roots
+    }  # joints of each tree, by the name of its root
+    moving = [
+        root
+        for root, joints in trees.items()
+        if any(joint.get("type") != "fixed" for joint in joints)
+    ]
     largest = max(roots, key=lambda root: len(trees[root]))
     as_large = [root for root in roots if len(trees[root]) == len(trees[largest])]
     if len(moving) > 1 or (not moving and len(as_large) > 1):
@@ -635,7 +787,11 @@ def _keep_one_tree(
             joint = dropped_joints[0]
             raise report.refusal(
                 joint.where,
-                message("importer.falls_apart", "{problem}; without it the robot falls apart", problem=joint.problem),
+                message(
+                    "importer.falls_apart",
+                    "{problem}; without it the robot falls apart",
+                    problem=joint.problem,
+                ),
             )
         ends = moving or roots
         raise report.refusal(
@@ -654,7 +810,9 @@ def _keep_one_tree(
             _remove_tree(robot, root, trees[root], report)
 
 
-def _remove_tree(robot: ET.Element, root: str, joints: list[ET.Element], report: ImportReport) -> None:
+def _remove_tree(
+    robot: ET.Element, root: str, joints: list[ET.Element], report: ImportReport
+) -> None:
     """Remove a tree of links from a robot, in place.
 
     Args:
@@ -665,13 +823,22 @@ def _remove_tree(robot: ET.Element, root: str, joints: list[ET.Element], report:
     """
     other_links = [link_of(joint, "child") for joint in joints]
     lost_links = {root, *other_links}
-    for element in [*joints, *(link for link in robot.iterfind("link") if name_of(link) in lost_links)]:
+    for element in [
+        *joints,
+        *(link for link in robot.iterfind("link") if name_of(link) in lost_links),
+    ]:
         robot.remove(element)
     addition = (
-        message("importer.with_other_links", " with {links}", links=listed(other_links, 6)) if other_links else ""
+        message("importer.with_other_links", " with {links}", links=listed(other_links, 6))
+        if other_links
+        else ""
     )
     report.add(
         "dropped",
         message("robots.link_called", "link '{link}'", link=root),
-        message("importer.no_joint_leads_to_it", "no joint leads to it; left out{addition}", addition=addition),
+        message(
+            "importer.no_joint_leads_to_it",
+            "no joint leads to it; left out{addition}",
+            addition=addition,
+        ),
     )

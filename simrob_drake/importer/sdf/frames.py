@@ -59,7 +59,9 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
                 text=shortened(" ".join((pose.text or "").split())),
             ),
         )
-    return RigidTransform(RollPitchYaw(np.deg2rad(rest) if pose.get("degrees") == "true" else rest), position)
+    return RigidTransform(
+        RollPitchYaw(np.deg2rad(rest) if pose.get("degrees") == "true" else rest), position
+    )
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,10 @@ class Frames:
             self._add(full, link, self._within(link, prefix, base), full)
             self.links[full] = link
         for joint in model.iterfind("joint"):
-            full, child = prefix + name_of(joint), named(prefix, (joint.findtext("child") or "").strip())
+            full, child = (
+                prefix + name_of(joint),
+                named(prefix, (joint.findtext("child") or "").strip()),
+            )
             full += _OF_JOINT * (full in self.links)  # which old versions allow
             self._add(full, joint, self._within(joint, prefix, child), child)
             self.joints[full] = prefix, joint
@@ -120,7 +125,10 @@ class Frames:
         if name in self._frames:
             raise self.report.refusal(
                 where,
-                message("importer.names_differ", "stands twice; the names of links, joints, frames and models differ"),
+                message(
+                    "importer.names_differ",
+                    "stands twice; the names of links, joints, frames and models differ",
+                ),
             )
         pose = RigidTransform() if within == name else own_pose(element, self.report, where)
         self._frames[name] = _Frame(element, pose, within, carrier)
@@ -137,11 +145,15 @@ class Frames:
             if depth > _DEEPEST:
                 raise self.report.refusal(
                     message("importer.frame_called", "frame '{name}'", name=name),
-                    message("importer.given_in_each_other", "is given in frames that are given in it"),
+                    message(
+                        "importer.given_in_each_other", "is given in frames that are given in it"
+                    ),
                 )
             top = frame.within == name
             base = RigidTransform() if top else self.pose(self._full(frame.within), depth + 1)
-            self._poses[name] = base if top else base @ frame.pose @ self._from_placement(name, frame)
+            self._poses[name] = (
+                base if top else base @ frame.pose @ self._from_placement(name, frame)
+            )
         return self._poses[name]
 
     def link_of(self, name: str) -> str:
@@ -153,7 +165,9 @@ class Frames:
             name = self._known(name).carrier
         raise self.report.refusal(
             message("importer.frame_called", "frame '{name}'", name=name),
-            message("importer.attached_to_each_other", "is attached to frames that are attached to it"),
+            message(
+                "importer.attached_to_each_other", "is attached to frames that are attached to it"
+            ),
         )
 
     def _known(self, name: str) -> _Frame:
@@ -162,7 +176,9 @@ class Frames:
             raise self.report.refusal(
                 "",
                 message(
-                    "importer.no_such_frame", "there is no link, joint or frame '{name}', which others name", name=name
+                    "importer.no_such_frame",
+                    "there is no link, joint or frame '{name}', which others name",
+                    name=name,
                 ),
             )
         return self._frames[name]

@@ -26,11 +26,15 @@ _LOST = {
     "plugin": message("importer.plugins_not_loaded", "plugins are never loaded"),
     "actor": message("importer.people_not_simulated", "people are not simulated"),
     "light": message("importer.own_light", "a station has light of its own"),
-    "surface": message("importer.own_contact", "a station has contact figures of its own (contact:)"),
+    "surface": message(
+        "importer.own_contact", "a station has contact figures of its own (contact:)"
+    ),
 }
 
 
-def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+def read_sdf(
+    root: ET.Element, path: Path, options: ImportOptions, report: ImportReport
+) -> ET.Element:
     """Return the ``robot`` element of a model in an ``sdf`` element.
 
     Parameters are those of :meth:`simrob_drake.importer.importer.RobotImporter.robot_element`.
@@ -42,7 +46,9 @@ def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: Impor
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:
         includes.put_in(owner)
     model = _chosen(root, options.model, report)
-    for tag, count in Counter(element.tag for element in model.iter() if element.tag in _LOST).items():
+    for tag, count in Counter(
+        element.tag for element in model.iter() if element.tag in _LOST
+    ).items():
         report.add(
             "lost" if tag == "surface" else "dropped",
             f"<{tag}>",
@@ -60,10 +66,16 @@ def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: Impor
 
 def _chosen(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
     """Return the model that is the robot; the others are told of."""
-    models = [model for owner in (root, *root.iterfind("world")) for model in owner.iterfind("model")]
+    models = [
+        model for owner in (root, *root.iterfind("world")) for model in owner.iterfind("model")
+    ]
     names = [name_of(model) for model in models]
     if name:
-        return models[names.index(one_of(message("importer.model_option", "model (for --model)"), name, names))]
+        return models[
+            names.index(
+                one_of(message("importer.model_option", "model (for --model)"), name, names)
+            )
+        ]
     robots = [model for model in models if moves(model)] or models
     if len(robots) != 1:
         listed = ", ".join(name_of(model) for model in robots)
@@ -90,7 +102,11 @@ def _chosen(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
                 "{kind} in the world beside the robot; a piece of a station can take its place (pieces:)",
                 kind=kind,
             )
-            report.add("dropped", message("importer.model_called", "model '{name}'", name=name_of(model)), text)
+            report.add(
+                "dropped",
+                message("importer.model_called", "model '{name}'", name=name_of(model)),
+                text,
+            )
     return robots[0]
 
 
@@ -111,7 +127,10 @@ class _Includes:
             where = compound("<include> '{uri}'", uri=shortened(uri))
             if depth > _DEEPEST:
                 raise self.report.refusal(
-                    where, message("importer.endless_includes", "models include each other without an end")
+                    where,
+                    message(
+                        "importer.endless_includes", "models include each other without an end"
+                    ),
                 )
             try:
                 model = self._model(uri)
@@ -129,7 +148,9 @@ class _Includes:
                 raise self.report.refusal(
                     where,
                     message(
-                        "importer.too_many_included", "more than {most} tags with all that is included", most=MOST_TAGS
+                        "importer.too_many_included",
+                        "more than {most} tags with all that is included",
+                        most=MOST_TAGS,
                     ),
                 )
             for new in reversed(_placed(model, include)):
@@ -140,7 +161,9 @@ class _Includes:
         path, base = self._file(uri)
         model = read_included(xml_element, path, self.report).find("model")
         if model is None:
-            raise MeshMissing(message("importer.file_without_model", "{path} holds no model", path=path.name))
+            raise MeshMissing(
+                message("importer.file_without_model", "{path} holds no model", path=path.name)
+            )
         for name in model.iter("uri"):
             text = (name.text or "").strip()
             if text and "://" not in text and not text.startswith("/"):
@@ -168,7 +191,9 @@ class _Includes:
                 found = self.places.source.parent / (rest if scheme == "file" else uri)
                 folder = border.readable(found) if isdir(found) else self.places.find(uri).path
             except ValueError as problem:
-                raise MeshMissing(message("importer.no_name_of_file", "is no name that a file can have")) from problem
+                raise MeshMissing(
+                    message("importer.no_name_of_file", "is no name that a file can have")
+                ) from problem
             base = os.path.relpath(folder, self.places.source.parent)
         if isdir(folder):
             return self._main(folder), base
@@ -179,11 +204,18 @@ class _Includes:
         manifest = folder / MODEL_MANIFEST
         names = [_MAIN]
         if manifest.is_file():
-            names += [(sdf.text or "").strip() for sdf in xml_element(manifest, ImportReport(manifest)).iter("sdf")]
+            names += [
+                (sdf.text or "").strip()
+                for sdf in xml_element(manifest, ImportReport(manifest)).iter("sdf")
+            ]
         for name in reversed(names):
             if name and (folder / name).is_file():
                 return self.places.border.readable(folder / name)
-        raise MeshMissing(message("importer.no_main_file", "there is no {main} in {folder}", main=_MAIN, folder=folder))
+        raise MeshMissing(
+            message(
+                "importer.no_main_file", "there is no {main} in {folder}", main=_MAIN, folder=folder
+            )
+        )
 
 
 def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
@@ -205,7 +237,11 @@ def _merged(model: ET.Element) -> list[ET.Element]:
     own = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=own)
     frame.extend(model.findall("pose"))
-    parts = [part for part in model if part.tag in ("link", "joint", "frame", "model", "sensor", "plugin")]
+    parts = [
+        part
+        for part in model
+        if part.tag in ("link", "joint", "frame", "model", "sensor", "plugin")
+    ]
     for part in parts:
         if part.tag == "frame" and not part.get("attached_to"):
             part.set("attached_to", MODEL)

@@ -92,7 +92,9 @@ class RobotWriter:
 
     def __post_init__(self) -> None:
         place = own_pose(
-            self.model, self.report, message("importer.model_called", "model '{name}'", name=name_of(self.model))
+            self.model,
+            self.report,
+            message("importer.model_called", "model '{name}'", name=name_of(self.model)),
         )
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place)
@@ -142,8 +144,13 @@ class RobotWriter:
         prefix, joint = self._frames.joints[full]
         ends = [named(prefix, text_at(joint, end)) for end in ("parent", "child")]
         if joint.get("type") == "gearbox":
-            text = message("importer.couples_nothing", "couples two joints, each of which moves on its own here")
-            self.report.add("lost", message("robots.joint_called", "joint '{joint}'", joint=full), text)
+            text = message(
+                "importer.couples_nothing",
+                "couples two joints, each of which moves on its own here",
+            )
+            self.report.add(
+                "lost", message("robots.joint_called", "joint '{joint}'", joint=full), text
+            )
             return None
         parent, child = (self._frames.link_of(end) for end in ends)
         return _Edge(full, prefix, joint, parent, child)
@@ -151,8 +158,16 @@ class RobotWriter:
     def _grow(self) -> None:
         """Add all links that joints lead to from those that are there; joints that lead back are turned round."""
         while True:
-            forward = (edge for edge in self._edges if edge.parent in self._origins and edge.child not in self._origins)
-            back = (edge for edge in self._edges if edge.child in self._origins and edge.parent not in self._origins)
+            forward = (
+                edge
+                for edge in self._edges
+                if edge.parent in self._origins and edge.child not in self._origins
+            )
+            back = (
+                edge
+                for edge in self._edges
+                if edge.child in self._origins and edge.parent not in self._origins
+            )
             if (edge := next(forward, None)) is not None:
                 self._join(edge, edge.parent, edge.child, 1.0)
             elif (edge := next(back, None)) is not None:
@@ -161,7 +176,11 @@ class RobotWriter:
                     "importer.turned_round",
                     "leads towards the root; turned round, its axis too, so that its position means the same",
                 )
-                self.report.add("repaired", message("robots.joint_called", "joint '{joint}'", joint=edge.name), text)
+                self.report.add(
+                    "repaired",
+                    message("robots.joint_called", "joint '{joint}'", joint=edge.name),
+                    text,
+                )
             else:
                 return
             self._edges.remove(edge)
@@ -174,18 +193,34 @@ class RobotWriter:
         self._add_link(child, place)
         for index, part in enumerate(parts):
             last = index == len(parts) - 1
-            name = self._names[edge.name] if len(parts) == 1 else self._free.take(f"{self._names[edge.name]}_{part}")
-            to = self._names[child] if last else add_between(self.robot, self._free, self._names[child])
+            name = (
+                self._names[edge.name]
+                if len(parts) == 1
+                else self._free.take(f"{self._names[edge.name]}_{part}")
+            )
+            to = (
+                self._names[child]
+                if last
+                else add_between(self.robot, self._free, self._names[child])
+            )
             element = add_joint(self.robot, name, parent=carrier, child=to, pose=start, kind=kind)
             if kind != "fixed":
                 axis = joint.find(part)
-                direction = np.eye(3)["xyz".index(part)] if part in "xyz" else self._direction(edge, axis, place)
+                direction = (
+                    np.eye(3)["xyz".index(part)]
+                    if part in "xyz"
+                    else self._direction(edge, axis, place)
+                )
                 ET.SubElement(element, "axis", xyz=format_numbers(sense * direction))
                 write_limits(element, axis)
-                write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
+                write_drive(
+                    self.robot, element, axis, joint if len(parts) == 1 else None, self.report
+                )
                 self._joint_of_axis[_AxisName(edge.name, part)] = element
                 if axis is not None:
-                    self._mimics += [_Mimic(edge.prefix, element, mimic) for mimic in axis.findall("mimic")]
+                    self._mimics += [
+                        _Mimic(edge.prefix, element, mimic) for mimic in axis.findall("mimic")
+                    ]
             carrier, start = to, RigidTransform()
         if len(parts) > 1:
             sentence = message(
@@ -208,8 +243,13 @@ class RobotWriter:
         """
         for mimic in self._mimics:
             leader_name = named(mimic.prefix, mimic.element.get("joint", ""))
-            leader = self._joint_of_axis.get(_AxisName(leader_name, mimic.element.get("axis", "axis")))
-            values = {key: float(_figure(mimic.element, key) or text) for key, text in _MIMIC_DEFAULTS.items()}
+            leader = self._joint_of_axis.get(
+                _AxisName(leader_name, mimic.element.get("axis", "axis"))
+            )
+            values = {
+                key: float(_figure(mimic.element, key) or text)
+                for key, text in _MIMIC_DEFAULTS.items()
+            }
             multiplier = values["multiplier"]
             offset = values["offset"] - multiplier * values["reference"]
             ET.SubElement(
@@ -235,14 +275,20 @@ class RobotWriter:
         direction = np.array(numbers)
         if not base:
             return direction
-        turned: Vector = place.rotation().inverse() @ self._frames.pose(named(edge.prefix, base)).rotation() @ direction
+        turned: Vector = (
+            place.rotation().inverse()
+            @ self._frames.pose(named(edge.prefix, base)).rotation()
+            @ direction
+        )
         return turned
 
     def _fix(self, link: str) -> None:
         if link:
             pose = self._frames.place @ self._frames.pose(link)
             name = self._free.take(f"{self._names[link]}_fixed")
-            add_joint(self.robot, name, parent=self._names[WORLD], child=self._names[link], pose=pose)
+            add_joint(
+                self.robot, name, parent=self._names[WORLD], child=self._names[link], pose=pose
+            )
             self._add_link(link, self._frames.pose(link))
 
     def _add_link(self, full: str, origin: RigidTransform) -> None:
@@ -281,7 +327,11 @@ _GEARS = ("rotor_inertia", "gear_ratio")  # of Drake
 def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
     """Write the limits of an SDF axis into a joint of a URDF; one that turns and has none is continuous."""
     limit = ET.SubElement(joint, "limit")
-    ends = {key: value for key in _ENDS if (value := _figure(axis, f"limit/{key}")) and abs(float(value)) < _ENDLESS}
+    ends = {
+        key: value
+        for key in _ENDS
+        if (value := _figure(axis, f"limit/{key}")) and abs(float(value)) < _ENDLESS
+    }
     limit.attrib |= ends
     if joint.get("type") not in ("prismatic", "screw"):
         joint.set("type", "revolute" if len(ends) == len(_ENDS) else "continuous")
@@ -295,14 +345,22 @@ def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
 
 
 def write_drive(
-    robot: ET.Element, joint: ET.Element, axis: ET.Element | None, source: ET.Element | None, report: ImportReport
+    robot: ET.Element,
+    joint: ET.Element,
+    axis: ET.Element | None,
+    source: ET.Element | None,
+    report: ImportReport,
 ) -> None:
     """Write the friction of an SDF axis into a joint of a URDF, and the motor that Drake's elements give it.
 
     ``source`` is the SDF joint, unless several of the URDF stand for it.
     """
-    friction = {key: value for key in ("damping", "friction") if (value := _figure(axis, f"dynamics/{key}"))}
-    ET.SubElement(joint, "dynamics", {key: value for key, value in friction.items() if float(value)})
+    friction = {
+        key: value for key in ("damping", "friction") if (value := _figure(axis, f"dynamics/{key}"))
+    }
+    ET.SubElement(
+        joint, "dynamics", {key: value for key, value in friction.items() if float(value)}
+    )
     if float(_figure(axis, "dynamics/spring_stiffness") or 0):
         report.add(
             "lost",
@@ -343,15 +401,21 @@ def _figure(element: ET.Element | None, path: str) -> str:
     return text if len(numbers_in(text) or []) == 1 else ""
 
 
-def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, report: ImportReport) -> None:
+def _add_inertia(
+    link: ET.Element, element: ET.Element, pose: RigidTransform, report: ImportReport
+) -> None:
     """Add the inertia of an SDF link, whose frame has a pose in the link; SDF's own default is 1 kg and 1 kg m²."""
-    where, inertial = message("robots.link_called", "link '{link}'", link=name_of(link)), element.find("inertial")
+    where, inertial = (
+        message("robots.link_called", "link '{link}'", link=name_of(link)),
+        element.find("inertial"),
+    )
     if inertial is not None and inertial.get("auto") == "true":
         report.add(
             "dropped",
             where,
             message(
-                "importer.inertia_of_shapes", "its inertia is to be made of its shapes; --estimate-inertia does that"
+                "importer.inertia_of_shapes",
+                "its inertia is to be made of its shapes; --estimate-inertia does that",
             ),
         )
         return
@@ -360,7 +424,9 @@ def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, re
     mass = None if inertial is None else inertial.findtext("mass")
     moments = None if inertial is None else inertial.find("inertia")
     ET.SubElement(new, "mass", value=(mass or "1").strip())
-    values = {} if moments is None else {key: (moments.findtext(key) or "0").strip() for key in MOMENTS}
+    values = (
+        {} if moments is None else {key: (moments.findtext(key) or "0").strip() for key in MOMENTS}
+    )
     ET.SubElement(new, "inertia", values or _DEFAULT_INERTIA)
     if mass is None or not values:
         defaults = " and ".join(["1 kg"] * (mass is None) + ["1 kg m²"] * (not values))
@@ -398,12 +464,17 @@ def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:
     if tag not in SHAPE_SIZES:
         is_ground = geometry.tag in ("plane", "heightmap")
         ground = (
-            message("importer.own_ground", "; a station has a floor and terrain of its own (floor:)")
+            message(
+                "importer.own_ground", "; a station has a floor and terrain of its own (floor:)"
+            )
             if is_ground
             else ""
         )
         return None, message(
-            "importer.no_shape_of_robot", "<{tag}> is no shape of a robot{ground}", tag=geometry.tag, ground=ground
+            "importer.no_shape_of_robot",
+            "<{tag}> is no shape of a robot{ground}",
+            tag=geometry.tag,
+            ground=ground,
         )
     return ET.Element(tag, {key: text_at(geometry, key) for key in SHAPE_SIZES[tag]}), ""
 
@@ -415,9 +486,17 @@ def _add_colour(visual: ET.Element, geometry: ET.Element, shape: ET.Element) -> 
         return
     diffuse = numbers_in(material.findtext("diffuse") or material.findtext("ambient") or "") or []
     script = (material.findtext("script/name") or "").rpartition("/")[2].lower()
-    of_gazebo = read_yaml(Path(__file__).with_name("colours.yaml")) if len(diffuse) < len("rgb") else {}
+    of_gazebo = (
+        read_yaml(Path(__file__).with_name("colours.yaml")) if len(diffuse) < len("rgb") else {}
+    )
     named = of_gazebo.get(script)
-    rgba = [float(word) for word in named.split()] if named else [*diffuse, 1.0][:4] if diffuse else DEFAULT_RGBA
+    rgba = (
+        [float(word) for word in named.split()]
+        if named
+        else [*diffuse, 1.0][:4]
+        if diffuse
+        else DEFAULT_RGBA
+    )
     if geometry.tag == "mesh":
         if not (named or diffuse):
             return

@@ -6,7 +6,15 @@ from simrob_drake.parts.controllers.loop import LoopSection, flows_of, loops_of,
 from simrob_drake.parts.controllers.own import own_blocks
 from simrob_drake.parts.kinds import Kinds
 
-__all__ = ["KINDS", "ControllerConfig", "Controllers", "flows_of", "loops_of", "own_blocks", "readers_of"]
+__all__ = [
+    "KINDS",
+    "ControllerConfig",
+    "Controllers",
+    "flows_of",
+    "loops_of",
+    "own_blocks",
+    "readers_of",
+]
 
 KINDS = Kinds(
     __name__,

@@ -161,7 +161,9 @@ class StepChooser:
             return np.array(new_state), offset + approach * (goal - offset)
 
         time = min(before.time + self._period / step.section.duration, 1.0)
-        part = max(before.part, step.part(balance))  # the reach may still grow with the error, but never shrinks
+        part = max(
+            before.part, step.part(balance)
+        )  # the reach may still grow with the error, but never shrinks
         new_offset = step.offsets(time, part)
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
             time = 1.0  # the foot is down early: what is still lifted settles slowly, or the leg would kick
@@ -214,7 +216,9 @@ class Strategy(Strict):
                 )
             )
         if not any(self.moves_deg.values()):
-            raise ValueError(message("parts.moves_all_zero", "moves_deg are all zero: no axis would move"))
+            raise ValueError(
+                message("parts.moves_all_zero", "moves_deg are all zero: no axis would move")
+            )
         return self
 
 
@@ -241,7 +245,10 @@ class Balance(LoopSection):
         """Check that the section has a strategy or a step."""
         if not self.strategies and not self.steps:
             raise ValueError(
-                message("parts.nothing_would_move", "balance needs strategies or steps: nothing would move")
+                message(
+                    "parts.nothing_would_move",
+                    "balance needs strategies or steps: nothing would move",
+                )
             )
         return self
 
@@ -285,7 +292,9 @@ class Balance(LoopSection):
                 robot.feet.links,
             )
 
-    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+    def source(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str
+    ) -> OutputPort:
         """Find the port that an input of the loop reads.
 
         The orientation and the angular velocity of the base are computed from the plant's state, unless the section
@@ -328,7 +337,9 @@ class Balance(LoopSection):
 
         answers = []
         for name, strategy in self.strategies.items():
-            answers.append(Answer(strategy, offsets(f"strategies.{name}.moves_deg", strategy.moves_deg)))
+            answers.append(
+                Answer(strategy, offsets(f"strategies.{name}.moves_deg", strategy.moves_deg))
+            )
         steps = []
         for name, step in self.steps.items():
             stepping = Stepping(
@@ -422,14 +433,21 @@ class StandingBalance(SampledBlock):
         self._answers = answers
         self._gyroscope = gyroscope
         self._stepper = StepChooser(steps, period)
-        reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}  # sizes of the inputs
+        reads = {
+            "position": size,
+            "velocity": size,
+            "orientation": 4,
+            "angular_velocity": 3,
+        }  # sizes of the inputs
         outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
         more_memory = {
             "parts": np.zeros(len(answers)),  # part of each strategy's offsets
             "step": np.zeros(3),  # see StepState
             "stepped": np.zeros(size),  # offsets of the step
         }
-        super().__init__(period=period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
+        super().__init__(
+            period=period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs)
+        )
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the offsets at this sample."""

@@ -44,7 +44,9 @@ def _unit(direction: Triple) -> Triple:
     """
     length = float(np.linalg.norm(direction))
     if length == 0:
-        raise ValueError(message("parts.zero_direction", "a direction of length zero points nowhere"))
+        raise ValueError(
+            message("parts.zero_direction", "a direction of length zero points nowhere")
+        )
     x, y, z = direction
     return x / length, y / length, z / length
 
@@ -103,7 +105,9 @@ class ForceControl(LoopSection):
         sensor = site.station.sensors.get(self.reads["force"])
         # An output that is no sensor, such as that of a block of the user's own, has the axes of the world.
         sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
-        return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor_frame)
+        return PressingTool(
+            self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor_frame
+        )
 
 
 class _ToolPath(NamedTuple):
@@ -139,7 +143,14 @@ class PressingTool(SampledBlock):
         direction; ``path`` (1) [m]: x.
     """
 
-    def __init__(self, section: ForceControl, plant: MultibodyPlant, axes: AxisMap, tool: Frame, sensor: Frame) -> None:
+    def __init__(
+        self,
+        section: ForceControl,
+        plant: MultibodyPlant,
+        axes: AxisMap,
+        tool: Frame,
+        sensor: Frame,
+    ) -> None:
         """Create the block. Joints of the plant that are no axes are taken to stay where they are at the start.
 
         Args:
@@ -159,12 +170,18 @@ class PressingTool(SampledBlock):
             memory={**outputs, "drift": zero},
             gives=list(outputs),
         )
-        self._plant = weakref.proxy(plant)  # the station owns the plant: a block must not keep it in memory
+        self._plant = weakref.proxy(
+            plant
+        )  # the station owns the plant: a block must not keep it in memory
         self._axes = axes
         self._tool = tool.index()  # frames refer to the plant, indices do not
         self._sensor = sensor.index()
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its positions anew
-        self._rest = plant.GetPositions(self._scratch)  # positions of the joints that are no axes, shape (nq,)
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its positions anew
+        self._rest = plant.GetPositions(
+            self._scratch
+        )  # positions of the joints that are no axes, shape (nq,)
         self._section = section
         self._direction = np.array(section.direction)
 
@@ -174,7 +191,12 @@ class PressingTool(SampledBlock):
         pressing = float(-self._direction @ read["force"])
         tool_path = self.next_path(memory["path"][0], memory["drift"][0], pressing)
         offset = self.next_offsets(memory["offset"], read[ASKED], tool_path.path)
-        return {"pressing": pressing, "path": tool_path.path, "drift": tool_path.drift, "offset": offset}
+        return {
+            "pressing": pressing,
+            "path": tool_path.path,
+            "drift": tool_path.drift,
+            "offset": offset,
+        }
 
     def next_path(self, path: float, drift: float, pressing: float) -> _ToolPath:
         """Compute x and z after a sample, by the equations of the class.
@@ -302,7 +324,10 @@ class MotorProtection(LoopSection):
         robot = station.robot(self.robot, key)
         if self.weight is not None:
             raise Unsuitable(
-                f"{key}.weight", message("parts.protection_unweighted", "what protects the robot cannot be weighted")
+                f"{key}.weight",
+                message(
+                    "parts.protection_unweighted", "what protects the robot cannot be weighted"
+                ),
             )
         limit, nominal = self._limits(key, robot)
         if self.force is None and not np.isfinite([limit, nominal]).any():
@@ -317,7 +342,9 @@ class MotorProtection(LoopSection):
             check_force_is_read(self, key)
             force_limit(self.force)  # raises an error if the region of the body is unknown
 
-    def _check_axis(self, key: str, robot: ResolvedRobot, axis: int, *, limit: float, nominal: float) -> None:
+    def _check_axis(
+        self, key: str, robot: ResolvedRobot, axis: int, *, limit: float, nominal: float
+    ) -> None:
         """Check that the limits of an axis fit its servo.
 
         Args:
@@ -355,14 +382,23 @@ class MotorProtection(LoopSection):
             raise InvalidParameter(
                 message("parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name),
                 compound("{nominal:g} {unit}", nominal=nominal, unit=unit),
-                message("parts.at_most_its_limit", "at most its limit, {limit:g} {unit}", limit=limit, unit=unit),
+                message(
+                    "parts.at_most_its_limit",
+                    "at most its limit, {limit:g} {unit}",
+                    limit=limit,
+                    unit=unit,
+                ),
             )
         # The axis gives way by an offset of its reference, (torque - limit) / kp.
         if math.isfinite(watched) and robot.gains.kp[axis] == 0:
             raise InvalidParameter(
                 message("parts.kp_of_axis", "servo.kp of {name}", name=name),
                 "0",
-                message("parts.positive_to_give_way", "positive, so that {key} can make it give way", key=key),
+                message(
+                    "parts.positive_to_give_way",
+                    "positive, so that {key} can make it give way",
+                    key=key,
+                ),
             )
 
     def _limits(self, key: str, robot: ResolvedRobot) -> tuple[Vector, Vector]:
@@ -389,7 +425,9 @@ class MotorProtection(LoopSection):
         limit, nominal = self._limits(key, robot)
         # Servos without an integral part sag by torque / kp. An integral part removes the sag.
         is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
-        kp = np.where(is_sagging, robot.gains.kp, 1.0)  # 1 instead of 0, by which NumPy would divide
+        kp = np.where(
+            is_sagging, robot.gains.kp, 1.0
+        )  # 1 instead of 0, by which NumPy would divide
         compliance = np.where(is_sagging, 1 / kp, 0.0)
         # On a floating robot, the torques against the weight depend on the forces at its feet, which are not known.
         weight = None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
@@ -499,7 +537,9 @@ class GuardedMotors(SampledBlock):
         reads = {"torque": size, "position": size, ASKED: size}
         if self._force_limit is not None:
             reads["force"] = 3
-        super().__init__(period=period, reads=reads, memory={**outputs, **timers}, gives=list(outputs))
+        super().__init__(
+            period=period, reads=reads, memory={**outputs, **timers}, gives=list(outputs)
+        )
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the heat of the motors at this sample, and give way or stop if needed."""
@@ -509,7 +549,9 @@ class GuardedMotors(SampledBlock):
         last_heat = memory["heat"]
         # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque.
         heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
-        above = (memory["above"] + self.period) * (abs(torque) > self._limit)  # back to 0 if below the limit
+        above = (memory["above"] + self.period) * (
+            abs(torque) > self._limit
+        )  # back to 0 if below the limit
         changes: dict[str, Vector | float] = {"heat": heat, "above": above}
         pressed = 0.0
         if self._force_limit is not None:
@@ -574,7 +616,11 @@ class GuardedMotors(SampledBlock):
             return self._stop(read["position"], reason)
         new_offset = offset + step
         gives_way = new_offset.any() or is_at_limit.any()
-        return {"offset": new_offset, "lasts": lasts, "stage": _GIVES_WAY if gives_way else _WATCHES}
+        return {
+            "offset": new_offset,
+            "lasts": lasts,
+            "stage": _GIVES_WAY if gives_way else _WATCHES,
+        }
 
     def _stop(self, position: Vector, reason: str) -> Changes:
         """Hold a position (n,) [rad] from now on.
@@ -596,4 +642,9 @@ class GuardedMotors(SampledBlock):
         if self._section.reset_after is None or lasts < self._section.reset_after:
             return {"lasts": lasts}
         # At first the offset keeps the present target, so that the robot does not jump to its reference.
-        return {"active": 0.0, "stage": _GIVES_WAY, "lasts": 0.0, "offset": memory["target"] - read[ASKED]}
+        return {
+            "active": 0.0,
+            "stage": _GIVES_WAY,
+            "lasts": 0.0,
+            "offset": memory["target"] - read[ASKED],
+        }

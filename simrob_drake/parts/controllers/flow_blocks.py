@@ -210,7 +210,9 @@ class Product(FlowBlock):
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         # x^-1 instead of a division, which Python refuses for 0.
-        factors = [power(value, -1) if index in self.divides else value for index, value in enumerate(u)]
+        factors = [
+            power(value, -1) if index in self.divides else value for index, value in enumerate(u)
+        ]
         return (math.prod(factors),)
 
 
@@ -248,7 +250,9 @@ class Lookup(FlowBlock):
         """Check that the points rise and that each has a value."""
         # Two points at the same u would divide by zero.
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
-            raise ValueError(message("parts.points_must_rise", "points must rise, and values be as many"))
+            raise ValueError(
+                message("parts.points_must_rise", "points must rise, and values be as many")
+            )
         return self
 
     @property
@@ -374,7 +378,10 @@ class MathFunction(FlowBlock):
                 f"{key}.of",
                 message("parts.given_inputs", "{count} inputs", count=count),
                 message(
-                    "parts.as_function_takes", "{count}, as {function} takes", count=needed, function=self.function
+                    "parts.as_function_takes",
+                    "{count}, as {function} takes",
+                    count=needed,
+                    function=self.function,
                 ),
             )
 

@@ -18,7 +18,14 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.written_net import Values
-from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, choose, maximum, minimum
+from simrob_drake.parts.controllers.flow_blocks import (
+    Bounded,
+    FlowBlock,
+    Row,
+    choose,
+    maximum,
+    minimum,
+)
 
 
 class Integrator(Bounded, FlowBlock):
@@ -73,7 +80,12 @@ class StateSpace(FlowBlock):
         states = len(self.A)
         inputs = len(self.inputs)
         outputs = len(self.C)
-        shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
+        shapes = {
+            "A": (states, states),
+            "B": (states, inputs),
+            "C": (outputs, states),
+            "D": (outputs, inputs),
+        }
         for name, (rows, columns) in shapes.items():
             matrix = getattr(self, name)
             has_columns = all(len(row) == columns for row in matrix)
@@ -91,7 +103,11 @@ class StateSpace(FlowBlock):
                 )
         if len(self.initial) not in (0, states):
             raise ValueError(
-                message("parts.initial_size", "initial must be {states} numbers, one for each state", states=states)
+                message(
+                    "parts.initial_size",
+                    "initial must be {states} numbers, one for each state",
+                    states=states,
+                )
             )
         return self
 
@@ -185,7 +201,9 @@ class TransferFunction(FlowBlock):
             "C": [[b_i - b_0 * a_i for b_i, a_i in zip(b, a, strict=True)]],
             "D": [[b_0]],
         }
-        return StateSpace.model_validate({"kind": "state_space", "of": self.of, "period": self.period, **matrices})
+        return StateSpace.model_validate(
+            {"kind": "state_space", "of": self.of, "period": self.period, **matrices}
+        )
 
 
 class RateLimiter(FlowBlock):
@@ -326,12 +344,17 @@ class Pid(Bounded, FlowBlock):
             raise InvalidParameter(
                 f"{key}.of",
                 message("parts.two_inputs", "2 inputs"),
-                message("parts.one_or_three_inputs", "1, or 3: of the proportional, integral and derivative part"),
+                message(
+                    "parts.one_or_three_inputs",
+                    "1, or 3: of the proportional, integral and derivative part",
+                ),
             )
         super().check(key)
         if self.d and self.filter is None and not self.period:
             raise InvalidParameter(
-                f"{key}.filter", None, message("parts.filter_cutoff", "the cut-off of the derivative's filter [rad/s]")
+                f"{key}.filter",
+                None,
+                message("parts.filter_cutoff", "the cut-off of the derivative's filter [rad/s]"),
             )
 
     @property
@@ -369,7 +392,11 @@ class Pid(Bounded, FlowBlock):
         output = self.p * u[0]
         if self.i:
             # Without a period, the last term is 0.
-            output = output + x[0] + self.integration_weight * self.period * self.i * self._integral_error(u)
+            output = (
+                output
+                + x[0]
+                + self.integration_weight * self.period * self.i * self._integral_error(u)
+            )
         if self.d:
             output = output + self._derivative_part(x, u)
         return output
@@ -397,7 +424,9 @@ class Pid(Bounded, FlowBlock):
             return rate - self.back_calculation * excess
         # Clamping: the integral stops if it would grow further beyond the bound. If it is continuous, it slows down
         # within a narrow band, since a derivative that jumps to 0 makes the solver switch to and fro in tiny steps.
-        remaining_share = 0.0 if self.period else maximum(0.0, 1.0 - abs(excess) / self._clamping_band)
+        remaining_share = (
+            0.0 if self.period else maximum(0.0, 1.0 - abs(excess) / self._clamping_band)
+        )
         return choose(excess * rate > 0, remaining_share * rate, rate)
 
     @cached_property

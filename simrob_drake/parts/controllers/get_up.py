@@ -120,7 +120,10 @@ def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
     sequences = list[list[RisingGoal]]()
     for sequence in (getting_up.front, getting_up.back):
         all_angles = postures(model, sequence)
-        goals = [RisingGoal(posture, angles) for posture, angles in zip(sequence, all_angles, strict=True)]
+        goals = [
+            RisingGoal(posture, angles)
+            for posture, angles in zip(sequence, all_angles, strict=True)
+        ]
         sequences.append(goals)
     return sequences
 
@@ -176,7 +179,12 @@ class Rising(SampledBlock):
         self._ahead_x = math.cos(facing)
         self._ahead_y = math.sin(facing)
         zero = np.zeros(len(sequences[0][0].angles))
-        outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero, "attempt": 0.0}
+        outputs: dict[str, Vector | float] = {
+            "target": zero,
+            "active": 0.0,
+            "offset_velocity": zero,
+            "attempt": 0.0,
+        }
         more_memory: dict[str, Vector | float] = {
             "stage": _UP,
             "origin": zero,  # target at the start of the stage [rad]
@@ -185,7 +193,12 @@ class Rising(SampledBlock):
             "well": 0.0,  # time for which the robot has been at rest, or standing, without a break [s]
         }
         reads = {"base_pose": 7, "base_velocity": 6, ASKED: len(zero)}
-        super().__init__(period=1 / section.rate, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
+        super().__init__(
+            period=1 / section.rate,
+            reads=reads,
+            memory={**outputs, **more_memory},
+            gives=tuple(outputs),
+        )
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the next target, or change to the next stage."""
@@ -214,7 +227,9 @@ class Rising(SampledBlock):
         # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
         ahead = -(x * self._ahead_x + y * self._ahead_y)
-        up_within_range = min(max(up, -1.0), 1.0)  # rounding may lead beyond 1, of which there is no arc cosine
+        up_within_range = min(
+            max(up, -1.0), 1.0
+        )  # rounding may lead beyond 1, of which there is no arc cosine
         return _Lean(ahead=math.atan2(ahead, up), total=math.acos(up_within_range))
 
     def _time_well(self, memory: Named, *, is_well: bool) -> float:
@@ -231,7 +246,12 @@ class Rising(SampledBlock):
             return {"active": 1.0, "target": asked, "attempt": 0.0, **_begin(_DOWN, asked)}
         if self._section.ends:
             raise RunEnds(
-                message("parts.stands_not_fallen", "{name} {stands}: it has not fallen", name=self._name, stands=STANDS)
+                message(
+                    "parts.stands_not_fallen",
+                    "{name} {stands}: it has not fallen",
+                    name=self._name,
+                    stands=STANDS,
+                )
             )
         return {}
 
@@ -266,7 +286,11 @@ class Rising(SampledBlock):
         origin = memory["origin"]
         target = origin + smoothstep(part) * (goal.angles - origin)
         velocity = (target - memory["target"]) / self.period
-        changes: dict[str, Vector | float] = {"target": target, "offset_velocity": velocity, "elapsed": elapsed}
+        changes: dict[str, Vector | float] = {
+            "target": target,
+            "offset_velocity": velocity,
+            "elapsed": elapsed,
+        }
         if part < 1.0:
             return changes
         least, most = goal.posture.lean_deg
@@ -311,7 +335,10 @@ class Rising(SampledBlock):
         if tries >= self._section.attempts:
             raise RunEnds(
                 message(
-                    "parts.lies", "{name} lies: it did not get up in {tries} attempts", name=self._name, tries=tries
+                    "parts.lies",
+                    "{name} lies: it did not get up in {tries} attempts",
+                    name=self._name,
+                    tries=tries,
                 )
             )
         return _begin(_DOWN, target)
@@ -324,4 +351,10 @@ def _begin(stage: float, origin: Vector) -> dict[str, Vector | float]:
         stage: the stage.
         origin: target at that time, shape (n,) [rad].
     """
-    return {"stage": stage, "origin": origin, "elapsed": 0.0, "well": 0.0, "offset_velocity": np.zeros(len(origin))}
+    return {
+        "stage": stage,
+        "origin": origin,
+        "elapsed": 0.0,
+        "well": 0.0,
+        "offset_velocity": np.zeros(len(origin)),
+    }

@@ -129,7 +129,9 @@ class LoopSection(ControllerSection):
             raise InvalidParameter(
                 key,
                 message("parts.in_kinematic_station", "in a kinematic station"),
-                message("parts.in_dynamic_station", "in a dynamic one: there is nothing to be measured"),
+                message(
+                    "parts.in_dynamic_station", "in a dynamic one: there is nothing to be measured"
+                ),
             )
         # A discrete solver only sees the state at its own steps, so a loop cannot sample more often.
         time_step = station.engine.time_step
@@ -156,7 +158,9 @@ class LoopSection(ControllerSection):
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(
                 key,
-                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
+                message(
+                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                ),
                 message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
             )
         return robot
@@ -192,7 +196,9 @@ class LoopSection(ControllerSection):
         """
         raise NotImplementedError
 
-    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> LoopPorts:
+    def wire(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site
+    ) -> LoopPorts:
         """Add the block of the loop to the diagram, as ``controller.<name>``, and return its ports."""
         block = self._block(f"controllers.{name}", robot, site)
         builder.AddNamedSystem(f"controller.{name}", block)
@@ -205,7 +211,9 @@ class LoopSection(ControllerSection):
             components=block.components,
         )
 
-    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+    def source(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str
+    ) -> OutputPort:
         """Find the output port of the station that an input of the loop reads.
 
         Args:
@@ -256,7 +264,9 @@ def check_force_is_read(section: LoopSection, key: str) -> None:
 
 def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
     """Select the controllers that are loops, by name."""
-    return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
+    return {
+        name: section for name, section in controllers.items() if isinstance(section, LoopSection)
+    }
 
 
 def flows_of(controllers: Mapping[str, Any]) -> "dict[str, SignalFlow]":
@@ -269,7 +279,9 @@ def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | Signa
     return {**loops_of(controllers), **flows_of(controllers)}
 
 
-def sensors_read(loops: "Mapping[str, LoopSection | SignalFlow]", sensors: Mapping[str, Sensor]) -> set[str]:
+def sensors_read(
+    loops: "Mapping[str, LoopSection | SignalFlow]", sensors: Mapping[str, Sensor]
+) -> set[str]:
     """Find the sensors that must take samples while a station is stepped.
 
     These are the sensors that loops read, those that are set to it, and those that such sensors read themselves.
@@ -381,7 +393,9 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         _connect(builder, site, name, section, ports_of[name])
     for robot in site.plant.robots.values():
         own = [name for name, loop in loops.items() if site.robot(loop.robot) is robot]
-        own.sort(key=lambda name: loops[name].layer)  # the lowest layer first; equal ones stay in the file's order
+        own.sort(
+            key=lambda name: loops[name].layer
+        )  # the lowest layer first; equal ones stay in the file's order
         layers = {name: (loops[name], ports_of[name]) for name in own}
         if layers:
             _drive(builder, site, robot, layers)
@@ -409,7 +423,9 @@ def _add_loop(builder: DiagramBuilder, site: Site, name: str, section: LoopSecti
     return ports
 
 
-def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, ports: LoopPorts) -> None:
+def _connect(
+    builder: DiagramBuilder, site: Site, name: str, section: LoopSection, ports: LoopPorts
+) -> None:
     """Connect the inputs of a loop to the outputs that it reads, except the input ``asked``.
 
     Args:
@@ -427,7 +443,11 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
     robot = site.robot(section.robot)
     inputs = {input_name: port for input_name, port in ports.inputs.items() if input_name != ASKED}
     for input_name in section.reads:
-        one_of(message("parts.input_for_reads", "input of {key} for {key}.reads", key=key), input_name, inputs)
+        one_of(
+            message("parts.input_for_reads", "input of {key} for {key}.reads", key=key),
+            input_name,
+            inputs,
+        )
     for input_name, port in inputs.items():
         source = section.source(builder, input_name, robot, site, key)
         # Drake's own error would not name the key of the station.
@@ -586,17 +606,23 @@ def _drive(
         if ASKED in ports.inputs:
             builder.Connect(reference.sum(f"{prefix}.asked"), ports.inputs[ASKED])
         if "offset" in outputs:
-            offset = add_matrix_gain(builder, f"{prefix}.weight", weight * identity, outputs["offset"])
+            offset = add_matrix_gain(
+                builder, f"{prefix}.weight", weight * identity, outputs["offset"]
+            )
             reference.add_term(offset)
         if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
-            speed = add_matrix_gain(builder, f"{prefix}.speed", weight * identity, outputs["offset_velocity"])
+            speed = add_matrix_gain(
+                builder, f"{prefix}.speed", weight * identity, outputs["offset_velocity"]
+            )
             speeds.append(speed)
         if "target" in outputs:
             has_target = np.isin(robot.axes, section.target_axes(robot))
             share = np.where(has_target, weight, 0.0)
             reference.blend(prefix, outputs["target"], outputs["active"], share)
         if "feedforward" in outputs:
-            torque = add_matrix_gain(builder, f"{prefix}.torque", weight * identity, outputs["feedforward"])
+            torque = add_matrix_gain(
+                builder, f"{prefix}.torque", weight * identity, outputs["feedforward"]
+            )
             torques.append(torque)
     builder.Connect(reference.limit(), robot_input)
     _draw_layers(site, f"{key}.limits", robot)
@@ -628,4 +654,6 @@ def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
 
 
 if not TYPE_CHECKING:
-    __getattr__ = former_names_of(__name__, {"Wired": "LoopPorts", "of_state": "add_output_of_state"})
+    __getattr__ = former_names_of(
+        __name__, {"Wired": "LoopPorts", "of_state": "add_output_of_state"}
+    )

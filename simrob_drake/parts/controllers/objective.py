@@ -93,7 +93,9 @@ class PiLaw:
         held = memory.held
         if len(self.targets) > 1:  # a single target needs no terms for the change to the next one
             is_over = held >= self.hold
-            next_index = minimum(target_index + 1.0, len(self.targets) - 1.0)  # the last target stays
+            next_index = minimum(
+                target_index + 1.0, len(self.targets) - 1.0
+            )  # the last target stays
             target_index = choose(is_over, next_index, target_index)
             held = choose(is_over, 0.0, held)
         target = self.target(target_index)
@@ -221,13 +223,21 @@ class Objective(LoopSection):
     def _check_keys(self) -> "Objective":
         """Check that the section has a target, moves an axis, and has a tolerance for its posture if there is one."""
         if self.target == []:
-            raise ValueError(message("parts.empty_target", "target is an empty list: nothing is asked for"))
+            raise ValueError(
+                message("parts.empty_target", "target is an empty list: nothing is asked for")
+            )
         if not any(self.weights.values()):
-            raise ValueError(message("parts.weights_all_zero", "weights are all zero: no axis would move"))
+            raise ValueError(
+                message("parts.weights_all_zero", "weights are all zero: no axis would move")
+            )
         if self.kp == 0 and self.ki == 0:
-            raise ValueError(message("parts.gains_both_zero", "kp and ki are both zero: nothing would move"))
+            raise ValueError(
+                message("parts.gains_both_zero", "kp and ki are both zero: nothing would move")
+            )
         if self.then_deg and self.tolerance is None:
-            raise ValueError(message("parts.then_deg_needs_tolerance", "then_deg needs a tolerance"))
+            raise ValueError(
+                message("parts.then_deg_needs_tolerance", "then_deg needs a tolerance")
+            )
         return self
 
     @property
@@ -245,7 +255,9 @@ class Objective(LoopSection):
         """Names of the axes whose reference the loop replaces: those of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "then_deg")] for axis in self.then_deg]
 
-    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+    def source(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str
+    ) -> OutputPort:
         """Find the port that an input of the loop reads, for the input ``measured`` by adding a block.
 
         That block picks the value of the column `measures` from the output that contains it. It is left out if the
@@ -293,12 +305,16 @@ class Objective(LoopSection):
                 return _Column(output=signal.output, entry=entry, unit=signal.units[index])
             known_names += signal.names
         raise UnknownName(
-            message("parts.signal_for_measures", "signal of the station for {key}.measures", key=key),
+            message(
+                "parts.signal_for_measures", "signal of the station for {key}.measures", key=key
+            ),
             self.measures,
             known_names,
         )
 
-    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> LoopPorts:
+    def wire(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site
+    ) -> LoopPorts:
         """Add the loop to the diagram. Without a posture it is a system of Drake's, which calls no Python.
 
         Drake's integrators ask every system of a diagram for derivatives, which a sampled system of expressions
@@ -306,7 +322,11 @@ class Objective(LoopSection):
         """
         engine = site.station.engine
         # An engine that holds inputs over steps only integrates the plant, and one with discrete states nothing.
-        is_integrated = engine.moves_by_forces and not engine.has_discrete_states and not engine.holds_inputs_over_steps
+        is_integrated = (
+            engine.moves_by_forces
+            and not engine.has_discrete_states
+            and not engine.holds_inputs_over_steps
+        )
         if self.then_deg or is_integrated:
             return super().wire(builder, name, robot, site)
 
@@ -322,8 +342,12 @@ class Objective(LoopSection):
         return LoopPorts(
             inputs={"measured": system.get_input_port()},
             outputs={
-                "offset": add_matrix_gain(builder, f"{block_name}.offset", to_offset, effort_and_error),
-                "error": add_matrix_gain(builder, f"{block_name}.error", to_error, effort_and_error),
+                "offset": add_matrix_gain(
+                    builder, f"{block_name}.offset", to_offset, effort_and_error
+                ),
+                "error": add_matrix_gain(
+                    builder, f"{block_name}.error", to_error, effort_and_error
+                ),
             },
             units={"offset": "rad", "error": error_unit},
         )
@@ -337,7 +361,8 @@ class Objective(LoopSection):
         if self.then_deg:
             assert self.tolerance is not None  # _check_keys() has checked it
             posture = FinalPosture(
-                positions=robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg"),
+                positions=robot.model.user_units
+                * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg"),
                 tolerance=self.tolerance,
                 settled=self.settled,
                 duration=self.then_duration,
@@ -441,7 +466,9 @@ class WeightedObjective(SampledBlock):
                 "origin": zeros,  # reference at the start of the ramp to the posture [rad]
                 "elapsed": zero,  # time within the tolerance; once active, time since the start of the ramp [s]
             }
-        super().__init__(period=law.period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
+        super().__init__(
+            period=law.period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs)
+        )
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the offsets of the axes, and the next positions on the way to the posture."""
@@ -457,7 +484,9 @@ class WeightedObjective(SampledBlock):
             changes.update(self._move_to_posture(self._posture, memory, read, distance))
         return changes
 
-    def _move_to_posture(self, posture: FinalPosture, memory: Named, read: Named, distance: float) -> Changes:
+    def _move_to_posture(
+        self, posture: FinalPosture, memory: Named, read: Named, distance: float
+    ) -> Changes:
         """Wait until the quantity has settled, then move the axes to the posture.
 
         Args:

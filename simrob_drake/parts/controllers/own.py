@@ -15,7 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
+from pydrake.systems.framework import (
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+)
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
@@ -69,7 +75,9 @@ def declare_output(
     indices = tuple(range(size))
     if size > 1 and axes is not None and axes_of_size:
         indices = tuple(index for index in indices if value_names[index] in axes)
-    columns = (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
+    columns = (
+        (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
+    )
     # One unit for all values, or one for each of them.
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
 
@@ -94,7 +102,9 @@ def declare_output(
     site.outputs.add(output, port, signal)
 
 
-def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
+def add_to(
+    builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str
+) -> None:
     """Add ports to an input of a robot, whose former source keeps acting.
 
     Args:
@@ -170,7 +180,11 @@ class OwnController(ControllerSection):
             for part in name.split("."):
                 found = getattr(found, part)
         except Exception as problem:  # the user's code can raise anything
-            expected = message("parts.an_importable_class", "a class that can be imported ({problem})", problem=problem)
+            expected = message(
+                "parts.an_importable_class",
+                "a class that can be imported ({problem})",
+                problem=problem,
+            )
             raise InvalidParameter(f"{key}.class", self.class_, expected) from problem
         if not (isinstance(found, type) and issubclass(found, LeafSystem)):
             raise InvalidParameter(
@@ -221,7 +235,9 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
         pairs = [(_name_of(block), block) for block in blocks]
     else:
-        expected = message("parts.a_list_of_leafsystems", "a list of LeafSystems, or a mapping of names to them")
+        expected = message(
+            "parts.a_list_of_leafsystems", "a list of LeafSystems, or a mapping of names to them"
+        )
         raise InvalidParameter("blocks", quoted(blocks), expected)
     accepted: dict[str, LeafSystem] = {}
     for name, block in pairs:
@@ -247,7 +263,9 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
             "parts.a_leafsystem",
             "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
         )
-        raise InvalidParameter(message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected)
+        raise InvalidParameter(
+            message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected
+        )
     # Drake would refuse a system that is added twice, without its name.
     if any(block is other for other in accepted.values()):
         raise InvalidParameter(
@@ -294,7 +312,11 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
                 raise InvalidParameter(
                     message("parts.input_called", "the input {port}", port=output),
                     message("parts.driven_by", "driven by {name}", name=name),
-                    message("parts.driven_by_one", "driven by one block; {other} drives it, too", other=owner),
+                    message(
+                        "parts.driven_by_one",
+                        "driven by one block; {other} drives it, too",
+                        other=owner,
+                    ),
                 )
     return owners
 
@@ -387,9 +409,18 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
     # Drake's own error would name neither the block nor the input of the station.
     if target.size() != port.size():
         raise InvalidParameter(
-            message("parts.output_of_block", "the output {port} of the block {name}", port=port.get_name(), name=name),
+            message(
+                "parts.output_of_block",
+                "the output {port} of the block {name}",
+                port=port.get_name(),
+                name=name,
+            ),
             message("parts.of_size", "of size {size}", size=port.size()),
-            message("parts.size_of_station_input", "of size {size}, as the station's input", size=target.size()),
+            message(
+                "parts.size_of_station_input",
+                "of size {size}, as the station's input",
+                size=target.size(),
+            ),
         )
     builder.Connect(port, target)
 
@@ -415,7 +446,9 @@ def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPo
         return
 
     what = message(
-        "parts.output_for_input", "output of the station for the input of the block {name} called", name=name
+        "parts.output_for_input",
+        "output of the station for the input of the block {name} called",
+        name=name,
     )
     one_of(what, input_name, site.outputs)
     source = site.port(builder, input_name)
@@ -423,14 +456,20 @@ def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPo
         raise InvalidParameter(
             _input_words(name, input_name),
             message("parts.of_size", "of size {size}", size=port.size()),
-            message("parts.size_of_station_output", "of size {size}, as the station's output", size=source.size()),
+            message(
+                "parts.size_of_station_output",
+                "of size {size}, as the station's output",
+                size=source.size(),
+            ),
         )
     builder.Connect(source, port)
 
 
 def _input_words(block: str, port: str) -> str:
     """Words for an input of a block, for errors."""
-    return message("parts.input_of_block", "the input {port} of the block {name}", port=port, name=block)
+    return message(
+        "parts.input_of_block", "the input {port} of the block {name}", port=port, name=block
+    )
 
 
 def _vector_outputs(block: LeafSystem) -> list[OutputPort]:

@@ -57,7 +57,9 @@ class Pace(Strict):
     def _check_timeout(self) -> Self:
         """Check that a timeout is given if something is to happen at the timeout."""
         if self.on_timeout == "go_on" and self.timeout is None:
-            raise ValueError(message("parts.go_on_needs_timeout", "on_timeout: go_on needs a timeout [s]"))
+            raise ValueError(
+                message("parts.go_on_needs_timeout", "on_timeout: go_on needs a timeout [s]")
+            )
         return self
 
 
@@ -228,7 +230,11 @@ class CellSequence(SampledBlock):
         is_done = bool(memory["done"][0])
         if is_done and self._section.ends:
             raise RunEnds(
-                message("parts.last_cell_done", "the last of {count} cells is done", count=len(self._targets))
+                message(
+                    "parts.last_cell_done",
+                    "the last of {count} cells is done",
+                    count=len(self._targets),
+                )
             )
 
         number = int(memory["cell"][0])
@@ -318,13 +324,19 @@ class CapturePoint:
             Unsuitable: the robot has no feet.
         """
         if robot.feet is None:
-            raise Unsuitable(key, message("parts.no_feet", "{model} has no feet", model=robot.model.name))
-        self._plant = weakref.proxy(plant)  # the block in the diagram must not keep the plant in memory
+            raise Unsuitable(
+                key, message("parts.no_feet", "{model} has no feet", model=robot.model.name)
+            )
+        self._plant = weakref.proxy(
+            plant
+        )  # the block in the diagram must not keep the plant in memory
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())  # g [m/s²]
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its state anew
 
     def distance_from_feet(self, state: Vector) -> float:
         """Compute the distance of the capture point from the area between the feet [m]; negative in the area.
@@ -344,7 +356,9 @@ class CapturePoint:
         points_of_feet = []
         for link, sole in self._soles.items():
             frame = plant.GetFrameByName(link, self._instance)
-            points_of_feet.append(plant.CalcPointsPositions(context, frame, sole, plant.world_frame()))
+            points_of_feet.append(
+                plant.CalcPointsPositions(context, frame, sole, plant.world_frame())
+            )
         points = np.hstack(points_of_feet)
 
         # c_xy + c'_xy sqrt(z / g); the height is not negative, since a fallen robot may have its feet above itself.
@@ -394,16 +408,21 @@ class FallGuard(LoopSection):
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError(
                 message(
-                    "parts.guard_needs_threshold", "a fall guard needs a threshold: height, tilt_deg or capture_point"
+                    "parts.guard_needs_threshold",
+                    "a fall guard needs a threshold: height, tilt_deg or capture_point",
                 )
             )
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Names of the axes of the posture."""
-        return [robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg]
+        return [
+            robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg
+        ]
 
-    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+    def source(
+        self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str
+    ) -> OutputPort:
         """Find the port that an input reads. The input ``state`` reads the state of the whole plant."""
         # The state is no output of the station, so it cannot be found by its name.
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
@@ -505,7 +524,9 @@ class ProtectivePosture(SampledBlock):
             "origin": zero,  # where the ramp begins [rad]
             "well": np.zeros(1),  # time since the last sample at which the robot fell [s]
         }
-        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active"))
+        super().__init__(
+            period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active")
+        )
 
     def falls(self, read: Named) -> bool:
         """Whether a bound is exceeded, and the base leans in the direction of the guard.
@@ -538,7 +559,12 @@ class ProtectivePosture(SampledBlock):
         if not memory["active"][0]:
             if not falls:
                 return {}
-            return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
+            return {
+                "active": 1.0,
+                "target": read["reference"],
+                "origin": read["reference"],
+                "elapsed": 0.0,
+            }
 
         # Another fall begins the time of the reset anew.
         well = 0.0 if falls else memory["well"][0] + self.period

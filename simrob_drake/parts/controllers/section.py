@@ -135,6 +135,8 @@ class ControllerSection(Strict):
         return None
 
 
-def commanded_sections(controllers: Mapping[str, ControllerSection]) -> dict[str, ControllerSection]:
+def commanded_sections(
+    controllers: Mapping[str, ControllerSection],
+) -> dict[str, ControllerSection]:
     """Select the controllers that take commands during a run, by name."""
     return {name: section for name, section in controllers.items() if section.command_parts}

@@ -109,7 +109,9 @@ class FlowForce(Strict):
             blocks[_torque_output(name)] = Sums(kind="sum", of=self.torque)
         return blocks
 
-    def apply(self, builder: DiagramBuilder, site: Site, name: str, ports: Mapping[str, OutputPort]) -> None:
+    def apply(
+        self, builder: DiagramBuilder, site: Site, name: str, ports: Mapping[str, OutputPort]
+    ) -> None:
         """Apply the force and the torque to the body, and declare them as outputs of the station.
 
         Args:
@@ -120,7 +122,10 @@ class FlowForce(Strict):
         """
         if self.force is not None:
             title = message(
-                "parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=self.at
+                "parts.applied_force",
+                "applied force '{name}' at {place}, in its axes",
+                name=name,
+                place=self.at,
             )
             output = _force_output(name)
             self._apply_vector(builder, site, output, ports[output], is_torque=False)
@@ -128,7 +133,10 @@ class FlowForce(Strict):
             site.outputs.add(output, ports[output], applied_signal(output, "N", title, part=name))
         if self.torque is not None:
             title = message(
-                "parts.applied_torque", "applied torque '{name}' at {place}, in its axes", name=name, place=self.at
+                "parts.applied_torque",
+                "applied torque '{name}' at {place}, in its axes",
+                name=name,
+                place=self.at,
             )
             output = _torque_output(name)
             self._apply_vector(builder, site, output, ports[output], is_torque=True)
@@ -136,12 +144,23 @@ class FlowForce(Strict):
             site.outputs.add(output, ports[output], applied_signal(output, "N·m", title, part=name))
 
     def _apply_vector(
-        self, builder: DiagramBuilder, site: Site, block_name: str, port: OutputPort, *, is_torque: bool
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        block_name: str,
+        port: OutputPort,
+        *,
+        is_torque: bool,
     ) -> None:
         """Add the block that lets a force or a torque act on the plant; the station gathers its forces at the end."""
         frame = frame_of(site.plant, self.at)
         block = add_external_force(
-            builder, site.plant.plant_block, frame, name=block_name, point=self.point, turns=is_torque
+            builder,
+            site.plant.plant_block,
+            frame,
+            name=block_name,
+            point=self.point,
+            turns=is_torque,
         )
         builder.Connect(port, block.get_command_input_port())
         site.spatial_forces.append(block.get_spatial_forces_output_port())
@@ -227,12 +246,19 @@ class SignalFlow(ControllerSection):
             raise InvalidParameter(
                 key,
                 message("parts.in_kinematic_station", "in a kinematic station"),
-                message("parts.torque_in_dynamic_station", "in a dynamic one: its output is a torque"),
+                message(
+                    "parts.torque_in_dynamic_station", "in a dynamic one: its output is a torque"
+                ),
             )
         if self.torque or self.robot is not None:
             robot = station.robot(self.robot, key)
             for axis in self.torque:
-                kind = message("parts.axis_for_torque", "axis of {robot} for {key}.torque", robot=robot.name, key=key)
+                kind = message(
+                    "parts.axis_for_torque",
+                    "axis of {robot} for {key}.torque",
+                    robot=robot.name,
+                    key=key,
+                )
                 one_of(kind, axis, robot.axes)
         for name, force in self.forces.items():
             check_frame(station, f"{key}.forces.{name}.at", force.at)
@@ -241,13 +267,25 @@ class SignalFlow(ControllerSection):
             block.check(f"{key}.blocks.{name}")
             if name in (_ONE, _TIME, _TORQUE, *self.stops):
                 raise InvalidParameter(
-                    f"{key}.blocks.{name}", name, message("parts.name_is_taken", "another name: this one is taken")
+                    f"{key}.blocks.{name}",
+                    name,
+                    message("parts.name_is_taken", "another name: this one is taken"),
                 )
         for name in self.signals or ():
-            one_of(message("parts.block_for_signals", "block for {key}.signals", key=key), name, self.blocks)
+            one_of(
+                message("parts.block_for_signals", "block for {key}.signals", key=key),
+                name,
+                self.blocks,
+            )
 
     def add(
-        self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool, integrated: bool = True
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        name: str,
+        *,
+        monitors: bool,
+        integrated: bool = True,
     ) -> OutputPort | None:
         """Add the blocks of the flow to the diagram, with its inputs, outputs, forces and stops.
 
@@ -461,7 +499,9 @@ class _FlowNet:
         """Numbers that a block reads, input after input; some of them perhaps several times."""
         return [term.element for terms in self._inputs[block] for term in terms]
 
-    def add(self, builder: DiagramBuilder, system_name: str, *, integrated: bool = True) -> dict[str, OutputPort]:
+    def add(
+        self, builder: DiagramBuilder, system_name: str, *, integrated: bool = True
+    ) -> dict[str, OutputPort]:
         """Add the net to the diagram.
 
         Args:
@@ -484,10 +524,14 @@ class _FlowNet:
                 "parts.no_algebraic_loop",
                 "no algebraic loop: something that takes time must lie in it, as an integrator",
             )
-            raise InvalidParameter(f"{self._key}.blocks", " → ".join(names_of_loop), expected) from None
+            raise InvalidParameter(
+                f"{self._key}.blocks", " → ".join(names_of_loop), expected
+            ) from None
         except ValueError as problem:  # a CycleError is one, too: this clause must come second
             raise InvalidParameter(
-                f"{self._key}.blocks", str(problem), message("parts.multiples_of_step", "multiples of a common step")
+                f"{self._key}.blocks",
+                str(problem),
+                message("parts.multiples_of_step", "multiples of a common step"),
             ) from None
 
         if self._site is not None and self._measured_sizes:
@@ -535,7 +579,9 @@ class _FlowNet:
                 elif element.owner in self.blocks:  # it is neither the constant nor the time
                     blocks_read[element.owner] = None
             kind = block.kind.replace("_", " ")
-            found[name] = InnerBlock(f"{wrap_label(name)}\n{kind}", tuple(blocks_read), tuple(outputs_read))
+            found[name] = InnerBlock(
+                f"{wrap_label(name)}\n{kind}", tuple(blocks_read), tuple(outputs_read)
+            )
         return found
 
     def _find_terms(self, block: str, terms: Sum) -> list[_Term]:
@@ -546,7 +592,9 @@ class _FlowNet:
             terms: the sum.
         """
         key = f"{self._key}.blocks.{block}.of"
-        return [_Term(self._find_element(key, term), factor) for term, factor in _factors(terms).items()]
+        return [
+            _Term(self._find_element(key, term), factor) for term, factor in _factors(terms).items()
+        ]
 
     def _find_element(self, key: str, term: str) -> _Element:
         """Find the number that a term names.
@@ -578,7 +626,11 @@ class _FlowNet:
         for signal in self._readable_signals:
             known += signal.names
         raise UnknownName(
-            message("parts.block_or_signal", "block, or signal that is measured while stepping, for {key}", key=key),
+            message(
+                "parts.block_or_signal",
+                "block, or signal that is measured while stepping, for {key}",
+                key=key,
+            ),
             term,
             known,
         )
@@ -601,7 +653,9 @@ class _FlowNet:
             return _Element(block, int(index_text))
         expected = block
         if size > 1:
-            expected = message("parts.output_range", "{block}.0 to {block}.{last}", block=block, last=size - 1)
+            expected = message(
+                "parts.output_range", "{block}.0 to {block}.{last}", block=block, last=size - 1
+            )
         raise InvalidParameter(key, term, expected)
 
 
@@ -657,7 +711,9 @@ def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector
     port = _FlowNet(None, "flow", "", net_blocks, {}).add(builder, "flow")[_TORQUE]
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    simulator.get_mutable_integrator().set_target_accuracy(1e-6)  # relative error of the states in a step [1]
+    simulator.get_mutable_integrator().set_target_accuracy(
+        1e-6
+    )  # relative error of the states in a step [1]
     context = simulator.get_mutable_context()
     values_over_time = []
     for time in times:

@@ -123,29 +123,39 @@ class Support:
         self._plant = weakref.proxy(plant)
         self._axes = robot.axis_map
         self._instance = robot.instance
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its state anew
         self._positions = plant.GetPositions(self._scratch)
         self._velocities = np.zeros(plant.num_velocities())
         # Where the quaternion (4) and the angular velocity (3) of the base are in the plant's vectors.
         self._rotation_start = root.floating_positions_start()
         self._spin_start = root.floating_velocities_start_in_v()
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
-        self._links = [plant.GetBodyByName(link, robot.instance).index() for link in robot.feet.links]
+        self._links = [
+            plant.GetBodyByName(link, robot.instance).index() for link in robot.feet.links
+        ]
         self._points = [robot.feet.support_points(link) for link in robot.feet.links]
 
         rotation = robot.base.rotation()
-        self._ahead = rotation.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])  # in the root link
+        self._ahead = rotation.inverse() @ np.array(
+            [math.cos(facing), math.sin(facing), 0.0]
+        )  # in the root link
         # The stance at the start. Its positions are relative: the base stays at the default position of the plant.
         at_rest = np.zeros(len(robot.initial))
         self._set_state(robot.initial, at_rest, rotation, np.zeros(3))
         poses = [link.EvalPoseInWorld(self._scratch) for link in self._feet()]
         below_com = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
         # The homes are at the height of the lowest contact point, which stands for the floor.
-        heights = [(pose @ points.T)[2].min() for pose, points in zip(poses, self._points, strict=True)]
+        heights = [
+            (pose @ points.T)[2].min() for pose, points in zip(poses, self._points, strict=True)
+        ]
         below_com[2] = min(heights)
         self._homes = [pose.inverse() @ below_com for pose in poses]
 
-    def observe(self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector) -> BalanceState:
+    def observe(
+        self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector
+    ) -> BalanceState:
         """Compute the robot's deviation from its stance at the start.
 
         Args:
@@ -172,7 +182,9 @@ class Support:
             arm = shares @ foot.arms
             total_share += foot_share
             home += foot_share * foot.home
-            slip += foot_share * foot.velocity.translational() + _cross(foot.velocity.rotational(), arm)
+            slip += foot_share * foot.velocity.translational() + _cross(
+                foot.velocity.rotational(), arm
+            )
         com = plant.CalcCenterOfMassPositionInWorld(self._scratch, instances)
         com_velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(self._scratch, instances)
         com_velocity = com_velocity - slip / total_share
@@ -180,7 +192,9 @@ class Support:
         # The matrix [[x, y], [-y, x]] / |(x, y)|, with the level part (x, y) of the direction in which the robot looks.
         # Rotation of level vectors from the world's axes to ahead and left.
         ahead_x, ahead_y, _ = rotation @ self._ahead
-        to_heading = np.array([[ahead_x, ahead_y], [-ahead_y, ahead_x]]) / math.hypot(ahead_x, ahead_y)
+        to_heading = np.array([[ahead_x, ahead_y], [-ahead_y, ahead_x]]) / math.hypot(
+            ahead_x, ahead_y
+        )
         return BalanceState(
             com=to_heading @ (com - home / total_share)[:2],
             speed=to_heading @ com_velocity[:2],
@@ -203,9 +217,13 @@ class Support:
             feet.append(foot)
         return feet
 
-    def _set_state(self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector) -> None:
+    def _set_state(
+        self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector
+    ) -> None:
         """Set the state of the work space; the arguments are those of `observe`."""
-        self._positions[self._rotation_start : self._rotation_start + 4] = rotation.ToQuaternion().wxyz()
+        self._positions[self._rotation_start : self._rotation_start + 4] = (
+            rotation.ToQuaternion().wxyz()
+        )
         self._positions[self._axes.position_places] = self._axes.signs * position
         self._velocities[self._spin_start : self._spin_start + 3] = spin
         self._velocities[self._axes.velocity_places] = self._axes.signs * velocity
@@ -258,7 +276,11 @@ class _JointMatrices(NamedTuple):
 
     def rotate(self, arms: Vector, angle: float) -> Vector:
         """Rotate arms (3,) or (3, k) about the joint's direction, by Rodrigues' formula."""
-        return np.asarray(arms + sin(angle) * (self.cross @ arms) + (1.0 - cos(angle)) * (self.cross_squared @ arms))
+        return np.asarray(
+            arms
+            + sin(angle) * (self.cross @ arms)
+            + (1.0 - cos(angle)) * (self.cross_squared @ arms)
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,9 @@ class SwingUpController(LoopSection):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
     stages: ClassVar[tuple[str, ...]] = ("Energy", "Swing-up\nby acceleration", "Balance\nby LQR")
-    remarks: ClassVar[Mapping[str, str]] = {"balancing": message("parts.balances_robot", "balances the robot")}
+    remarks: ClassVar[Mapping[str, str]] = {
+        "balancing": message("parts.balances_robot", "balances the robot")
+    }
 
     kind: Literal["swing_up"]
     rate: Positive = 200.0
@@ -67,7 +69,9 @@ class SwingUpController(LoopSection):
         if not is_usable:
             raise InvalidParameter(
                 key,
-                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
+                message(
+                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                ),
                 message(
                     "parts.robot_with_one_passive_axis",
                     "of a robot on a fixed base with one passive axis and at least one motor",
@@ -77,8 +81,13 @@ class SwingUpController(LoopSection):
         if robot.model.followers:
             raise InvalidParameter(
                 key,
-                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
-                message("parts.robot_without_followers", "of a robot without axes that follow others (mimic)"),
+                message(
+                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                ),
+                message(
+                    "parts.robot_without_followers",
+                    "of a robot without axes that follow others (mimic)",
+                ),
             )
         # Limits are checked for a list of postures; here it has one.
         violation = robot.model.limits.find_violation(self._posture(robot)[np.newaxis])
@@ -95,7 +104,11 @@ class SwingUpController(LoopSection):
                 raise InvalidParameter(
                     f"servo.{name}",
                     f"{gains.max():g}",
-                    message("parts.gains_beside_swing_up", "0, since {key} gives the whole torque", key=key),
+                    message(
+                        "parts.gains_beside_swing_up",
+                        "0, since {key} gives the whole torque",
+                        key=key,
+                    ),
                 )
 
     def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector:

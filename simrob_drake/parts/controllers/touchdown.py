@@ -80,12 +80,16 @@ class Touchdown(LoopSection):
                 known=known,
             )
             raise InvalidParameter(
-                message("parts.reads_of_touchdown", "reads of a touchdown of {robot}", robot=robot.name),
+                message(
+                    "parts.reads_of_touchdown", "reads of a touchdown of {robot}", robot=robot.name
+                ),
                 f"{list(self.reads)}",
                 expected,
             )
         # Joint by which each link hangs on its parent. The way from a foot to the root link has all joints of its leg.
-        joint_of_link = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
+        joint_of_link = {
+            link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")
+        }
         joints = set[str]()
         for foot in feet:
             link = robot.model.tools[foot]
@@ -97,7 +101,11 @@ class Touchdown(LoopSection):
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the block of the loop."""
-        limbs = {foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools}
+        limbs = {
+            foot: limb_to(robot, robot.tools[foot])
+            for foot in self.reads
+            if foot in robot.model.tools
+        }
         return UnknownGround(self, limbs, len(robot.axes))
 
 
@@ -150,7 +158,10 @@ class UnknownGround(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the offset and the feedforward of each leg."""
         # Copies of the vectors that are changed leg by leg.
-        new = {name: memory[name].copy() for name in ("offset", "posture", "torques", "phase", "sought")}
+        new = {
+            name: memory[name].copy()
+            for name in ("offset", "posture", "torques", "phase", "sought")
+        }
         # The reference that the servos get contains the loop's own offset of the last sample.
         plan = read["reference"] - memory["offset"]
         # At the first sample the plan before is not known, so this is wrong; it is not used before a leg was lifted.
@@ -169,7 +180,9 @@ class UnknownGround(SampledBlock):
             last_phase = last_phases[number]
             is_raised = heights[number] > lowest_in_air
             is_lowering = heights[number] < last_heights[number]
-            phase = self._next_phase(last_phase, foot, read, is_raised=is_raised, is_lowering=is_lowering)
+            phase = self._next_phase(
+                last_phase, foot, read, is_raised=is_raised, is_lowering=is_lowering
+            )
             new["phase"][number] = phase
             # At the moment of the touch, what is to be held is remembered.
             if phase == _TOUCHED and last_phase == _FOLLOWS:
@@ -186,10 +199,14 @@ class UnknownGround(SampledBlock):
                 # A leg that stands slowly returns to the plan. This sets the trunk upright.
                 new["offset"][leg] *= self._settle_factor
             if self._section.holds == "torques":
-                self._hold_torques(new, leg, read["position"] - plan, velocity, follows=phase == _FOLLOWS)
+                self._hold_torques(
+                    new, leg, read["position"] - plan, velocity, follows=phase == _FOLLOWS
+                )
         return {**new, "plan": plan, "heights": np.array(heights)}
 
-    def _next_phase(self, phase: float, foot: str, read: Named, *, is_raised: bool, is_lowering: bool) -> float:
+    def _next_phase(
+        self, phase: float, foot: str, read: Named, *, is_raised: bool, is_lowering: bool
+    ) -> float:
         """Phase of a leg at this sample.
 
         The force on the foot is only read if it matters, since reading takes time.
@@ -210,7 +227,9 @@ class UnknownGround(SampledBlock):
             return _TOUCHED if is_raised else _STANDS
         return _FOLLOWS
 
-    def _follow(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, *, is_raised: bool) -> None:
+    def _follow(
+        self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, *, is_raised: bool
+    ) -> None:
         """Change the offset of a leg that does not touch; writes to the new memory.
 
         While the plan has the foot in the air, the leg returns to the reference. Afterwards, the foot moves on down.
@@ -234,7 +253,13 @@ class UnknownGround(SampledBlock):
         new["sought"][number] += step
 
     def _hold_torques(
-        self, new: dict[str, Vector], leg: slice | list[int], to_position: Vector, velocity: Vector, *, follows: bool
+        self,
+        new: dict[str, Vector],
+        leg: slice | list[int],
+        to_position: Vector,
+        velocity: Vector,
+        *,
+        follows: bool,
     ) -> None:
         """Let only the torques of the moment of an early touch act on a leg, until it follows the reference again.
 

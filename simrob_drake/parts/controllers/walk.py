@@ -66,14 +66,23 @@ class Walk(LoopSection):
     command_parts: ClassVar[tuple[CommandPart, ...]] = (
         CommandPart("ahead", "m/s", "ahead ↑ ↓ [m/s]", keys=("ArrowDown", "ArrowUp")),
         CommandPart("left", "m/s", "left Q E [m/s]", keys=("KeyE", "KeyQ")),
-        CommandPart("turn", "rad/s", "turn ← → [°/s]", keys=("ArrowRight", "ArrowLeft"), slider_unit=math.radians(1)),
+        CommandPart(
+            "turn",
+            "rad/s",
+            "turn ← → [°/s]",
+            keys=("ArrowRight", "ArrowLeft"),
+            slider_unit=math.radians(1),
+        ),
     )
     command_key: ClassVar[str] = "commands"
     remarks: ClassVar[Mapping[str, str]] = {
         "clipped": message(
-            "parts.asked_for_too_much", "is asked for more than its legs can follow, and does what they can"
+            "parts.asked_for_too_much",
+            "is asked for more than its legs can follow, and does what they can",
         ),
-        "blind": message("parts.reads_no_number", "reads what is not a number, and goes on as planned"),
+        "blind": message(
+            "parts.reads_no_number", "reads what is not a number, and goes on as planned"
+        ),
     }
     camera_follows: ClassVar[bool] = True
     overrules_reference: ClassVar[bool] = True
@@ -100,7 +109,11 @@ class Walk(LoopSection):
         times = [command.time for command in self.commands]
         if times != sorted(times):
             raise ValueError(
-                message("parts.times_of_commands", "the times of commands must rise, and are {times}", times=times)
+                message(
+                    "parts.times_of_commands",
+                    "the times of commands must rise, and are {times}",
+                    times=times,
+                )
             )
         return self
 
@@ -134,7 +147,10 @@ class Walk(LoopSection):
             raise InvalidParameter(
                 f"{key}.height_map",
                 True,
-                message("parts.false_without_feedback", "false without gait.feedback, which tells where feet are"),
+                message(
+                    "parts.false_without_feedback",
+                    "false without gait.feedback, which tells where feet are",
+                ),
             )
         self.warnings(key, robot)  # it raises an error in a strict section
         if self.path is not None:
@@ -152,7 +168,12 @@ class Walk(LoopSection):
             SimrobError: a foot is no tool, some feet have no force sensor, or the forces are not used.
         """
         feet = [foot for group in parameters.groups for foot in group]
-        what = message("parts.foot_for_groups", "foot of {robot} for {key}.gait.groups", robot=robot.name, key=key)
+        what = message(
+            "parts.foot_for_groups",
+            "foot of {robot} for {key}.gait.groups",
+            robot=robot.name,
+            key=key,
+        )
         for foot in feet:
             one_of(what, foot, robot.model.tools)
         measured = [foot for foot in feet if foot in self.reads]
@@ -184,7 +205,9 @@ class Walk(LoopSection):
         path_start = complex(*path.points[0])
         robot_start = complex(*robot.base.translation()[:2])
         if abs(path_start - robot_start) > _LARGEST_START_DISTANCE:
-            where = message("parts.at_place", "at ({x:g}, {y:g}) m", x=path_start.real, y=path_start.imag)
+            where = message(
+                "parts.at_place", "at ({x:g}, {y:g}) m", x=path_start.real, y=path_start.imag
+            )
             near = message(
                 "parts.near_robot",
                 "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
@@ -210,7 +233,9 @@ class Walk(LoopSection):
             InvalidParameter: there is such a command, and the section is strict.
         """
         max_speed = self.walking(robot).max_speed
-        commands = {f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)}
+        commands = {
+            f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)
+        }
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
@@ -284,14 +309,19 @@ class Walk(LoopSection):
         assert feet is not None  # check() has checked it
         names = [foot for group in parameters.groups for foot in group]
         # A foot is named by its tool; its frame is that of the link with the contact points.
-        link_of_body = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
+        link_of_body = {
+            robot.plant.GetFrameByName(link, robot.instance).body().index(): link
+            for link in feet.links
+        }
         frames = []
         for foot in names:
             link = link_of_body[robot.tools[foot].body().index()]
             frames.append(robot.plant.GetFrameByName(link, robot.instance))
         # Direction in which the robot looks, from the x axis of its root link.
         facing = math.radians(gaits_file(robot.model).facing_deg)
-        posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
+        posture = robot.model.axis_vector(
+            parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg"
+        )
         body = Body(
             plant=robot.plant,
             instance=robot.instance,
@@ -299,7 +329,9 @@ class Walk(LoopSection):
             axes=robot.axis_map,
             limits=robot.model.axis_limits,
             posture=np.deg2rad(posture),
-            stance=np.deg2rad(robot.model.axis_vector(parameters.stance_deg, f"{key}.gait.stance_deg")),
+            stance=np.deg2rad(
+                robot.model.axis_vector(parameters.stance_deg, f"{key}.gait.stance_deg")
+            ),
             feet=frames,
             contact=feet,
             legs=[axes_to(robot, frame) for frame in frames],
@@ -307,7 +339,11 @@ class Walk(LoopSection):
         )
         # Feet of one group are lifted together; the engine has indices in place of names.
         groups = [[names.index(foot) for foot in group] for group in parameters.groups]
-        height_map = HeightMap(site.plant.ground.beneath, body.sole_reach + _EDGE) if self.height_map else None
+        height_map = (
+            HeightMap(site.plant.ground.beneath, body.sole_reach + _EDGE)
+            if self.height_map
+            else None
+        )
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
         return WalkingLoop(
             self,
@@ -364,10 +400,17 @@ class WalkingLoop(SampledBlock):
     units = MappingProxyType(
         {"target": "rad", "offset_velocity": "rad/s", "capture": "m", "command": "m/s, m/s, rad/s"}
     )
-    components = MappingProxyType({"capture": ("ahead", "left"), "command": ("ahead", "left", "turn")})
+    components = MappingProxyType(
+        {"capture": ("ahead", "left"), "command": ("ahead", "left", "turn")}
+    )
 
     def __init__(
-        self, section: Walk, engine: WalkingEngine, feet: Sequence[str], posture: Vector, commander: Commander
+        self,
+        section: Walk,
+        engine: WalkingEngine,
+        feet: Sequence[str],
+        posture: Vector,
+        commander: Commander,
     ) -> None:
         """Create the block.
 
@@ -440,7 +483,9 @@ class WalkingLoop(SampledBlock):
         if memory["blind"][0] != is_blind:
             changes["blind"] = float(is_blind)
         if not read[TIME][0]:
-            changes["hand"] = np.zeros(4)  # a user's command in an earlier run, which this one continues, is over
+            changes["hand"] = np.zeros(
+                4
+            )  # a user's command in an earlier run, which this one continues, is over
 
         if self._has_waits_port and read["waits"][0]:
             return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}

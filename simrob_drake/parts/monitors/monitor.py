@@ -39,7 +39,9 @@ class MonitorSection(Strict, ABC):
     @property
     def hold_text(self) -> str:
         """Words for the end of a reason, such as " for 0.5 s". Empty if the condition need not last."""
-        return message("parts.for_seconds", " for {hold:g} s", hold=self.hold) if self.hold > 0 else ""
+        return (
+            message("parts.for_seconds", " for {hold:g} s", hold=self.hold) if self.hold > 0 else ""
+        )
 
     @abstractmethod
     def condition(self, name: str, station: StationContents) -> Condition:
@@ -135,7 +137,9 @@ def add_monitor(
     block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
     builder.AddNamedSystem(system_name, block)
     label = message("parts.block_monitor", "Monitor\n{name}", name=name)
-    owner = None if robot is None else site.robot(robot)  # the block is drawn in its robot's part of the picture
+    owner = (
+        None if robot is None else site.robot(robot)
+    )  # the block is drawn in its robot's part of the picture
     site.picture.draw(system_name, "sensor", label, owner)
     # The block's input ports have the names of the outputs that they read.
     for output in trigger.condition.watched:
@@ -179,7 +183,9 @@ class PoseMonitorSection(MonitorSection):
         """
         free = station.free_pieces
         if self.piece is not None:
-            what = message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name)
+            what = message(
+                "parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name
+            )
             return _pose_of_piece(station, one_of(what, self.piece, free))
         # In a station without robots, such as a ball on a floor, a monitor need not name the only piece.
         if not station.robots and len(free) == 1:
@@ -248,4 +254,6 @@ def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
 
 
 if not TYPE_CHECKING:
-    __getattr__ = former_names_of(__name__, {"of_axes": "axis_outputs", "worst": "condition_on_largest"})
+    __getattr__ = former_names_of(
+        __name__, {"of_axes": "axis_outputs", "worst": "condition_on_largest"}
+    )

@@ -123,8 +123,12 @@ class TorqueLimit(MonitorSection):
         robot = station.robot(self.robot, f"monitors.{name}")
         # The torque of a motor falls with its speed, along a line. Limits of the section's own replace these lines. In
         # a kinematic station torques are computed from the motion, and only compared with constant limits.
-        motors_count = self.limit is None and robot.gains.line is not None and station.engine.moves_by_forces
-        return self._condition_of_motors(robot) if motors_count else self._condition_of_limits(robot)
+        motors_count = (
+            self.limit is None and robot.gains.line is not None and station.engine.moves_by_forces
+        )
+        return (
+            self._condition_of_motors(robot) if motors_count else self._condition_of_limits(robot)
+        )
 
     def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
         """Condition on the torque that each motor can give at its speed."""
@@ -211,7 +215,9 @@ class Settled(MonitorSection):
             # Axes with the same bound are named once.
             bounds = dict[str, None]()
             for bound, unit in zip(speed_bounds, robot.model.units, strict=True):
-                bounds[compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name)] = None
+                bounds[compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name)] = (
+                    None
+                )
             return message(
                 "parts.stood_still",
                 "the robot has stood still (below {speeds}) for {hold:g} s",
@@ -464,7 +470,9 @@ class Fall(PoseMonitorSection):
     def _check_has_bound(self) -> "Fall":
         """Check that at least one bound is given."""
         if self.height is None and self.tilt_deg is None:
-            raise ValueError(message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg"))
+            raise ValueError(
+                message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg")
+            )
         return self
 
     def faller(self, only_robot: str | None) -> str | None:

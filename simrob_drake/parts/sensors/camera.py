@@ -150,13 +150,17 @@ class Lens:
     def _cameras(self) -> tuple[ColorRenderCamera, DepthRenderCamera]:
         """Drake's descriptions of the camera, for colours and labels, and for depth."""
         # VTK's coordinates begin at a corner of the first pixel, not in its middle.
-        info = CameraInfo(self.width, self.height, self.focal, self.focal, self.width / 2, self.height / 2)
+        info = CameraInfo(
+            self.width, self.height, self.focal, self.focal, self.width / 2, self.height / 2
+        )
         # VTK draws a little more than the range of depths: colour images also show what is too near or too far.
         clipping = ClippingRange(_NEAR_CLIPPING * self.near, 2 * self.far)
         core = RenderCameraCore(_RENDERER, info, clipping, RigidTransform())
         return ColorRenderCamera(core), DepthRenderCamera(core, DepthRange(self.near, self.far))
 
-    def image(self, query: QueryObject, parent: FrameId, pose: RigidTransform, time: float) -> Image:
+    def image(
+        self, query: QueryObject, parent: FrameId, pose: RigidTransform, time: float
+    ) -> Image:
         """Take an image.
 
         Args:
@@ -191,7 +195,9 @@ class Lens:
 def add_renderer(scene_graph: SceneGraph) -> None:
     """Add the cameras' renderer to a scene graph, if it is not there yet."""
     if not scene_graph.HasRenderer(_RENDERER):
-        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams(lights=_LIGHTS)))
+        scene_graph.AddRenderer(
+            _RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams(lights=_LIGHTS))
+        )
 
 
 class CameraBlock(Block):
@@ -281,7 +287,9 @@ class CameraSensor(Sensor):
     def lens(self) -> Lens:
         """Optics of the camera."""
         opening = float(np.deg2rad(self.opening_deg))
-        return Lens(self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed)
+        return Lens(
+            self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed
+        )
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Note the camera for the result. If it is in a loop, add the block that other blocks can read.
@@ -312,7 +320,9 @@ class CameraSensor(Sensor):
         parent = plant.plant.GetBodyFrameIdOrThrow(frame.body().index())
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)
 
-    def _check_outside(self, name: str, station: StationPlant, parent: FrameId, pose: RigidTransform) -> None:
+    def _check_outside(
+        self, name: str, station: StationPlant, parent: FrameId, pose: RigidTransform
+    ) -> None:
         """Check that the camera is not inside of a shape at the start.
 
         Args:
@@ -330,7 +340,9 @@ class CameraSensor(Sensor):
         state = plant.CreateDefaultContext()
         poses = FramePoseVector()
         for frame in scene_graph.model_inspector().FramesForSource(plant.get_source_id()):
-            poses.set_value(frame, plant.EvalBodyPoseInWorld(state, plant.GetBodyFromFrameId(frame)))
+            poses.set_value(
+                frame, plant.EvalBodyPoseInWorld(state, plant.GetBodyFromFrameId(frame))
+            )
         context = scene_graph.CreateDefaultContext()
         scene_graph.get_source_pose_port(plant.get_source_id()).FixValue(context, poses)
         query = scene_graph.get_query_output_port().Eval(context)
@@ -343,7 +355,9 @@ class CameraSensor(Sensor):
             where = message("parts.eye_inside_of", "at {eye} m, inside of ", eye=coordinates)
             where += owner_of_shape(station, found.id_G)
             raise InvalidParameter(
-                f"sensors.{name}.pose", where, message("parts.outside_of_bodies", "outside of every body")
+                f"sensors.{name}.pose",
+                where,
+                message("parts.outside_of_bodies", "outside of every body"),
             )
 
 

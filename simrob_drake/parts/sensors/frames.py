@@ -14,7 +14,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, FrameIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
-from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion, xyz_quaternion_from_transform
+from simrob_drake.base.frames import (
+    transform_from_pose,
+    transform_from_xyz_quaternion,
+    xyz_quaternion_from_transform,
+)
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
@@ -22,7 +26,13 @@ from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Rol
 from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import WORLD, StationContents
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
+from simrob_drake.parts.sensors.sensor import (
+    SampledSensor,
+    Sensor,
+    axis_names,
+    normal_noise,
+    sensor_label,
+)
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
@@ -155,7 +165,9 @@ class InertialUnit(SampledBlock):
         self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its state anew
         self.seed = section.seed
         self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
         self._bias = np.repeat([section.accelerometer_bias, section.gyroscope_bias], 3)
@@ -232,11 +244,15 @@ class FrameSensor(Sensor):
         """
         base = AttachedFrame(frame_of(site.plant, self.base), transform_from_pose(self.base_offset))
         frame = AttachedFrame(frame_of(site.plant, self.frame), transform_from_pose(self.offset))
-        block = RelativeMotion(plant=site.plant.plant, base=base, frame=frame, axes=self.axes, turning=self.turning)
+        block = RelativeMotion(
+            plant=site.plant.plant, base=base, frame=frame, axes=self.axes, turning=self.turning
+        )
         add_and_connect(builder, f"sensor.{name}", block, site.state)
         label = sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
         site.picture.draw(f"sensor.{name}", "sensor", label)
-        heading = message("parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base)
+        heading = message(
+            "parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base
+        )
         for part, (components, units, quantity) in _RELATIVE.items():
             columns = axis_names("frame", name, components)
             output = f"frame_{part}.{name}"
@@ -316,7 +332,9 @@ class RelativeMotion(Block):
         """
         super().__init__()
         self._plant = weakref.proxy(plant)
-        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._scratch = (
+            plant.CreateDefaultContext()
+        )  # work space: every evaluation sets its state anew
         # Indices instead of frames: a frame would keep the plant in memory.
         self._base_index = base.parent.index()
         self._base_offset = base.pose

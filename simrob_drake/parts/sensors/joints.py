@@ -20,7 +20,13 @@ from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import ResolvedRobot, StationContents
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
+from simrob_drake.parts.sensors.sensor import (
+    SampledSensor,
+    Sensor,
+    axis_names,
+    normal_noise,
+    sensor_label,
+)
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
@@ -122,7 +128,9 @@ class JointEncoders(SampledBlock):
         position = round_to_resolution(read["position"] + noise, self._resolution)
         # At the first sample there is no position before, and the speed is zero.
         is_first = count == 0
-        difference = np.zeros_like(position) if is_first else (position - memory["position"]) / self.period
+        difference = (
+            np.zeros_like(position) if is_first else (position - memory["position"]) / self.period
+        )
         last_velocity = memory["velocity"]
         velocity = last_velocity + self._filter_share * (difference - last_velocity)
         return {"position": position, "velocity": velocity, "count": count + 1}
@@ -145,7 +153,9 @@ class JointTorque(Sensor):
                 "left out under {engine}, which tells no forces of joints; read the output torque",
                 engine=station.engine.name,
             )
-            raise InvalidParameter(key, message("parts.joint_torque_sensor", "a joint_torque sensor"), expected)
+            raise InvalidParameter(
+                key, message("parts.joint_torque_sensor", "a joint_torque sensor"), expected
+            )
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``joint_torque.<sensor>`` (n) [N·m or N]."""
@@ -164,7 +174,9 @@ class JointTorque(Sensor):
         site.outputs.add(output, _add_joint_torque(builder, site, name, robot), signal)
 
 
-def _add_joint_torque(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
+def _add_joint_torque(
+    builder: DiagramBuilder, site: Site, name: str, robot: StationRobot
+) -> OutputPort:
     """Add the block of a joint torque sensor, and return its port, size n [N·m or N].
 
     Args:
@@ -179,7 +191,9 @@ def _add_joint_torque(builder: DiagramBuilder, site: Site, name: str, robot: Sta
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
     label = sensor_label(message("parts.block_joint_torques", "Joint torques"), name)
     site.picture.draw(f"sensor.{name}", "sensor", label, robot)
-    return add_and_connect(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
+    return add_and_connect(
+        builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port()
+    )
 
 
 class ExternalTorque(SampledSensor):
@@ -219,9 +233,15 @@ class ExternalTorque(SampledSensor):
         }
         if robot.tcp:
             columns = axis_names("external_force", name)
-            title = message("parts.estimated_force", "force at the tool, estimated by '{name}', in its axes", name=name)
+            title = message(
+                "parts.estimated_force",
+                "force at the tool, estimated by '{name}', in its axes",
+                name=name,
+            )
             panel = sensor_panel(title, "force", columns)
-            signals["external_force"] = Signal(columns, ("N",) * 3, "estimate", part=name, panel=panel)
+            signals["external_force"] = Signal(
+                columns, ("N",) * 3, "estimate", part=name, panel=panel
+            )
         self._add_block(
             builder,
             site,
@@ -234,7 +254,9 @@ class ExternalTorque(SampledSensor):
         )
 
 
-def _add_motor_torque(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
+def _add_motor_torque(
+    builder: DiagramBuilder, site: Site, name: str, robot: StationRobot
+) -> OutputPort:
     """Find the motor torques of a robot, without the dampers that the plant's joints have for them.
 
     The torques of a robot contain these dampers. The observer gets the dampers from the plant, so they are added back.

@@ -53,7 +53,12 @@ _BIAS_TIME = 1.0
 # Time constant with which the height approaches level ground [s].
 _LEVEL_TIME = 1.0
 # Inputs of the estimator, and the purpose (key of `reads`) of the sensor that gives each.
-_READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
+_READS = {
+    "position": "encoders",
+    "orientation": "imu",
+    "angular_velocity": "imu",
+    "specific_force": "imu",
+}
 # Columns, their units, and the plotted quantity of the outputs.
 _PARTS = {"base_pose": POSE, "base_velocity": VELOCITY}
 
@@ -113,15 +118,28 @@ class LegOdometry(SampledSensor):
                 message("parts.of_model", "of {model}", model=robot.model.name),
                 message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
             )
-        kind_of_purpose = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
+        kind_of_purpose = {
+            "imu": "imu",
+            "encoders": "encoders",
+            **dict.fromkeys(robot.feet.links, "force"),
+        }
         for purpose in dict.fromkeys(["imu", "encoders", *self.reads]):
-            one_of(message("parts.input_for", "input for {key}.reads", key=key), purpose, kind_of_purpose)
+            one_of(
+                message("parts.input_for", "input for {key}.reads", key=key),
+                purpose,
+                kind_of_purpose,
+            )
             kind = kind_of_purpose[purpose]
             where = f"{key}.reads.{purpose}"
             name_or_only(
                 self.reads.get(purpose),
                 _names_of_kind(station.sensors, kind),
-                kind=message("parts.sensor_of_kind", "sensor of kind {kind} for {where}", kind=kind, where=where),
+                kind=message(
+                    "parts.sensor_of_kind",
+                    "sensor of kind {kind} for {where}",
+                    kind=kind,
+                    where=where,
+                ),
                 key=where,
             )
         feet = [foot for foot in robot.feet.links if foot in self.reads]
@@ -169,7 +187,9 @@ class LegOdometry(SampledSensor):
                     rate=sensor.rate,
                     read=read[kind],
                 )
-                raise InvalidParameter(f"{key}.rate", compound("{rate:g} Hz", rate=self.rate), expected)
+                raise InvalidParameter(
+                    f"{key}.rate", compound("{rate:g} Hz", rate=self.rate), expected
+                )
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``base_pose.<sensor>`` (7: x y z [m] qw qx qy qz) and ``base_velocity.<sensor>`` (6) [m/s, rad/s].
@@ -182,7 +202,9 @@ class LegOdometry(SampledSensor):
         force = None
         # Without force sensors, only the heights of the points say which feet stand.
         if any(foot in read for foot in soles.feet):
-            weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
+            weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(
+                np.linalg.norm(soles.gravity)
+            )
             force = self.force or weight / len(soles.feet)
         block = BaseEstimator(
             self,
@@ -195,7 +217,9 @@ class LegOdometry(SampledSensor):
         heading = message("parts.leg_odometry_of", "leg odometry '{name}'", name=name)
         for output, (components, units, quantity) in _PARTS.items():
             columns = axis_names(output, name, components)
-            panel = Panel(f"odometry_{name}", heading, QUANTITY_WORDS[output], quantity, columns[:3])
+            panel = Panel(
+                f"odometry_{name}", heading, QUANTITY_WORDS[output], quantity, columns[:3]
+            )
             signals[output] = Signal(columns, units, "estimate", part=name, panel=panel)
 
         # Outputs of the sensors that it reads, by the names of the block's input ports.
@@ -246,7 +270,9 @@ class Soles:
         self.scratch = plant.CreateDefaultContext()
         self._positions = plant.GetPositions(self.scratch)
         self._root = robot.root.index()
-        self._links = [plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links]
+        self._links = [
+            plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links
+        ]
 
         has_balls = bool(robot.feet.points)
         self.radius = robot.feet.radius if has_balls else 0.0
@@ -258,7 +284,8 @@ class Soles:
         counts = [len(points) for points in points_of_feet]
         ends = np.cumsum([0, *counts]).tolist()
         self.feet = {
-            link: slice(begin, end) for link, (begin, end) in zip(robot.feet.links, pairwise(ends), strict=True)
+            link: slice(begin, end)
+            for link, (begin, end) in zip(robot.feet.links, pairwise(ends), strict=True)
         }
         self._foot_of_point = np.repeat(range(len(counts)), counts)
         arms = np.concatenate(points_of_feet)
@@ -278,7 +305,10 @@ class Soles:
         self._positions[self._axes.position_places] = self._axes.signs * position
         plant.SetPositions(self.scratch, self._positions)
         root = plant.get_frame(self._root)
-        poses = [plant.CalcRelativeTransform(self.scratch, root, plant.get_frame(link)) for link in self._links]
+        poses = [
+            plant.CalcRelativeTransform(self.scratch, root, plant.get_frame(link))
+            for link in self._links
+        ]
         link_poses = root_rotation @ np.array([pose.GetAsMatrix34() for pose in poses])
         return np.asarray(link_poses[self._foot_of_point])
 
@@ -298,7 +328,13 @@ class BaseEstimator(SampledBlock):
     """
 
     def __init__(
-        self, section: LegOdometry, soles: Soles, *, start: Vector, force: float | None = None, level: bool = False
+        self,
+        section: LegOdometry,
+        soles: Soles,
+        *,
+        start: Vector,
+        force: float | None = None,
+        level: bool = False,
     ) -> None:
         """Create the block.
 
@@ -311,7 +347,13 @@ class BaseEstimator(SampledBlock):
         """
         period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)
-        self._reads = {"position": soles.size, "orientation": 4, "angular_velocity": 3, "specific_force": 3, **feet}
+        self._reads = {
+            "position": soles.size,
+            "orientation": 4,
+            "angular_velocity": 3,
+            "specific_force": 3,
+            **feet,
+        }
         points = len(soles.arms)
         super().__init__(
             period=period,
@@ -347,7 +389,10 @@ class BaseEstimator(SampledBlock):
         # A sum is not finite if one of its terms is not. Without shares, the feet do not count at the next sample.
         if not math.isfinite(np.concatenate([*measured.values()]).sum()):
             position = pose[:3] + period * velocity
-            return {"base_pose": np.concatenate([position, pose[3:]]), "shares": np.zeros(len(soles.arms))}
+            return {
+                "base_pose": np.concatenate([position, pose[3:]]),
+                "shares": np.zeros(len(soles.arms)),
+            }
 
         # The sum of two quaternions of the same sign is the rotation midway between them.
         orientation = measured["orientation"]
@@ -358,7 +403,9 @@ class BaseEstimator(SampledBlock):
 
         # The prediction: the change of the velocity, T a, and the step of the position, T (v + T a / 2).
         bias = memory["bias"]
-        velocity_change = period * (middle_rotation @ (measured["specific_force"] - bias) + soles.gravity)
+        velocity_change = period * (
+            middle_rotation @ (measured["specific_force"] - bias) + soles.gravity
+        )
         step = period * (velocity + velocity_change / 2)
         new_velocity = velocity + velocity_change
 
@@ -374,7 +421,9 @@ class BaseEstimator(SampledBlock):
         last_places = memory["places"].reshape(places.shape)
         last_lowest = memory["lowest"].reshape(lowest.shape)
         errors = last_places - _transform_points(poses, last_lowest) - step
-        weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._squared_slip)
+        weights = (
+            shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._squared_slip)
+        )
         total = float(weights.sum())
         if total > 0:
             # e = min(1, W) / W sum(w_i e_i) with the sum W of the weights: feet that hardly count correct only a part.
@@ -388,7 +437,9 @@ class BaseEstimator(SampledBlock):
             step[2] -= trust * self._height_share * mean_height
         return {
             "base_pose": np.concatenate([pose[:3] + step, orientation]),
-            "base_velocity": np.concatenate([new_velocity, rotation @ measured["angular_velocity"]]),
+            "base_velocity": np.concatenate(
+                [new_velocity, rotation @ measured["angular_velocity"]]
+            ),
             "bias": bias,
             "lowest": lowest.ravel(),
             "places": places.ravel(),

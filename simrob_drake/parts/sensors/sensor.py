@@ -118,11 +118,16 @@ def check_contact(key: str, sensor: str, station: StationContents) -> None:
         raise InvalidParameter(
             key,
             sensor,
-            message("parts.contact_section_needed", "in a station with a contact: section ({{}} takes its defaults)"),
+            message(
+                "parts.contact_section_needed",
+                "in a station with a contact: section ({{}} takes its defaults)",
+            ),
         )
 
 
-def add_sample_and_hold(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
+def add_sample_and_hold(
+    builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None
+) -> OutputPort:
     """Add a block that samples a port and holds its value between samples.
 
     Args:
@@ -214,7 +219,9 @@ class SampledSensor(Sensor):
         builder.AddNamedSystem(f"sensor.{name}", block)
         site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
         for port, source in inputs.items():
-            assert isinstance(source, OutputPort)  # sensors that a sensor in a loop reads are in the loop, too
+            assert isinstance(
+                source, OutputPort
+            )  # sensors that a sensor in a loop reads are in the loop, too
             builder.Connect(source, block.GetInputPort(port))
         for port, signal in signals.items():
             output = f"{port}.{name}"
@@ -250,7 +257,12 @@ class Replay(NamedTuple):
 
 
 def _compute_after_run(
-    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
+    recorded: Recorded,
+    times: Vector,
+    *,
+    block: LeafSystem,
+    inputs: Mapping[str, OutputPort | Compute],
+    output: str,
 ) -> Vector:
     """Compute an output of a sampled block at times of a run that is over.
 
@@ -280,7 +292,9 @@ def _first_sample(recorded: Recorded, period: float) -> int:
     return int(np.ceil(recorded.step_times[0] / period - _SAME_SAMPLE))
 
 
-def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]) -> Replay:
+def replay(
+    recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
+) -> Replay:
     """Update a sampled block, outside of the diagram, at all its samples of a run that is over.
 
     Args:

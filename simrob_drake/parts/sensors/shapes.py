@@ -61,7 +61,9 @@ class Distance(ShapeSensor):
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         system_name = f"sensor.{name}"
         distance = add_and_connect(builder, system_name, block, scene_graph.get_query_output_port())
-        label = sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate)
+        label = sensor_label(
+            message("parts.block_distance_sensor", "Distance sensor"), name, self.rate
+        )
         site.picture.draw(system_name, "sensor", label)
         port = add_sample_and_hold(builder, f"{system_name}.hold", distance, self.rate)
 
@@ -108,7 +110,13 @@ class Force(ShapeSensor):
     @property
     def _has_errors(self) -> bool:
         """Whether the sensor rounds, adds noise or delays."""
-        errors = (self.resolution, self.moment_resolution, self.noise, self.moment_noise, self.delay)
+        errors = (
+            self.resolution,
+            self.moment_resolution,
+            self.noise,
+            self.moment_noise,
+            self.delay,
+        )
         return any(errors)
 
     @model_validator(mode="after")
@@ -135,7 +143,10 @@ class Force(ShapeSensor):
             )
             raise InvalidParameter(
                 key,
-                message("parts.force_sensor_in_kinematic_station", "a force sensor in a kinematic station"),
+                message(
+                    "parts.force_sensor_in_kinematic_station",
+                    "a force sensor in a kinematic station",
+                ),
                 expected,
             )
         check_frame(station, f"{key}.frame", self.frame)
@@ -169,8 +180,12 @@ class Force(ShapeSensor):
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
-            title += message("parts.along_the_surface", " (along the surface: {source})", source=tangential)
-        balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
+            title += message(
+                "parts.along_the_surface", " (along the surface: {source})", source=tangential
+            )
+        balance = (
+            MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
+        )
         columns = axis_names("force", name)
         force = Signal(
             columns,
@@ -182,7 +197,9 @@ class Force(ShapeSensor):
             adjust=None if balance is None else balance.with_friction,
         )
         site.outputs.add(f"force.{name}", split.get_output_port(0), force)
-        moment = Signal(axis_names("moment", name), ("N·m",) * 3, "moment", f"moment.{name}", part=name)
+        moment = Signal(
+            axis_names("moment", name), ("N·m",) * 3, "moment", f"moment.{name}", part=name
+        )
         site.outputs.add(f"moment.{name}", split.get_output_port(1), moment)
 
     def _add_samples(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
@@ -225,7 +242,12 @@ class MeasuredWrench(SampledBlock):
         memory = {"wrench": np.zeros(6), "count": np.zeros(1)}
         delay = round(section.delay * rate)
         super().__init__(
-            period=1 / rate, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
+            period=1 / rate,
+            reads={"wrench": 6},
+            memory=memory,
+            gives=("wrench",),
+            delay=delay,
+            at_once=True,
         )
         self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
         self._noise = np.repeat([section.noise, section.moment_noise], 3)
@@ -242,10 +264,17 @@ class MeasuredWrench(SampledBlock):
 
 def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Port of the plant's contacts. The first call adds the block that reads them for all sensors."""
-    if site.plant.stand_in is not None:  # a block of another engine gives contacts that need no reading
+    if (
+        site.plant.stand_in is not None
+    ):  # a block of another engine gives contacts that need no reading
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.plant_block.get_contact_results_output_port())
+        add_and_connect(
+            builder,
+            _CONTACTS,
+            ContactReader(),
+            site.plant.plant_block.get_contact_results_output_port(),
+        )
         site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
@@ -279,7 +308,11 @@ class MomentumBalance:
     """
 
     def __init__(
-        self, site: Site, frame: Frame, body: Collection[GeometryId], other: Collection[GeometryId] | None
+        self,
+        site: Site,
+        frame: Frame,
+        body: Collection[GeometryId],
+        other: Collection[GeometryId] | None,
     ) -> None:
         """Prepare the estimate.
 
@@ -303,7 +336,9 @@ class MomentumBalance:
         any_shape = next(iter(self._body))
         self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(any_shape)).model_instance()
         bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._instance)]
-        self._model_shapes = {shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)}
+        self._model_shapes = {
+            shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)
+        }
 
     def with_friction(self, recorded: Recorded, times: Vector, forces: Vector) -> Vector:
         """Add the estimated friction to the sensor's forces along the normals.
@@ -358,7 +393,9 @@ class MomentumBalance:
 
         def sum_by_time(values: Vector) -> Vector:
             """Add up values of contacts (k,) for each time, shape (m,)."""
-            return np.asarray(np.bincount(timed_contacts.rows, values, len(model_forces)), dtype=float)
+            return np.asarray(
+                np.bincount(timed_contacts.rows, values, len(model_forces)), dtype=float
+            )
 
         # Normal forces on the model, and their magnitudes. The sign of a contact is 1 or -1 if its first or second
         # shape belongs to the model, and 0 if none or both do.
@@ -400,12 +437,16 @@ class MomentumBalance:
         momenta = np.empty((len(step_times), 3))
         for index, state in zip(needed, states, strict=True):
             plant.SetPositionsAndVelocities(context, state)
-            momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, [self._instance], np.zeros(3))
+            momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
+                context, [self._instance], np.zeros(3)
+            )
             momenta[index] = momentum.translational()
 
         # f = (P1 - P0) / h - m g
         durations = (step_times[ends] - step_times[ends - 1])[:, np.newaxis]
         rates = (momenta[ends] - momenta[ends - 1]) / durations
         # m g
-        weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
+        weight = (
+            plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
+        )
         return np.asarray(rates - weight)

@@ -21,7 +21,13 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
-from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, pose_after, ramp_shares
+from simrob_drake.programs.gaits.phases import (
+    Phase,
+    check_steps,
+    gait_plan,
+    pose_after,
+    ramp_shares,
+)
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 
@@ -156,12 +162,16 @@ def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> No
     check_steps(steps)
     if not gait.double_support < 1:
         raise InvalidParameter(
-            "double_support", gait.double_support, message("programs.part_of_step", "a part of the step, less than 1")
+            "double_support",
+            gait.double_support,
+            message("programs.part_of_step", "a part of the step, less than 1"),
         )
     has_leg_without_yaw = any(len(foot.axes) == _AXES_WITHOUT_YAW for foot in feet.values())
     if has_leg_without_yaw and (gait.turn_deg or gait.sideways):
         expected = message(
-            "programs.legs_cannot_turn", "0, since the legs of {robot} cannot turn or roll their feet", robot=robot
+            "programs.legs_cannot_turn",
+            "0, since the legs of {robot} cannot turn or roll their feet",
+            robot=robot,
         )
         raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways), expected)
 
@@ -254,7 +264,9 @@ class Kick(SolvedGait):
             the foot has to be raised to its middle.
         """
         feet = self._check_feet(walker)
-        poses = {name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()}
+        poses = {
+            name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()
+        }
         # The foot that has the ball most straight ahead kicks, unless the gait names one.
         sideways = {name: abs(_seen_from(pose, ball)[1]) for name, pose in poses.items()}
         nearest = min(feet, key=lambda name: sideways[name])
@@ -286,9 +298,15 @@ class Kick(SolvedGait):
             InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
             UnknownName: the foot that shall kick is none of them.
         """
-        feet = walker.feet_by_name(FEET, self.feet, message("programs.two_feet_to_kick", "two, to kick"))
+        feet = walker.feet_by_name(
+            FEET, self.feet, message("programs.two_feet_to_kick", "two, to kick")
+        )
         if self.foot is not None and self.foot not in feet:
-            raise UnknownName(message("programs.foot_of", "foot of {model}", model=walker.model.name), self.foot, feet)
+            raise UnknownName(
+                message("programs.foot_of", "foot of {model}", model=walker.model.name),
+                self.foot,
+                feet,
+            )
         can_turn = all(len(foot.axes) >= _ALL_AXES for foot in feet.values())
         if self.toward_deg and not can_turn:
             expected = message(

@@ -98,7 +98,8 @@ class Climb(SolvedGait):
         can_stay_level = all(len(foot.axes) == _AXES_OF_LEVEL_SOLE for foot in feet.values())
         if not has_four_legs and not (has_two_legs and can_stay_level):
             expected = message(
-                "programs.legs_to_climb", "one with two legs of six joints, or with four legs, to climb so"
+                "programs.legs_to_climb",
+                "one with two legs of six joints, or with four legs, to climb so",
             )
             raise InvalidParameter(
                 message("base.robot_called", "robot {name}", name=walker.model.name),
@@ -114,7 +115,9 @@ class Climb(SolvedGait):
         assert model.feet is not None  # a robot without feet has no climb
         edged = [name for name in model.feet.contacts if has_edges(model, name)]
         if edged:
-            choices = join_texts([f"--set {key}={name}" for name in edged], message("base.or", " or "))
+            choices = join_texts(
+                [f"--set {key}={name}" for name in edged], message("base.or", " or ")
+            )
             expected = message(
                 "programs.soles_with_edges",
                 "soles with edges (boxes), which may stand over those of stairs: {choices}",
@@ -127,7 +130,9 @@ class Climb(SolvedGait):
                 "its {file}",
                 file=ROBOT_FILE,
             )
-        raise InvalidParameter(message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected)
+        raise InvalidParameter(
+            message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected
+        )
 
     @property
     def _all_stand_time(self) -> float:
@@ -150,7 +155,9 @@ class Climb(SolvedGait):
         goals = {}
         for name in order:
             start[name] = np.array(self.start[name] if self.start else self._home(feet[name]))
-            goals[name] = np.array(self.goals[name]) if self.goals else start[name] + [self.stride, 0, 0, 0]
+            goals[name] = (
+                np.array(self.goals[name]) if self.goals else start[name] + [self.stride, 0, 0, 0]
+            )
 
         # Each foot in turn: shift the weight to the others, then swing.
         phases = list[Phase]()
@@ -164,7 +171,9 @@ class Climb(SolvedGait):
             phases.append(Phase(duration=shift_time, zmp=zmp, transfer=shift_time))
             phases.append(Phase(duration=self._swing_time, zmp=zmp, transfer=0.0))
             current[name] = goals[name]
-        phases.append(Phase(duration=self.settle + self.rest, zmp=_middle_of(goals), transfer=self.settle))
+        phases.append(
+            Phase(duration=self.settle + self.rest, zmp=_middle_of(goals), transfer=self.settle)
+        )
 
         # The phases have the zero-moment point only. The paths of the feet are other ones than a walk has.
         footholds = {name: pose[_LEVEL] for name, pose in start.items()}

@@ -127,7 +127,9 @@ class GroundProfile:
         """Find the tread at a position [m]. Returns None if the ground is not level there."""
         return next((tread for tread in self.treads if tread.begin <= position <= tread.end), None)
 
-    def next_stride(self, position: float, sole: SoleMargins, longest: float, distance: float) -> StridePlan | None:
+    def next_stride(
+        self, position: float, sole: SoleMargins, longest: float, distance: float
+    ) -> StridePlan | None:
         """Plan the next stride of both soles.
 
         Args:
@@ -239,7 +241,9 @@ class FootGoals:
 class SoleFootholds:
     """Footholds of two soles, which stand side by side on one tread after each stride."""
 
-    def __init__(self, gait: Climb, feet: Mapping[str, Foot], height: GroundHeight, distance: float) -> None:
+    def __init__(
+        self, gait: Climb, feet: Mapping[str, Foot], height: GroundHeight, distance: float
+    ) -> None:
         """Sample the ground ahead.
 
         Args:
@@ -299,7 +303,9 @@ class SoleFootholds:
                 length=2 * self._half,
             )
             raise _no_foothold(self._distance, position, lacks)
-        sideways = _corrected_sideways(np.mean([foot_position[1] for foot_position in positions.values()]))
+        sideways = _corrected_sideways(
+            np.mean([foot_position[1] for foot_position in positions.values()])
+        )
         goals = {}
         for name, foot in self._feet.items():
             left = sideways + foot.home[1] + foot.side * self._gait.widen
@@ -313,7 +319,9 @@ class BallFootholds:
     Each foot goes where it would on level ground, or near there if the ground is not even there.
     """
 
-    def __init__(self, gait: Climb, feet: Mapping[str, Foot], height: GroundHeight, distance: float) -> None:
+    def __init__(
+        self, gait: Climb, feet: Mapping[str, Foot], height: GroundHeight, distance: float
+    ) -> None:
         """Prepare a height map of the ground.
 
         Args:
@@ -328,7 +336,10 @@ class BallFootholds:
         self._map = HeightMap(lambda points: height(points[:, :2]), _BALL_HALF)
         # Position of each foot from the middle of the feet on level ground, shape (2,) [m].
         middle = np.mean([foot.home[:2] for foot in feet.values()], axis=0)
-        self._homes = {name: foot.home[:2] - middle + [0, foot.side * gait.widen] for name, foot in feet.items()}
+        self._homes = {
+            name: foot.home[:2] - middle + [0, foot.side * gait.widen]
+            for name, foot in feet.items()
+        }
 
     def height(self, position: Vector) -> float:
         """Height of the ground at a position of a foot, (3,), [m]."""
@@ -351,11 +362,16 @@ class BallFootholds:
             return None
         ahead = min(middle[0] + self._gait.stride, self._distance)
         aim = np.array([ahead, _corrected_sideways(middle[1])])
-        goals = {name: self._find_foothold(name, aim + home, positions[name]) for name, home in self._homes.items()}
+        goals = {
+            name: self._find_foothold(name, aim + home, positions[name])
+            for name, home in self._homes.items()
+        }
         reached = np.mean([goal[0] for goal in goals.values()])
         if reached < middle[0] + LEAST_STRIDE:
             if aim[0] < self._distance:
-                lacks = message("programs.even_places_ahead", "even places for the feet farther ahead")
+                lacks = message(
+                    "programs.even_places_ahead", "even places for the feet farther ahead"
+                )
                 raise _no_foothold(self._distance, float(middle[0]), lacks)
             return None  # the goal itself is uneven
         heights = {name: self.height(goal) for name, goal in goals.items()}

@@ -19,7 +19,9 @@ ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
 
 _POSITION_ROWS = 3  # the first three coordinates are those of the position
 _MOST_ITERATIONS = 300  # largest count of iterations of the inverse kinematics
-_TOLERANCE = np.array([1e-9, 1e-9])  # errors of position [m] and rotation [rad] at which the iteration stops
+_TOLERANCE = np.array(
+    [1e-9, 1e-9]
+)  # errors of position [m] and rotation [rad] at which the iteration stops
 _METRES_PER_RADIAN = 3.0  # weight of a rotation error, for targets that the leg cannot reach: a foot stays nearly flat
 _LARGEST_ERROR = 1e-4  # a target with a larger error of a coordinate is out of reach [m or rad]
 
@@ -29,7 +31,12 @@ class OutOfReach(SimrobError):
 
 
 def leg_angles(
-    model: RobotModel, foot: Foot, target: Vector, root: Vector, start: Vector, times: Vector | None = None
+    model: RobotModel,
+    foot: Foot,
+    target: Vector,
+    root: Vector,
+    start: Vector,
+    times: Vector | None = None,
 ) -> Vector:
     """Compute the angles of one leg for m poses of its foot.
 
@@ -56,7 +63,9 @@ def leg_angles(
             message("programs.joints_of_leg", "three, four or six joints"),
         )
     rows = ROWS[len(axes)]
-    weights = np.zeros(6)  # of squared errors; a coordinate that the leg cannot reach has the weight 0
+    weights = np.zeros(
+        6
+    )  # of squared errors; a coordinate that the leg cannot reach has the weight 0
     weights[rows] = [1.0 if row < _POSITION_ROWS else _METRES_PER_RADIAN**2 for row in rows]
     fit = fit_postures(
         foot.leg,

@@ -236,7 +236,9 @@ class Gait(Strict):
     """Time to stand at the end [s]."""
 
     @classmethod
-    def of(cls, walker: Walker, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Self:
+    def of(
+        cls, walker: Walker, name: str, changes: Mapping[str, Any], amplitude: float = 1.0
+    ) -> Self:
         """Read a gait of this kind from a robot's ``gaits.yaml``.
 
         Args:

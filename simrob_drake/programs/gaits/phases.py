@@ -75,7 +75,9 @@ class Phase:
             raise InvalidParameter(
                 "phase",
                 repr(self),
-                message("programs.phase_longer_than_parts", "one whose parts are no longer than itself"),
+                message(
+                    "programs.phase_longer_than_parts", "one whose parts are no longer than itself"
+                ),
             )
 
 
@@ -198,7 +200,11 @@ def samples(duration: float) -> Vector:
         raise InvalidParameter(
             "gait",
             message("programs.seconds_long", "{duration:.6g} s long", duration=duration),
-            message("programs.at_most_long", "at most {longest:g} s long; take fewer steps", longest=_LONGEST),
+            message(
+                "programs.at_most_long",
+                "at most {longest:g} s long; take fewer steps",
+                longest=_LONGEST,
+            ),
         )
     return np.arange(round(duration / SAMPLE) + 1, dtype=float) * SAMPLE
 

@@ -14,7 +14,13 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
-from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, pose_after, ramp_shares
+from simrob_drake.programs.gaits.phases import (
+    Phase,
+    check_steps,
+    gait_plan,
+    pose_after,
+    ramp_shares,
+)
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
@@ -32,7 +38,9 @@ _BEFORE = 0.5
 _SHIFT = 1.0
 _RAISE = 0.6
 
-_INSIDE_TOLERANCE = 1e-9  # how far outside a point may be to count as on the line, for rounding errors [m]
+_INSIDE_TOLERANCE = (
+    1e-9  # how far outside a point may be to count as on the line, for rounding errors [m]
+)
 
 
 class Trot(EvenSteps, SolvedGait):
@@ -218,7 +226,9 @@ def crawl(
     return Crawl.plan_by_name(robot, legs, name, amplitude=amplitude, **changes)
 
 
-def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any) -> JointMotion:
+def three_legs(
+    robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any
+) -> JointMotion:
     """Plan to raise one foot, the parameter `foot`, and to stand on the other three; see :meth:`Gait.plan_by_name`."""
     return Stand.plan_by_name(robot, 0, name, **changes)
 
@@ -248,13 +258,22 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     candidates = [np.asarray(point, dtype=float)]
     for normal, offset in zip(normals, offsets, strict=True):
         candidates.append(point + (offset - normal @ point) * normal)
-    candidates += [np.linalg.solve(normals[pair], offsets[pair]) for pair in ([0, 1], [1, 2], [2, 0])]
-    allowed = [position for position in candidates if (normals @ position >= offsets - _INSIDE_TOLERANCE).all()]
+    candidates += [
+        np.linalg.solve(normals[pair], offsets[pair]) for pair in ([0, 1], [1, 2], [2, 0])
+    ]
+    allowed = [
+        position
+        for position in candidates
+        if (normals @ position >= offsets - _INSIDE_TOLERANCE).all()
+    ]
     if not allowed:
         raise InvalidParameter(
             "inside",
             margin,
-            message("programs.within_triangle", "smaller than what the triangle of three feet has room for [m]"),
+            message(
+                "programs.within_triangle",
+                "smaller than what the triangle of three feet has room for [m]",
+            ),
         )
     return min(allowed, key=lambda position: float(np.linalg.norm(position - point)))
 

@@ -183,7 +183,9 @@ def _no_walk(model: RobotModel) -> Unsuitable:
     file = gaits_file(model)
     if not file.section(REACTING):
         problem = message("programs.no_gait_with_steps", "it has no gait with steps")
-        remedy = message("programs.use_acts", "use an act, or write a gait into its {file}", file=file.file.name)
+        remedy = message(
+            "programs.use_acts", "use an act, or write a gait into its {file}", file=file.file.name
+        )
         return Unsuitable(subject, problem, remedy)
     problem = message("programs.no_planned_walk", "it has no planned walk, and walks by commands")
     go = message("programs.go_in_program", "{{go: {{ahead: 0.1}}}} in a program")
@@ -192,7 +194,9 @@ def _no_walk(model: RobotModel) -> Unsuitable:
         return Unsuitable(subject, problem, message("programs.use_go", "use {go}", go=go))
     here = Path.cwd()
     shown = station.relative_to(here) if station.is_relative_to(here) else station
-    remedy = message("programs.run_walking_or_go", "type simrob run {file}, or use {go}", file=shown, go=go)
+    remedy = message(
+        "programs.run_walking_or_go", "type simrob run {file}, or use {go}", file=shown, go=go
+    )
     return Unsuitable(subject, problem, remedy)
 
 

@@ -129,7 +129,11 @@ class Posing(Gait):
         if (np.diff(knots.times) <= 0).any():
             raise InvalidParameter(
                 "targets",
-                message("programs.at_times", "at {times} s", times=[target.time for target in self.targets]),
+                message(
+                    "programs.at_times",
+                    "at {times} s",
+                    times=[target.time for target in self.targets],
+                ),
                 message("programs.one_after_other", "one after the other"),
             )
         motion = _join_postures(walker, self.feet, knots, self.ramps, self.rest)

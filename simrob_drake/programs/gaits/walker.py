@@ -199,7 +199,11 @@ def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: 
     stays_down = standing[1:] & standing[:-1]
     path = np.vstack([np.zeros((1, 2)), np.cumsum(move * stays_down[:, np.newaxis], axis=0)])
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
-    edges = [0, *changes, len(standing)]  # the foot stands, or is in the air, from one edge to the next
+    edges = [
+        0,
+        *changes,
+        len(standing),
+    ]  # the foot stands, or is in the air, from one edge to the next
     result = np.zeros((len(standing), 2))
     at_liftoff = np.zeros(2)
     for start, end in pairwise(edges):
@@ -255,7 +259,9 @@ class Walker:
         """Find the feet of a kind, such as ``soles``, or of the default kind if it is None; see :func:`feet_of`."""
         return feet_of(self.skeleton, self.gaits.facing_deg, kind)
 
-    def feet_by_name(self, names: Collection[str], kind: str | None, needed: str) -> dict[str, Foot]:
+    def feet_by_name(
+        self, names: Collection[str], kind: str | None, needed: str
+    ) -> dict[str, Foot]:
         """Find the feet of a robot that has exactly those that a gait is made for.
 
         Args:

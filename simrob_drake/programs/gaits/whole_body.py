@@ -38,7 +38,9 @@ LEFT = np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
 """Count of rounds in which the error of the zero-moment point is reduced."""
 
-_AXES_WITHOUT_ANKLE_ROLL = 4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
+_AXES_WITHOUT_ANKLE_ROLL = (
+    4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
+)
 _SMALL_LEAN = 1e-3  # lean by which the effect of a lean is measured [rad]
 
 
@@ -81,7 +83,9 @@ class WholeBody:
         bearing = gait.bearing
         self._posture = np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg"))
         self._arms_per_lean = model.axis_vector(bearing.lean_arms_deg, "lean_arms_deg")
-        self._arms_per_stride = np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg"))
+        self._arms_per_stride = np.deg2rad(
+            model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg")
+        )
 
         self._upright = upright_rotation(walker.gravity)
         self._kind = gait.feet
@@ -119,7 +123,9 @@ class WholeBody:
             move = com_from_zmp(missing, step=SAMPLE, height=start.com_height, gravity=pull)
             if self.leans:
                 # The lean replaces the sideways move of the trunk.
-                lean_move = com_from_zmp(missing[:, 1:], step=SAMPLE, height=start.lean_height, gravity=pull)
+                lean_move = com_from_zmp(
+                    missing[:, 1:], step=SAMPLE, height=start.lean_height, gravity=pull
+                )
                 lean = lean + lean_move[:, 0] / start.com_per_lean
                 move[:, 1] = 0.0
             position = position + move
@@ -142,7 +148,9 @@ class WholeBody:
         result = angles.copy()
         root = np.empty((len(lean), 4, 4))
         for part in parts(len(lean)):
-            result[part], root[part] = self._postures_of(part, position[part], lean[part], result[part])
+            result[part], root[part] = self._postures_of(
+                part, position[part], lean[part], result[part]
+            )
         return result, root
 
     def _postures_of(
@@ -173,7 +181,9 @@ class WholeBody:
         root = stacked(np.column_stack([position, height]), rotation)
 
         angles = self._set_free_axes(part, angles, lean)
-        sideways = np.zeros(count)  # how far the feet are from their paths on average, to the left [m]
+        sideways = np.zeros(
+            count
+        )  # how far the feet are from their paths on average, to the left [m]
         for foot in self.feet:
             path = plan.feet[foot.name][part]  # x, y, height and turn of the sole
             goal = path[:, :3] + foot.over * UP
@@ -217,7 +227,9 @@ class WholeBody:
         right = np.maximum(lean, 0.0)
         left = np.maximum(-lean, 0.0)
         mirrored_arms = exchange_sides(self.skeleton.model, self._arms_per_lean)
-        desired = self._posture + np.outer(right, self._arms_per_lean) + np.outer(left, mirrored_arms)
+        desired = (
+            self._posture + np.outer(right, self._arms_per_lean) + np.outer(left, mirrored_arms)
+        )
         desired = desired + np.outer(stride, self._arms_per_stride)
         result = angles.copy()
         result[:, free_axes] = desired[:, free_axes]

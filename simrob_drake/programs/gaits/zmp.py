@@ -94,7 +94,9 @@ def _zmp_of_points(points: Vector, masses: Vector, step: float, gravity: Vector)
     return np.asarray(moment / vertical_forces.sum(axis=1, keepdims=True))
 
 
-def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY) -> Vector:
+def com_from_zmp(
+    zmp: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY
+) -> Vector:
     r"""Compute the bounded motion of the centre of mass c whose zero-moment point is p.
 
     The second derivative of :math:`p = c - (z/g)\,\ddot c` is replaced by the central difference, with an error of the

@@ -66,7 +66,9 @@ class AttachMove(Move):
         """
         mount = self.mount(outlook.station, self.robot or robot.name)
         model = StationModel(outlook.station)
-        outlook.station = reparent_piece(model, self.piece, mount.parent, frame=mount.frame, pose=self.pose)
+        outlook.station = reparent_piece(
+            model, self.piece, mount.parent, frame=mount.frame, pose=self.pose
+        )
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:
@@ -118,7 +120,9 @@ class ReleaseMove(Move):
         The outlook gets the station with the released piece.
         """
         model = StationModel(outlook.station)
-        outlook.station = release_piece(model, self.piece, self.parent, frame=self.frame, fixed=self.fixed)
+        outlook.station = release_piece(
+            model, self.piece, self.parent, frame=self.frame, fixed=self.fixed
+        )
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:

@@ -18,7 +18,12 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import FEET
 from simrob_drake.programs.gaits.climb import Climb, has_edges
-from simrob_drake.programs.gaits.climb_footholds import BallFootholds, Footholds, FootPositions, SoleFootholds
+from simrob_drake.programs.gaits.climb_footholds import (
+    BallFootholds,
+    Footholds,
+    FootPositions,
+    SoleFootholds,
+)
 from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -50,7 +55,9 @@ class ClimbMove(Move):
     """Name of one of the climbs in the robot's `gaits.yaml`."""
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys of the move without the parameters of its gait, see :meth:`Move.possible_keys`.
 
         Returns None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
@@ -69,7 +76,9 @@ class ClimbMove(Move):
             raise InvalidParameter(
                 "distance",
                 compound("{distance:g} m", distance=self.distance),
-                message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
+                message(
+                    "programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST
+                ),
             )
         planned_gait(robot, self.gait, changes, station=outlook.station)
         outlook.changed = True
@@ -81,7 +90,9 @@ class ClimbMove(Move):
                 path = ClimbPath.of(robot, gait, self.distance)
                 # Plan all strides before the first one, so that an impossible one is found at once.
                 for position, stride in path.expected_strides(robot).items():
-                    with naming(message("programs.place_ahead", "{place:.2f} m ahead", place=position)):
+                    with naming(
+                        message("programs.place_ahead", "{place:.2f} m ahead", place=position)
+                    ):
                         planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
             runs = list[SimulationResult]()
             while not runs or runs[-1].ending == "completed":
@@ -143,7 +154,9 @@ class ClimbPath:
         """
         walker = Walker.of(robot.model)
         feet = {foot.name: foot for foot in walker.feet(gait.feet)}
-        poses = [foot.poses(robot.position[np.newaxis], _root_pose(robot))[0] for foot in feet.values()]
+        poses = [
+            foot.poses(robot.position[np.newaxis], _root_pose(robot))[0] for foot in feet.values()
+        ]
         origin = np.mean([pose[:2, 3] for pose in poses], axis=0)
         ahead = np.mean([pose[:2, 0] for pose in poses], axis=0)
         heading = float(np.arctan2(ahead[1], ahead[0]))
@@ -154,7 +167,9 @@ class ClimbPath:
         def height(positions: Vector) -> Vector:
             """Height of the ground below the trunk's height, at positions in the frame of the climb."""
             in_world = origin + positions @ to_world.T
-            return ground.beneath(np.column_stack([in_world, np.full(len(positions), trunk_height)]))
+            return ground.beneath(
+                np.column_stack([in_world, np.full(len(positions), trunk_height)])
+            )
 
         facing = np.deg2rad(walker.gaits.facing_deg)
         kind = SoleFootholds if len(feet) == len(FEET) else BallFootholds

@@ -15,7 +15,9 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
-_LONGEST = 30.0  # longest duration of one attempt, with the times in which the robot comes to rest [s]
+_LONGEST = (
+    30.0  # longest duration of one attempt, with the times in which the robot comes to rest [s]
+)
 
 
 class GetUpMove(Move):
@@ -32,7 +34,9 @@ class GetUpMove(Move):
     """Largest count of attempts."""
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys of the move, see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no postures for getting up, or if the station is kinematic.
@@ -68,7 +72,11 @@ class GetUpMove(Move):
                 return False
             return (section.robot or config.only_robot) == robot
 
-        controllers = {name: section for name, section in config.controllers.items() if not is_replaced(section)}
+        controllers = {
+            name: section
+            for name, section in config.controllers.items()
+            if not is_replaced(section)
+        }
         controllers[self.key] = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
         changes = {
             "controllers": controllers,

@@ -45,7 +45,9 @@ class ToolMove(Move):
     def _one_way(self) -> Self:
         """Check that the tool is given in exactly one way."""
         if (self.name is None) == (self.pose is None):
-            raise ValueError(message("programs.name_or_pose", "a tool is given by one of name and pose"))
+            raise ValueError(
+                message("programs.name_or_pose", "a tool is given by one of name and pose")
+            )
         return self
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
@@ -84,7 +86,9 @@ class FingerMove(Move):
     """Robot of the station. If it is not set, that of the program."""
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys of the move, see :meth:`Move.possible_keys`. Returns None if the robot has no fingers.
 
         A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
@@ -123,13 +127,17 @@ class FingerMove(Move):
         opening = float(self.opens) if self.width is None else self._opening_at(robot, self.width)
         for axis, (closed, opened) in robot.fingers.items():
             posture[axis] = closed + opening * (opened - closed)
-        time_at_full_speed = float((np.abs(posture - planning.start) / planning.rate_limits.speeds).max())
+        time_at_full_speed = float(
+            (np.abs(posture - planning.start) / planning.rate_limits.speeds).max()
+        )
         duration = self.duration or max(_SHORTEST, _EASY * time_at_full_speed)
         way = joint_way(planning.chain, planning.start, posture)
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
         plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
-        named_move = self.model_copy(update={"robot": planning.robot})  # also if the file leaves the robot out
+        named_move = self.model_copy(
+            update={"robot": planning.robot}
+        )  # also if the file leaves the robot out
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
     def _opening_at(self, robot: RobotModel, width: float) -> float:
@@ -221,7 +229,11 @@ class GripMove(FingerMove):
             raise InvalidParameter(
                 "force",
                 force,
-                message("programs.as_much_as_fingers", "at most {most:.4g}, as much as the fingers have", most=most),
+                message(
+                    "programs.as_much_as_fingers",
+                    "at most {most:.4g}, as much as the fingers have",
+                    most=most,
+                ),
             )
         servo = config.servo_of(planning.robot)
         gains = servo_gains(robot, servo)
@@ -288,5 +300,8 @@ def _motors_force(robot: RobotModel, stroke: Stroke) -> float:
 
 def _mean_opening(robot: RobotModel, position: Vector) -> float:
     """Mean opening of the fingers in a posture (n,) [rad or m]: 0 if they are closed, 1 if they are open."""
-    openings = [(position[axis] - closed) / (opened - closed) for axis, (closed, opened) in robot.fingers.items()]
+    openings = [
+        (position[axis] - closed) / (opened - closed)
+        for axis, (closed, opened) in robot.fingers.items()
+    ]
     return float(np.clip(np.mean(openings), 0.0, 1.0))

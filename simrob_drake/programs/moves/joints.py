@@ -47,7 +47,9 @@ class JointMove(Move):
         """Move an arm to the targets, straight in the joints. Axes that are coupled to them move as well."""
         planning = cell.planning(robot)
         posture = planning.start.copy()
-        targets = targets_on(planning.model, self.target_deg, message("programs.the_target", "the target"))
+        targets = targets_on(
+            planning.model, self.target_deg, message("programs.the_target", "the target")
+        )
         check_motors_of(cell, planning.robot, targets)
         for index, position in targets.items():
             posture[index] = position
@@ -79,7 +81,10 @@ class JointMove(Move):
         if self.check != CHECKED:
             raise Unsuitable(
                 compound("{where}: {key}", where=name, key="check"),
-                message("programs.check_of_arms", "only moves of arms check limits of speed and collisions"),
+                message(
+                    "programs.check_of_arms",
+                    "only moves of arms check limits of speed and collisions",
+                ),
             )
 
 
@@ -115,7 +120,9 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
     return make_move(JointMove, target_deg=target_deg, duration=duration)
 
 
-def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
+def targets_on(
+    model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0
+) -> dict[int, float]:
     """Convert the targets of a move to SI units, and check them.
 
     Args:
@@ -140,7 +147,9 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
         if index in targets:
             raise InvalidParameter(
                 compound("{where}: {axis}", where=where, axis=axis),
-                message("programs.other_name_of_axis", "another name of an axis that it moves, too"),
+                message(
+                    "programs.other_name_of_axis", "another name of an axis that it moves, too"
+                ),
                 message("programs.named_once", "named once"),
             )
         targets[index] = float(value * units[index])

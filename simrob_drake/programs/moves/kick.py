@@ -42,7 +42,9 @@ class KickMove(Move):
     """Name of one of the kicks in the robot's `gaits.yaml`."""
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys of the move, see :meth:`Move.possible_keys`.
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
@@ -67,7 +69,9 @@ class KickMove(Move):
 
         return run_stage
 
-    def swing(self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]) -> JointMotion:
+    def swing(
+        self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]
+    ) -> JointMotion:
         """Plan the motion of the kick.
 
         Args:
@@ -82,7 +86,9 @@ class KickMove(Move):
         motion = self._plan(robot, station, aim, self.speed)
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
-        worst = int((fastest / limits).argmax())  # index of the axis nearest to its limit, or furthest beyond
+        worst = int(
+            (fastest / limits).argmax()
+        )  # index of the axis nearest to its limit, or furthest beyond
         if fastest[worst] <= limits[worst]:
             return motion
         speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed
@@ -116,7 +122,9 @@ class KickMove(Move):
         value = message("programs.gaits_own", "the gait's")
         if self.speed is not None:
             value = compound("{speed:g} m/s", speed=self.speed)
-        raise InvalidParameter(message("programs.speed_of_kick", "speed of the kick"), value, expected)
+        raise InvalidParameter(
+            message("programs.speed_of_kick", "speed of the kick"), value, expected
+        )
 
     def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
         """Parameters that replace those of the gait, with a speed of the foot [m/s]; None means the gait's own."""
@@ -127,7 +135,11 @@ class KickMove(Move):
         return changes
 
     def _plan(
-        self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any], speed: float | None
+        self,
+        robot: LeggedGeometry,
+        station: StationConfig,
+        aim: Mapping[str, Any],
+        speed: float | None,
     ) -> JointMotion:
         """Plan the kick at a speed of the foot [m/s]; None means the gait's own."""
         return planned_gait(robot, self.gait, self._changes(aim, speed), station=station)
@@ -164,6 +176,8 @@ class KickMove(Move):
         radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
         if not piece.free or len(radii) != 1:
             raise InvalidParameter(
-                "ball", name, message("programs.a_free_sphere", "a free piece whose shape is a sphere")
+                "ball",
+                name,
+                message("programs.a_free_sphere", "a free piece whose shape is a sphere"),
             )
         return radii[0]

@@ -26,7 +26,17 @@ from simrob_drake.programs.moves.together import MOTIONS, TogetherMove
 from simrob_drake.programs.moves.wait import PlayMove, WaitMove
 from simrob_drake.programs.moves.walk import ActMove, GoMove, WalkMove
 
-__all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
+__all__ = [
+    "KINDS",
+    "ActMove",
+    "AttachMove",
+    "GoMove",
+    "JointMove",
+    "PlayMove",
+    "ReleaseMove",
+    "WaitMove",
+    "WalkMove",
+]
 
 _CORE: tuple[type[Move], ...] = (
     JointMove,
@@ -61,7 +71,9 @@ class MoveKinds(Mapping[str, type[Move]]):
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
         """Kinds by their key."""
-        return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move, named_by="key")
+        return {kind.key: kind for kind in _CORE} | classes_of_extensions(
+            _POINT, Move, named_by="key"
+        )
 
     @cached_property
     def adapter(self) -> TypeAdapter[Any]:
@@ -104,7 +116,9 @@ class _AnyMoveField:
             serialization=core_schema.plain_serializer_function_ser_schema(Move.entry),
         )
 
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        self, _schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         """JSON schema of a move of any kind."""
         return handler(KINDS.adapter.core_schema)
 
@@ -116,7 +130,10 @@ else:
 
 
 def move_from(
-    content: Move | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
+    content: Move | Mapping[str, Any],
+    duration: float | None = None,
+    *,
+    otherwise: float = MOVE_TIME,
 ) -> Move:
     """Make a move of any kind from what a user gives in Python.
 
@@ -137,13 +154,18 @@ def move_from(
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
         raise Unsuitable(
-            "duration", message("programs.belongs_to_axes", "it belongs to targets of axes, and there are none")
+            "duration",
+            message(
+                "programs.belongs_to_axes", "it belongs to targets of axes, and there are none"
+            ),
         )
     return move
 
 
 def check_move(
-    entry: Any, where: str = message("programs.the_move", "the move"), kinds: Mapping[str, type[Move]] = KINDS
+    entry: Any,
+    where: str = message("programs.the_move", "the move"),
+    kinds: Mapping[str, type[Move]] = KINDS,
 ) -> Move:
     """Check one entry of a program's file by itself, so that messages can name it, and return its move.
 
@@ -157,7 +179,9 @@ def check_move(
             where,
             "",
             message(
-                "programs.move_is_mapping", "must be a mapping of keys to values (it is {entry})", entry=quoted(entry)
+                "programs.move_is_mapping",
+                "must be a mapping of keys to values (it is {entry})",
+                entry=quoted(entry),
             ),
         )
     kind = kind_of(entry, kinds.values())
@@ -168,6 +192,10 @@ def check_move(
         raise InvalidConfig(
             where,
             str(strange),
-            message("base.unknown_key", "unknown key{suggestion}", suggestion=nearest(str(strange), known)),
+            message(
+                "base.unknown_key",
+                "unknown key{suggestion}",
+                suggestion=nearest(str(strange), known),
+            ),
         )
     return read_move(kind or JointMove, entry, where)

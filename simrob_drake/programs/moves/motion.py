@@ -62,14 +62,21 @@ class ArmMotion(Move):
     def _one_unit(self) -> Self:
         """Check that the targets are given in exactly one unit."""
         if (self.targets is None) == (self.targets_deg is None):
-            raise ValueError(message("programs.one_of_targets", "where to is given by one of targets and targets_deg"))
+            raise ValueError(
+                message(
+                    "programs.one_of_targets", "where to is given by one of targets and targets_deg"
+                )
+            )
         return self
 
     @property
     def how(self) -> How:
         """Options of the move that are set. The option `check` is always there, because its None has a meaning."""
         options = {key: getattr(self, key) for key in How.__annotations__}
-        return cast(How, {key: value for key, value in options.items() if value is not None or key == "check"})
+        return cast(
+            How,
+            {key: value for key, value in options.items() if value is not None or key == "check"},
+        )
 
     def pieces(self) -> Iterable[str]:
         """Name of the piece that is the work object of the move, if it has one."""
@@ -138,7 +145,12 @@ def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
     method.__name__ = plan.__name__.removeprefix("plan_")
     _, *own_parameters, _ = signature(plan).parameters.values()  # without `planning` and `how`
     options = [
-        Parameter(key, Parameter.KEYWORD_ONLY, default=CHECKED if key == "check" else None, annotation=kind)
+        Parameter(
+            key,
+            Parameter.KEYWORD_ONLY,
+            default=CHECKED if key == "check" else None,
+            annotation=kind,
+        )
         for key, kind in How.__annotations__.items()
     ]
     arm = Parameter("self", Parameter.POSITIONAL_ONLY)

@@ -54,12 +54,19 @@ MOST_AMPLITUDE = 100
 # What is expected of a value, for messages, by its key.
 _EXPECTED = {
     "duration": message(
-        "base.a_positive_time", "a positive time [s], {shortest:g} to {longest:g}", shortest=SHORTEST, longest=LONGEST
+        "base.a_positive_time",
+        "a positive time [s], {shortest:g} to {longest:g}",
+        shortest=SHORTEST,
+        longest=LONGEST,
     ),
     "target_deg": message("programs.axes_to_degrees", "a mapping of at least one axis to degrees"),
-    "steps": message("programs.whole_number_at_most", "a whole number, at most {most}", most=MOST_STEPS),
+    "steps": message(
+        "programs.whole_number_at_most", "a whole number, at most {most}", most=MOST_STEPS
+    ),
     "amplitude": message(
-        "programs.number_up_to", "a number up to {most}; 1 walks as the gait's parameters say", most=MOST_AMPLITUDE
+        "programs.number_up_to",
+        "a number up to {most}; 1 walks as the gait's parameters say",
+        most=MOST_AMPLITUDE,
     ),
 }
 
@@ -136,7 +143,9 @@ class Move(Strict):
         return {_first_field(cls): content} if cls.brief and is_value else content
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         """JSON schema of the kind. A brief kind allows the value of its first field as well."""
         schema = super().__get_pydantic_json_schema__(core, handler)
         if not cls.brief:
@@ -174,7 +183,9 @@ class Move(Strict):
         return [piece for piece in values if piece]
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys that a move of this kind may have for a robot of a station.
 
         A kind that not every robot can do overrides this. Forms for moves offer nothing else.
@@ -248,7 +259,9 @@ def entry_model(kind: type[Move]) -> type[Strict]:
         return kind
     about = (kind.__doc__ or "").partition("\n")[0]
     fields: dict[str, Any] = {kind.key: (kind, ...)}
-    return create_model(kind.__name__.removesuffix("Move") + "Entry", __base__=Strict, __doc__=about, **fields)
+    return create_model(
+        kind.__name__.removesuffix("Move") + "Entry", __base__=Strict, __doc__=about, **fields
+    )
 
 
 def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:

@@ -28,7 +28,15 @@ from simrob_drake.programs.errors import GoalInCollision
 from simrob_drake.programs.free_path import FreeSpace, Search, TimelessPath, metres_per_radian
 from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import CHECKED, Plan, check_limits
-from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
+from simrob_drake.programs.planning import (
+    POINTS,
+    Planning,
+    PoseTargets,
+    WorkObject,
+    degrees_hint,
+    points_of,
+    zone_of,
+)
 from simrob_drake.programs.segments import PathPoint, Segment, tool_length
 from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
 from simrob_drake.programs.tape import with_entry
@@ -98,7 +106,12 @@ class MoveFree(ArmMotion):
     def goals(self, planning: Planning) -> Vector:
         """Compute the postures that reach the target, shape (m, n) [rad or m], the nearest first."""
         return goals_of(
-            planning, self.piece or self.rows(planning), self.posture(planning), self.wobj, self.free_turn, self.seed
+            planning,
+            self.piece or self.rows(planning),
+            self.posture(planning),
+            self.wobj,
+            self.free_turn,
+            self.seed,
         )
 
     def plan(self, planning: Planning) -> Plan:
@@ -146,7 +159,9 @@ def plan_move_free(
         SimrobError: the errors of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
-    (plan,) = plan_around([planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search"))
+    (plan,) = plan_around(
+        [planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search")
+    )
     # Keys of the move in a program's file; None leaves a key out, which then has its default.
     piece = targets if isinstance(targets, str) else None
     poses = None if isinstance(targets, str) else targets
@@ -158,7 +173,9 @@ def plan_move_free(
         "planning_time": None if planning_time == PLANNING_TIME else planning_time,
         "piece": piece,
     }
-    return with_entry(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own_keys)
+    return with_entry(
+        plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own_keys
+    )
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
@@ -187,10 +204,14 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
     show_search = any(move.show_search for move in moves)
     planning_time = max(move.planning_time for move in moves)
-    plans = plan_around(plannings, goals, first.how, first.seed, planning_time, show_search=show_search)
+    plans = plan_around(
+        plannings, goals, first.how, first.seed, planning_time, show_search=show_search
+    )
     recorded_plans = []
     for move, plan in zip(moves, plans, strict=True):
-        named_move = move.model_copy(update={"robot": plan.robot})  # also if the file leaves the robot out
+        named_move = move.model_copy(
+            update={"robot": plan.robot}
+        )  # also if the file leaves the robot out
         recorded_plans.append(replace(plan, entry=named_move.entry()))
     return recorded_plans
 
@@ -234,9 +255,15 @@ def goals_of(
     _check_single(poses)
     chain = planning.chain
     start = planning.start
-    angles = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False) if truth(free_turn, "free_turn") else np.zeros(1)
+    angles = (
+        np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False)
+        if truth(free_turn, "free_turn")
+        else np.zeros(1)
+    )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    turns = stacked(np.zeros((len(rotations), 3)), rotations)  # transforms without translation, (k, 4, 4)
+    turns = stacked(
+        np.zeros((len(rotations), 3)), rotations
+    )  # transforms without translation, (k, 4, 4)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
         # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
@@ -307,7 +334,10 @@ def plan_around(
     points = points_of(how, POINTS)
     zone_of(how, 1)  # refuses a zone: there is a single target
     space = plannings[0].space([planning.robot for planning in plannings])
-    ranges = [_search_range(planning, own_goals) for planning, own_goals in zip(plannings, goals, strict=True)]
+    ranges = [
+        _search_range(planning, own_goals)
+        for planning, own_goals in zip(plannings, goals, strict=True)
+    ]
     lower, upper = np.concatenate(ranges, axis=1)
     search = Search(
         space=space,
@@ -344,7 +374,12 @@ def plan_around(
 
 
 def _timed_path(
-    plannings: Sequence[Planning], space: FreeSpace, path: TimelessPath, limits: RateLimits, how: How, points: int
+    plannings: Sequence[Planning],
+    space: FreeSpace,
+    path: TimelessPath,
+    limits: RateLimits,
+    how: How,
+    points: int,
 ) -> Plan:
     """Give a path its timing.
 
@@ -360,7 +395,9 @@ def _timed_path(
         one plan with the axes of all robots, under the name of the first robot.
     """
     own_postures = space.split_by_robot(path.postures)
-    tool_lengths = [tool_length(planning.chain, own_postures[planning.robot]) for planning in plannings]
+    tool_lengths = [
+        tool_length(planning.chain, own_postures[planning.robot]) for planning in plannings
+    ]
     segment = Segment(path.fractions, path.postures, max(tool_lengths), np.ones(1))
     first = plannings[0]
     motors = partial(first.motors, [*space.start])
@@ -429,7 +466,9 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
     free_postures = list[Vector]()
     hits = list[Overlap]()  # the deepest collision of each goal that is not free
     for indices in combinations:
-        posture = np.concatenate([own_goals[index] for own_goals, index in zip(goals, indices, strict=True)])
+        posture = np.concatenate(
+            [own_goals[index] for own_goals, index in zip(goals, indices, strict=True)]
+        )
         collisions = space.collisions(posture)
         if collisions:
             hits.append(collisions[0])
@@ -440,5 +479,7 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
             break
     if not free_postures:
         least = min(hits, key=lambda hit: hit.depth)
-        raise GoalInCollision(message("programs.the_target", "the target"), len(hits), least.depth, least.moved)
+        raise GoalInCollision(
+            message("programs.the_target", "the target"), len(hits), least.depth, least.moved
+        )
     return np.array(free_postures)

@@ -74,7 +74,10 @@ def plan_move_abs_j(
     if truth(stop, "stop") and zone:
         raise Unsuitable(
             "stop",
-            message("programs.zone_rounds_targets", "a zone rounds the targets, so that the joints do not stop there"),
+            message(
+                "programs.zone_rounds_targets",
+                "a zone rounds the targets, so that the joints do not stop there",
+            ),
             message("programs.give_one_of_two", "give one of the two"),
         )
     passes_smoothly = not stop and len(rows) > 1 and "zone" not in how
@@ -82,9 +85,14 @@ def plan_move_abs_j(
         raise InvalidParameter(
             "profile",
             "given",
-            message("programs.with_stop_or_zone", "given with stop=True or a zone: else the joints do not cruise"),
+            message(
+                "programs.with_stop_or_zone",
+                "given with stop=True or a zone: else the joints do not cruise",
+            ),
         )
-    ways = [joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])]
+    ways = [
+        joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])
+    ]
     segments = [joint_segment(way, points=count) for way, count in join_ways(ways, zone, points)]
     hint = degrees_hint(planning.chain, rows)
     plan = planning.plan_segments(segments, how, points, rows, through=passes_smoothly, hint=hint)
@@ -102,7 +110,12 @@ class MoveJ(ToolMotion, ArmMotion):
     def plan(self, planning: Planning) -> Plan:
         """Plan the move; see :func:`plan_move_j`."""
         return plan_move_j(
-            planning, self.rows(planning), wobj=self.wobj, solver=self.solver, stop=self.stop, **self.how
+            planning,
+            self.rows(planning),
+            wobj=self.wobj,
+            solver=self.solver,
+            stop=self.stop,
+            **self.how,
         )
 
 

@@ -14,7 +14,15 @@ from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
-from simrob_drake.programs.planning import ARC_POINTS, POINTS, Planning, PoseTargets, WorkObject, places, points_of
+from simrob_drake.programs.planning import (
+    ARC_POINTS,
+    POINTS,
+    Planning,
+    PoseTargets,
+    WorkObject,
+    places,
+    points_of,
+)
 from simrob_drake.programs.segments import Way
 from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How
@@ -27,7 +35,9 @@ class MoveL(ToolMotion, ArmMotion):
 
     def plan(self, planning: Planning) -> Plan:
         """Plan the move; see :func:`plan_move_l`."""
-        return plan_move_l(planning, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
+        return plan_move_l(
+            planning, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how
+        )
 
 
 def plan_move_l(
@@ -74,7 +84,9 @@ class MoveC(ToolMotion, ArmMotion):
 
     def plan(self, planning: Planning) -> Plan:
         """Plan the move; see :func:`plan_move_c`."""
-        return plan_move_c(planning, self.via, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
+        return plan_move_c(
+            planning, self.via, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how
+        )
 
 
 def plan_move_c(
@@ -111,12 +123,18 @@ def plan_move_c(
         raise InvalidParameter(
             "via",
             message("programs.count_of_points", "{count} points", count=len(middles)),
-            message("programs.one_a_target", "one a target, of which there are {count}", count=len(poses)),
+            message(
+                "programs.one_a_target",
+                "one a target, of which there are {count}",
+                count=len(poses),
+            ),
         )
     ways = list[Way]()
     begin = planning.pose
     for index, (middle, end) in enumerate(zip(middles, poses, strict=True)):
-        name = message("programs.arc_to", "the arc to {target}", target=target_name(index, len(poses)))
+        name = message(
+            "programs.arc_to", "the arc to {target}", target=target_name(index, len(poses))
+        )
         arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
         ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
         begin = end

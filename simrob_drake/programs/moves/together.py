@@ -50,5 +50,7 @@ class TogetherMove(Move):
         free_moves = [move for move in self.together if isinstance(move, MoveFree)]
         if len(free_moves) == len(plannings) > 1:
             return run(plan_together(free_moves, plannings), self.duration)
-        plans = [move.plan(planning) for move, planning in zip(self.together, plannings, strict=True)]
+        plans = [
+            move.plan(planning) for move, planning in zip(self.together, plannings, strict=True)
+        ]
         return run(plans, self.duration)

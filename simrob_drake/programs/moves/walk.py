@@ -23,7 +23,16 @@ from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
-from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, make_move, naming
+from simrob_drake.programs.moves.move import (
+    MOST_AMPLITUDE,
+    MOST_STEPS,
+    Move,
+    NameOf,
+    Outlook,
+    Stage,
+    make_move,
+    naming,
+)
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -56,7 +65,9 @@ class GaitMove(Move):
         """
         arms_at_check = taught_arms(robot)
         motion = self.plan_motion(robot, outlook.station)
-        plans = [motion]  # the plan is taken out of the list when it runs, so that its memory is freed
+        plans = [
+            motion
+        ]  # the plan is taken out of the list when it runs, so that its memory is freed
         if outlook.changed or resolve(outlook.station).ground.incline:
             plans.clear()  # an earlier move changes the load, or the heading on a slope
         del motion
@@ -92,7 +103,9 @@ class WalkMove(GaitMove):
     def plan_motion(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
         """Plan the motion, see :meth:`GaitMove.plan_motion`."""
         changes = self.model_extra or {}
-        return planned_gait(robot, self.gait, changes, steps=self.steps, amplitude=self.amplitude, station=station)
+        return planned_gait(
+            robot, self.gait, changes, steps=self.steps, amplitude=self.amplitude, station=station
+        )
 
 
 class ActMove(GaitMove):
@@ -137,7 +150,9 @@ class GoMove(Move):
     """Whether a command that the legs cannot follow is an error."""
 
     @classmethod
-    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+    def possible_keys(
+        cls, config: StationConfig, robot: str, model: RobotModel
+    ) -> frozenset[str] | None:
         """Keys of the move, see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
@@ -149,7 +164,9 @@ class GoMove(Move):
         return frozenset(cls.model_fields)
 
     @classmethod
-    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
+    def at(
+        cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool
+    ) -> "GoMove":
         """Make a walk from arguments of a user.
 
         Args:
@@ -200,8 +217,12 @@ class GoMove(Move):
         Raises:
             SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
         """
-        walks = {key: section for key, section in config.controllers.items() if isinstance(section, Walk)}
-        own = [key for key, section in walks.items() if (section.robot or config.only_robot) == robot]
+        walks = {
+            key: section for key, section in config.controllers.items() if isinstance(section, Walk)
+        }
+        own = [
+            key for key, section in walks.items() if (section.robot or config.only_robot) == robot
+        ]
         if own:
             name = own[0]
             walk = walks[name]

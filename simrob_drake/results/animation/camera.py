@@ -89,7 +89,9 @@ def side(station: StationPlant) -> float:
     return _ASIDE
 
 
-def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, ControllerSection]) -> set[str]:
+def robots_to_follow(
+    robots: Iterable[str], controllers: Mapping[str, ControllerSection]
+) -> set[str]:
     """Names of the robots whose controllers ask that the camera goes with them (`camera_follows`).
 
     Args:
@@ -124,7 +126,9 @@ def frame_times(end: float, frames_per_second: float, *, begin: float = 0.0) -> 
     """
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter(
-            "frames_per_second", frames_per_second, message("results.positive_rate", "a positive rate [1/s]")
+            "frames_per_second",
+            frames_per_second,
+            message("results.positive_rate", "a positive rate [1/s]"),
         )
     # Without the small number, an error of the arithmetic would give a second frame just before the last one.
     count = max(int(np.ceil((end - begin) * frames_per_second - 1e-9)), 0)
@@ -160,7 +164,9 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
     smooth_y = _moving_average(y - y[0])
 
     def displacement(at: Vector) -> Vector:
-        level = np.column_stack([np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))])
+        level = np.column_stack(
+            [np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))]
+        )
         upwards = np.outer(ground.floor_heights(level), [0.0, 0.0, 1.0])
         return np.asarray(level + upwards)
 
@@ -185,7 +191,10 @@ def base_distances(result: RecordedRun, times: Vector) -> Vector:
 
 def _followed_robot(result: RecordedRun) -> str | None:
     """Name of the robot that a camera may follow. Returns None if there is no such robot, or there are several."""
-    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
+    followed = {
+        *legged_robots(result),
+        *robots_to_follow(result.plant.robots, result.config.controllers),
+    }
     return followed.pop() if len(result.plant.robots) == 1 and followed else None
 
 

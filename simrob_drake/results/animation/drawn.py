@@ -57,7 +57,9 @@ def open_meshcat() -> Meshcat:
     hidden = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
     logger = logging.getLogger("drake")
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # Meshcat would write its address, or that it could not open it
+    logger.setLevel(
+        logging.CRITICAL
+    )  # Meshcat would write its address, or that it could not open it
     try:
         try:
             meshcat = Meshcat(MeshcatParams(host=hidden, show_stats_plot=False))
@@ -84,11 +86,15 @@ def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
     meshcat = open_meshcat()
     draw(meshcat)
     page = meshcat.StaticHtml()
-    assets: list[Command] = [{"type": "asset", "name": name, "url": url} for name, url in _ASSET.findall(page)]
+    assets: list[Command] = [
+        {"type": "asset", "name": name, "url": url} for name, url in _ASSET.findall(page)
+    ]
     return [*assets, *_IN_PAGE.findall(page)]
 
 
-def draw_geometry(meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, hidden: str = "") -> None:
+def draw_geometry(
+    meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, hidden: str = ""
+) -> None:
     """Draw the shapes of a scene in its present configuration.
 
     Args:
@@ -118,8 +124,13 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
     frames, found = inspector.GetAllFrameIds(), list[Command]()
     for frame, (path, matrix) in zip(frames, placed(query, frames), strict=True):
         for prefix, role in prefixes.items():
-            if inspector.NumGeometriesForFrameWithRole(frame, role) and frame != inspector.world_frame_id():
-                found.append({"type": "set_transform", "path": f"/drake/{prefix}/{path}", "matrix": matrix})
+            if (
+                inspector.NumGeometriesForFrameWithRole(frame, role)
+                and frame != inspector.world_frame_id()
+            ):
+                found.append(
+                    {"type": "set_transform", "path": f"/drake/{prefix}/{path}", "matrix": matrix}
+                )
     return found
 
 
@@ -140,7 +151,9 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
             colour = Rgba(*rgb(path_colour(result, robot.name)))
-            meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
+            meshcat.SetLine(
+                f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour
+            )
 
 
 def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
@@ -150,8 +163,12 @@ def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> Non
     """
     for move in result.moves:
         if len(move.search):
-            begin, end = (np.asfortranarray(points.T) for points in (move.search[:, 0], move.search[:, 1]))
-            meshcat.SetLineSegments(f"search/{move.robot}/{number}", begin, end, 1.0, Rgba(*rgb(colours.SEARCH)))
+            begin, end = (
+                np.asfortranarray(points.T) for points in (move.search[:, 0], move.search[:, 1])
+            )
+            meshcat.SetLineSegments(
+                f"search/{move.robot}/{number}", begin, end, 1.0, Rgba(*rgb(colours.SEARCH))
+            )
 
 
 def path_colour(result: RecordedRun, robot: str) -> str:
@@ -184,7 +201,11 @@ _MARKED_OPACITY = 0.6
 
 
 def ghosts(
-    scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
+    scene: ViewedStation,
+    robot: str,
+    postures: Sequence[Vector],
+    good: Sequence[bool],
+    marked: int | None = None,
 ) -> list[Command]:
     """Commands that show ghosts of a robot, and of the pieces that it carries, in place of all earlier ghosts.
 

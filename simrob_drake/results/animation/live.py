@@ -13,7 +13,14 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.parts.controllers.section import ControllerSection, commanded_sections
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, robots_to_follow, side
-from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
+from simrob_drake.results.animation.drawn import (
+    Command,
+    commands,
+    draw_geometry,
+    draw_tool_paths,
+    look,
+    pose_commands,
+)
 from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under
 from simrob_drake.results.animation.window import Board, Control, Window
 from simrob_drake.results.record.run import RecordedRun
@@ -79,7 +86,9 @@ class StationView:
             the positions of the plant that are shown, shape (nq,).
         """
         # Servos do not change the picture, so that another gain does not load the station again.
-        robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
+        robots = {
+            name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()
+        }
         self._controllers = config.controllers
         looks = (robots, config.pieces, config.floor, config.mode)
         if self.scene is None or looks != self._looks:
@@ -108,11 +117,18 @@ class StationView:
         """
         of_controllers = robots_to_follow(scene.station.robots, self._controllers)
         robots = scene.station.robots.values()
-        followed = [robot for robot in robots if robot.name in of_controllers or (robot.model.feet and robot.floats)]
+        followed = [
+            robot
+            for robot in robots
+            if robot.name in of_controllers or (robot.model.feet and robot.floats)
+        ]
         if len(followed) != 1:
             return []
         place = scene.pose(followed[0].root).translation()
-        return [{"type": "follow", "place": place[:2].round(4).tolist()}, *floor_under(scene, place)]
+        return [
+            {"type": "follow", "place": place[:2].round(4).tolist()},
+            *floor_under(scene, place),
+        ]
 
     def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
         """Send all shapes of a station, its floor and the camera to the page.
@@ -146,7 +162,11 @@ class LiveView:
     """
 
     def __init__(
-        self, config: StationConfig, state: State | None = None, *, steering: "Steering | None" = None
+        self,
+        config: StationConfig,
+        state: State | None = None,
+        *,
+        steering: "Steering | None" = None,
     ) -> None:
         """Open the window.
 
@@ -179,7 +199,9 @@ class LiveView:
         number = self._path_count
         if self._window is None:
             return
-        self._window.tell(f"paths {number}", commands(lambda meshcat: draw_tool_paths(meshcat, result, number)))
+        self._window.tell(
+            f"paths {number}", commands(lambda meshcat: draw_tool_paths(meshcat, result, number))
+        )
         self._path_count += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
@@ -201,7 +223,9 @@ class LiveView:
         if self._last is not None and self._last.time < time:
             start = self._last
         while self._next_frame <= time:
-            part = (self._next_frame - start.time) / (time - start.time) if time > start.time else 1.0
+            part = (
+                (self._next_frame - start.time) / (time - start.time) if time > start.time else 1.0
+            )
             self._wait()
             self._view.show(start.positions + part * (positions - start.positions))
             self.say(f"{self._next_frame:.2f} s  {self._speed(self._next_frame):.1f} ×")
@@ -274,7 +298,9 @@ class Steering:
         self.board: Board | None = None
         self._begun = set[str]()
 
-    def _command(self, prefix: str, section: ControllerSection, time: float) -> tuple[float, ...] | None:
+    def _command(
+        self, prefix: str, section: ControllerSection, time: float
+    ) -> tuple[float, ...] | None:
         """Command that the user has set for a controller, by the sliders or the stop button.
 
         Until the user touches a control, the sliders are set to the command of the section.
@@ -300,7 +326,10 @@ class Steering:
         if prefix not in self._begun:
             numbers_of_section = zip(section.command_at(time), parts, strict=True)
             # Rounding removes the error of the conversion to the slider's unit, such as from radians to degrees.
-            shown = [round(value / part.slider_unit, _SLIDER_DECIMALS) for value, part in numbers_of_section]
+            shown = [
+                round(value / part.slider_unit, _SLIDER_DECIMALS)
+                for value, part in numbers_of_section
+            ]
             self._show(sliders, shown)
             return None
         values = [round(self.controls[name].value, _SLIDER_DECIMALS) for name in sliders]
@@ -316,7 +345,9 @@ class Steering:
             self._shown[name] = value
 
 
-def _controls(section: ControllerSection, robot: ResolvedRobot, prefix: str, *, keys: bool) -> dict[str, Control]:
+def _controls(
+    section: ControllerSection, robot: ResolvedRobot, prefix: str, *, keys: bool
+) -> dict[str, Control]:
     """Make the sliders and the stop button of a controller, by label.
 
     Args:
@@ -327,13 +358,16 @@ def _controls(section: ControllerSection, robot: ResolvedRobot, prefix: str, *, 
     """
     controls = dict[str, Control]()
     # The limits are in the units of the sliders.
-    for part, (lower, upper) in zip(section.command_parts, section.command_limits(robot), strict=True):
+    for part, (lower, upper) in zip(
+        section.command_parts, section.command_limits(robot), strict=True
+    ):
         down, up = part.keys if keys else ("", "")
         controls[prefix + part.label] = Control(
             value=0.0,
             low=lower,
             high=upper,
-            step=(upper or 1.0) / _SLIDER_STEPS,  # a slider takes no step of 0, which an upper limit of 0 would give
+            step=(upper or 1.0)
+            / _SLIDER_STEPS,  # a slider takes no step of 0, which an upper limit of 0 would give
             key=down or None,
             key_up=up or None,
         )

@@ -138,12 +138,17 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     if height is None:
         height = _HEIGHT if len(times) <= _FEW else _LOW_HEIGHT
     if height < _LEAST_HEIGHT:
-        raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
+        raise InvalidParameter(
+            "height", height, message("results.least_pixels", "at least 16 [pixels]")
+        )
     studio = Studio(result, height=height, oversampling=2)
     distances = None if studio.robot_displacement is None else base_distances(result, times)
     texts = captions(times, distances)
     if events:
-        texts = [f"{caption}\n{translate(text)}" for caption, (_, text) in zip(texts, events, strict=True)]
+        texts = [
+            f"{caption}\n{translate(text)}"
+            for caption, (_, text) in zip(texts, events, strict=True)
+        ]
     content = BytesIO()
     side_by_side(list(studio.images(times)), texts).save(content, format="png")
     return content.getvalue()
@@ -156,10 +161,14 @@ def check_frames(frames: Frames) -> None:
         InvalidParameter: there are fewer than two images.
     """
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
-        raise InvalidParameter("frames", frames, message("results.two_or_events", 'at least 2, or "events"'))
+        raise InvalidParameter(
+            "frames", frames, message("results.two_or_events", 'at least 2, or "events"')
+        )
 
 
-def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
+def save_film_strip(
+    result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None
+) -> Path:
     """Write a :func:`film_strip` to a ``.png`` file. Returns the file.
 
     Raises:
@@ -257,7 +266,9 @@ def _check_video(file: Path) -> None:
         count_frames_and_secs(str(file))
     except RuntimeError as error:
         problem = message(
-            "results.video_broke_off", "{work} cannot be written: it broke off, the disk may be full", work=file
+            "results.video_broke_off",
+            "{work} cannot be written: it broke off, the disk may be full",
+            work=file,
         )
         raise OutputError(problem) from error
 
@@ -283,7 +294,9 @@ def captions(times: Vector, distances: Vector | None) -> list[str]:
     """
     if distances is None:
         return [f"{time:.2f} s" for time in times]
-    return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
+    return [
+        f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)
+    ]
 
 
 def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
@@ -384,7 +397,9 @@ class Studio:
         path: Vector | None = None
         config = result.config
         if self.robot_displacement is not None:
-            path = self.robot_displacement(np.linspace(result.start_time, result.stop_time, _PATH_SAMPLES))
+            path = self.robot_displacement(
+                np.linspace(result.start_time, result.stop_time, _PATH_SAMPLES)
+            )
             config = with_floor_under(config, path)
         self._scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), path=path)
         if azimuth is None:
@@ -416,7 +431,9 @@ class Still:
             InvalidModel: a robot cannot be built.
         """
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
-        self._scene = ViewedStation(with_floor_under(config, around), engine=MakeRenderEngineVtk(_engine_params()))
+        self._scene = ViewedStation(
+            with_floor_under(config, around), engine=MakeRenderEngineVtk(_engine_params())
+        )
         self._follows = any(robot.floats for robot in self._scene.station.robots.values())
         plant = self._scene.plant
         initial = plant.GetPositions(plant.CreateDefaultContext())
@@ -431,7 +448,11 @@ class Still:
         camera = self._camera
         if self._follows:
             middle = self._scene.extents(positions[np.newaxis]).mean(axis=0)
-            displacement = (middle - self._middle) * [1, 1, 0]  # level only, so that a fall is visible
+            displacement = (middle - self._middle) * [
+                1,
+                1,
+                0,
+            ]  # level only, so that a fall is visible
             camera = camera.moved(displacement)
         return self._lens.image(self._scene, positions, camera)
 
@@ -462,7 +483,9 @@ class _Lens:
         """Render a scene at positions (nq,), which it keeps, as a camera sees it."""
         scene.place(positions)
         query = scene.query()
-        rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), _pose(camera))
+        rendered = query.RenderColorImage(
+            self._lens, query.inspector().world_frame_id(), _pose(camera)
+        )
         size = (rendered.width(), rendered.height())
         # Drake's pixels have a fourth value, the opacity, which is not used.
         image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)

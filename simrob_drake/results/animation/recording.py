@@ -28,9 +28,26 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_displacement
-from simrob_drake.results.animation.drawn import draw_searches, draw_tool_paths, look, open_meshcat, path_colour
-from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
+from simrob_drake.results.animation.camera import (
+    WINDOW_ASPECT,
+    camera_on,
+    frame_times,
+    side,
+    walked_displacement,
+)
+from simrob_drake.results.animation.drawn import (
+    draw_searches,
+    draw_tool_paths,
+    look,
+    open_meshcat,
+    path_colour,
+)
+from simrob_drake.results.animation.scene import (
+    SPACING,
+    ViewedStation,
+    floor_lines,
+    with_floor_under,
+)
 from simrob_drake.results.colours import AXES, FORCE, SEARCH, SUM_OF_FORCES, rgb
 from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun
@@ -213,7 +230,13 @@ def _legend(result: RecordedRun) -> list[_LegendEntry]:
     return entries
 
 
-def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vector, frames_per_second: float) -> None:
+def _record(
+    meshcat: Meshcat,
+    scene: ViewedStation,
+    run: RecordedRun,
+    times: Vector,
+    frames_per_second: float,
+) -> None:
     """Record the motion of a run, and its contact forces, as an animation of Meshcat.
 
     Args:
@@ -228,7 +251,9 @@ def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vec
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     # Meshcat rounds times of the animation down to frames: half a frame more is safe from errors of the arithmetic.
     animation_times = [(frame + 0.5) / frames_per_second for frame in range(len(times))]
-    for time, positions in zip(animation_times, positions_in(scene.station, run, times), strict=True):
+    for time, positions in zip(
+        animation_times, positions_in(scene.station, run, times), strict=True
+    ):
         scene.draw(positions, time)
     draw_contact_forces(meshcat, run, times, animation_times)
     animation.set_autoplay(True)
@@ -238,7 +263,9 @@ def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vec
     visualizer.PublishRecording()
 
 
-def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, animation_times: Sequence[float]) -> None:
+def draw_contact_forces(
+    meshcat: Meshcat, result: RecordedRun, times: Vector, animation_times: Sequence[float]
+) -> None:
     """Draw the contact forces of a run as arrows into a Meshcat that records.
 
     The forces are computed from the recorded states. A body that touches another one at several points also has their
@@ -263,15 +290,21 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, an
     # The smallest positive number, in place of 0, since forces are divided by the large one.
     large = max(float(np.percentile(magnitudes, _LARGE)), np.finfo(float).tiny)
     for number, forces in enumerate(_forces_of_places(moments, _SMALLEST * large)):
-        _draw_arrow(meshcat, f"contact_forces/{number}", forces, animation_times, large, Rgba(*rgb(FORCE)))
+        _draw_arrow(
+            meshcat, f"contact_forces/{number}", forces, animation_times, large, Rgba(*rgb(FORCE))
+        )
     sums_of_moments = [_sums(inspector, moment) for moment in moments]
     pairs = sorted({pair for sums in sums_of_moments for pair in sums})
     for number, pair in enumerate(pairs):
         sums_of_pair = [sums.get(pair) for sums in sums_of_moments]
-        _draw_arrow(meshcat, f"contact_forces/sum_{number}", sums_of_pair, animation_times, large, _SUM)
+        _draw_arrow(
+            meshcat, f"contact_forces/sum_{number}", sums_of_pair, animation_times, large, _SUM
+        )
 
 
-def _draw_contact_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, contacts: Contacts) -> None:
+def _draw_contact_spheres(
+    meshcat: Meshcat, inspector: SceneGraphInspector, contacts: Contacts
+) -> None:
     """Draw the contact spheres that ever touch something, unless a visible sphere of their body covers them.
 
     Feet may have small spheres at their corners, for contact only. Without them the arrows would begin nowhere.
@@ -282,7 +315,9 @@ def _draw_contact_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, cont
         if not isinstance(sphere, Sphere):
             continue
         frame = inspector.GetFrameId(shape)
-        visible_shapes = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
+        visible_shapes = [
+            inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)
+        ]
         visible_radii = [look.radius() for look in visible_shapes if isinstance(look, Sphere)]
         if any(radius >= sphere.radius() for radius in visible_radii):
             continue
@@ -393,7 +428,9 @@ def _draw_arrow(
     # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin.
     meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), colour)
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), colour)
-    meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, _HEAD]))
+    meshcat.SetTransform(
+        f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, _HEAD])
+    )
     for part in ("shaft", "head/cone"):
         # The arrow is visible through the body that it acts on.
         meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)

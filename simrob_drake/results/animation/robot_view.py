@@ -154,5 +154,7 @@ def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
     sliders = {}
     for index, (name, unit) in enumerate(zip(names, units, strict=True)):
         value = float(values[index])
-        sliders[name + unit.suffix] = Control(value, float(lower[index]), float(upper[index]), unit.step)
+        sliders[name + unit.suffix] = Control(
+            value, float(lower[index]), float(upper[index]), unit.step
+        )
     return sliders

@@ -101,10 +101,17 @@ class ViewedStation(PosedStation):
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
             if path is not None and config.floor is not None:
-                add_floor_grid(station.scene_graph, path, size=config.floor.size, tilt=station.ground.floor_pose)
+                add_floor_grid(
+                    station.scene_graph,
+                    path,
+                    size=config.floor.size,
+                    tilt=station.ground.floor_pose,
+                )
             if meshcat is not None:
                 params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
-                self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
+                self.visualizer = MeshcatVisualizer.AddToBuilder(
+                    builder, station.scene_graph, meshcat, params
+                )
 
         super().__init__(config.model_copy(update={"contact": None}), add)
 
@@ -125,7 +132,9 @@ class ViewedStation(PosedStation):
         """
         return self._corners(positions, None).reshape(-1, 3)
 
-    def extents_of_run(self, result: RecordedRun, displacement: Displacement | None = None) -> Vector:
+    def extents_of_run(
+        self, result: RecordedRun, displacement: Displacement | None = None
+    ) -> Vector:
         """Points around the motion of a run.
 
         Args:
@@ -174,8 +183,12 @@ class ViewedStation(PosedStation):
         for row in positions:
             self.place(row)
             query = self.query()
-            origins = np.array([query.GetPoseInWorld(link).translation() for link in links]).reshape(-1, 3)
-            corners = [(query.GetPoseInWorld(shape) @ own).T for shape, own in corners_of_shapes.items()]
+            origins = np.array(
+                [query.GetPoseInWorld(link).translation() for link in links]
+            ).reshape(-1, 3)
+            corners = [
+                (query.GetPoseInWorld(shape) @ own).T for shape, own in corners_of_shapes.items()
+            ]
             points.append(np.vstack([origins, *corners]))
         return np.array(points)
 
@@ -217,7 +230,9 @@ def floor_lines(around: Vector, *, size: float) -> Vector:
     return np.array(lines)
 
 
-def add_floor_grid(scene_graph: SceneGraph, path: Vector, *, size: float, tilt: RigidTransform) -> None:
+def add_floor_grid(
+    scene_graph: SceneGraph, path: Vector, *, size: float, tilt: RigidTransform
+) -> None:
     """Add lines on a square floor to a scene graph, for rendered images. Each fifth line is bold.
 
     Args:

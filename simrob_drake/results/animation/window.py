@@ -69,10 +69,21 @@ class Control:
         """Command that adds the control to the menu of the page, under a name."""
         tell = f"tell({json.dumps(name)}"
         if self.step is None:
-            return {"type": "set_control", "name": name, "callback": f"() => {tell}, 1)", "keycode1": self.key}
+            return {
+                "type": "set_control",
+                "name": name,
+                "callback": f"() => {tell}, 1)",
+                "keycode1": self.key,
+            }
         limits = {"value": self.value, "min": self.low, "max": self.high, "step": self.step}
         keys = {"keycode1": self.key, "keycode2": self.key_up}
-        return {"type": "set_control", "name": name, "callback": f"(value) => {tell}, value)", **limits, **keys}
+        return {
+            "type": "set_control",
+            "name": name,
+            "callback": f"(value) => {tell}, value)",
+            **limits,
+            **keys,
+        }
 
 
 class Board:
@@ -161,7 +172,9 @@ class Board:
         menu = [control.command(name) for name, control in self.controls.items() if not after]
         yield f"data: {json.dumps(menu)}\n\n".encode()
         with self._news:
-            known = {subject: version for subject, version in self._versions.items() if version <= after}
+            known = {
+                subject: version for subject, version in self._versions.items() if version <= after
+            }
         while (news := self.news(known)) is not None:
             yield news
         yield b"event: end\ndata:\n\n"
@@ -179,7 +192,11 @@ class Board:
             self._news.wait_for(lambda: self._new_subjects(known) or not self._open, timeout=_PAUSE)
             if not (self._open or self._new_subjects(known)):
                 return None
-            new = [command for subject in self._new_subjects(known) for command in self._commands[subject]]
+            new = [
+                command
+                for subject in self._new_subjects(known)
+                for command in self._commands[subject]
+            ]
             known.update(self._versions)
         last = max(known.values(), default=0)
         return f"id: {last}\ndata: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
@@ -192,7 +209,9 @@ class Board:
 
     def _new_subjects(self, known: dict[str, int]) -> list[str]:
         """Subjects with commands that a page has not received, given its last event of each subject."""
-        return [subject for subject, version in self._versions.items() if known.get(subject) != version]
+        return [
+            subject for subject, version in self._versions.items() if known.get(subject) != version
+        ]
 
 
 def is_short(length: str) -> bool:
@@ -225,7 +244,9 @@ class Window(Board):
         self._server = _server(self)
         self.path = f"/{secrets.token_urlsafe(9)}/"
         self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"
-        Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+        Thread(
+            target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True
+        ).start()
 
     def close(self) -> None:
         """Close the window and its port."""
@@ -295,7 +316,9 @@ class _Handler(BaseHTTPRequestHandler):
         could make the browser look up such a name to reach this server.
         """
         host = self.headers.get("Host", "")
-        origin = self.headers.get("Origin")  # browsers leave it out if the page reads from its own server
+        origin = self.headers.get(
+            "Origin"
+        )  # browsers leave it out if the page reads from its own server
         name, _, _ = host.rpartition(":")
         is_allowed = name in _NAMES and origin in (None, f"http://{host}")
         if not is_allowed:

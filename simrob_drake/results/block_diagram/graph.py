@@ -406,7 +406,9 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
         the counts by key. A block that no other block of these feeds has 0.
     """
     successors: dict[str, list[str]] = {}
-    finished: list[str] = []  # in the order of depth-first search: each block after all of its successors
+    finished: list[
+        str
+    ] = []  # in the order of depth-first search: each block after all of its successors
 
     def visit(key: str, path: tuple[str, ...]) -> None:
         forward = _forward_targets(graph, key)

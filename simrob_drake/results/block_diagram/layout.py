@@ -19,7 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock, columns_of, nets_of
+from simrob_drake.results.block_diagram.graph import (
+    BARS,
+    BlockGraph,
+    DrawnBlock,
+    columns_of,
+    nets_of,
+)
 
 LINE = 13.0
 """Height of a line of text [px]."""
@@ -193,7 +199,9 @@ class Layout:
         listed_keys = {block.key for ports in port_lists.values() for block in ports}
         groups = [port_lists[robot] for robot in self._robots if robot in port_lists]
         groups += [[block] for block in graph.blocks.values() if block.key not in listed_keys]
-        return sorted(groups, key=lambda group: (self._robots.index(group[0].robot), group[0].role == "force"))
+        return sorted(
+            groups, key=lambda group: (self._robots.index(group[0].robot), group[0].role == "force")
+        )
 
     def _make_box(self, blocks: list[DrawnBlock], column: int) -> Box:
         """Make the box of a block, or of several ports, with the size that their text needs."""
@@ -223,7 +231,9 @@ class Layout:
         height_of_ends = PITCH * max(incoming_count, outgoing_count)
         # Boxes inside the block need a margin of their own.
         margin_count = 4 if steps else 2
-        box = Box([block], lines, column, width + margin_count * _MARGIN, max(height, height_of_ends))
+        box = Box(
+            [block], lines, column, width + margin_count * _MARGIN, max(height, height_of_ends)
+        )
         if steps and not block.within:
             # The signals enter the first step, and leave from the last one.
             first_height = LINE * len(steps[0]) + CELL
@@ -303,7 +313,9 @@ class Layout:
             port_list: the list. The net leads to at least one of its ports.
         """
         targets = self.nets[net].targets
-        offsets = [port_list.port_offset(block.key) for block in port_list.blocks if block.key in targets]
+        offsets = [
+            port_list.port_offset(block.key) for block in port_list.blocks if block.key in targets
+        ]
         return PortRange(first=offsets[0], last=offsets[-1])
 
     def _align(self, column: list[Box], to_the_right: bool, *, may_reorder: bool) -> None:

@@ -21,7 +21,14 @@ from simrob_drake.base.folders import check_ending, replaced_at_once
 from simrob_drake.base.messages import message, translate
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Box, Layout, text_width
-from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
+from simrob_drake.results.block_diagram.reading import (
+    COLOURS,
+    TITLES,
+    WIRE,
+    dot_text,
+    mermaid_text,
+    read_blocks,
+)
 from simrob_drake.results.block_diagram.routing import Lines, Point, Routing
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
@@ -130,7 +137,9 @@ class Drawing:
         """Draw a graph."""
         layout = Layout(graph)
         routing = Routing(layout)
-        self._nets = [_DrawnNet(net, lines) for net, lines in zip(layout.nets, routing.lines, strict=True)]
+        self._nets = [
+            _DrawnNet(net, lines) for net, lines in zip(layout.nets, routing.lines, strict=True)
+        ]
         # The nets come first: the index of a net is that of its part.
         self._parts = [_Part("", list(_net_marks(net.text, lines))) for net, lines in self._nets]
         for column in layout.columns:
@@ -139,12 +148,19 @@ class Drawing:
 
         legend = _legend(graph, routing.bottom + _LEGEND)
         self._top = routing.top - _HEADER
-        title = _Text(graph.title, Point(0, self._top + 14), size=_TITLE_SIZE, centred=False, bold=True)
+        title = _Text(
+            graph.title, Point(0, self._top + 14), size=_TITLE_SIZE, centred=False, bold=True
+        )
         description = _Text(graph.description, Point(0, self._top + 29), centred=False)
         self._parts.append(_Part("", [*legend.marks, title, description]))
 
         # The estimate of a text's width is for usual letters; those of the title are bold.
-        widths = [routing.width, legend.width, text_width(graph.title, 14), text_width(graph.description)]
+        widths = [
+            routing.width,
+            legend.width,
+            text_width(graph.title, 14),
+            text_width(graph.description),
+        ]
         self._width = max(widths) + 2 * _EDGE
         self._height = routing.bottom - self._top + _LEGEND + 2 * _EDGE
 
@@ -169,7 +185,11 @@ class Drawing:
             if live and index < len(self._nets):
                 drawn = _svg_wire(index, self._nets[index], drawn)
                 values.append(_svg_value(index, self._nets[index]))
-            lines.append(f'<g class="node"><title>{escape(part.key)}</title>{drawn}</g>' if part.key else drawn)
+            lines.append(
+                f'<g class="node"><title>{escape(part.key)}</title>{drawn}</g>'
+                if part.key
+                else drawn
+            )
         # Values come last, so that nothing covers them.
         return "\n".join([*lines, *values, "</g>", "</svg>", ""])
 
@@ -279,7 +299,9 @@ def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator
     y = box.y - content_height / 2
     for index, text in enumerate(box.lines):
         is_robot = index == 0 and text == block.robot and len(box.lines) > 1
-        yield _Text(text, Point(middle, y + LINE - 3), line_colour if is_robot else _BLACK, bold=is_robot)
+        yield _Text(
+            text, Point(middle, y + LINE - 3), line_colour if is_robot else _BLACK, bold=is_robot
+        )
         y += LINE
     for index, step in enumerate(steps):
         y += 1.5 * CELL
@@ -288,7 +310,9 @@ def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator
             y -= CELL
         else:
             yield _Line([Point(middle, y - 1.5 * CELL), Point(middle, y)])
-            yield _Area([Point(middle, y), Point(middle - 3, y - 6), Point(middle + 3, y - 6)], WIRE)
+            yield _Area(
+                [Point(middle, y), Point(middle - 3, y - 6), Point(middle + 3, y - 6)], WIRE
+            )
         height = LINE * len(step) + CELL
         yield _Area(_rectangle(box.x + 7, y, box.width - 14, height), _WHITE, line_colour)
         for line_index, text in enumerate(step):
@@ -344,7 +368,8 @@ def _svg_wire(index: int, drawn_net: _DrawnNet, drawn: str) -> str:
     ends = f'data-from="{escape(net.source)}" data-to="{escape("|".join(net.targets))}"'
     # The page draws these invisible paths wide, so that a pointer need not hit the thin line.
     reach = "".join(
-        f'<path class="reach" d="M{_svg_points(polyline)}" fill="none"/>' for polyline in drawn_net.lines.polylines
+        f'<path class="reach" d="M{_svg_points(polyline)}" fill="none"/>'
+        for polyline in drawn_net.lines.polylines
     )
     return f'<g class="wire" data-wire="{index}" {ends}>{reach}{drawn}</g>'
 
@@ -365,7 +390,9 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
         # The line is so short that the value would reach into the next block, so it stands above both.
         x = label.x - _VALUE_HEIGHT / 2
         y = label.y - _VALUE_HEIGHT
-    return f'<text class="value" data-value="{index}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
+    return (
+        f'<text class="value" data-value="{index}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
+    )
 
 
 def _draw_mark(axes: "Axes", mark: _Mark) -> None:

@@ -15,7 +15,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort, System
-from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
+from pydrake.systems.primitives import (
+    Adder,
+    Demultiplexer,
+    MatrixGain,
+    Multiplexer,
+    PassThrough,
+    Selector,
+)
 
 from simrob_drake.base.files import description_message, station_files
 from simrob_drake.base.messages import message, translate
@@ -51,7 +58,9 @@ class BlockColours(NamedTuple):
     line: str
 
 
-COLOURS: dict[BlockRole, BlockColours] = {role: BlockColours(*pair) for role, pair in _LOOKS["colours"].items()}
+COLOURS: dict[BlockRole, BlockColours] = {
+    role: BlockColours(*pair) for role, pair in _LOOKS["colours"].items()
+}
 """Colours of the blocks by their role."""
 
 WIRE = "#444444"
@@ -131,15 +140,21 @@ class _Reader:
         config = ports.config
         self._ports = ports
         self._symbols = _symbols_of_ports(ports)
-        self._systems: dict[str, System] = {system.get_name(): system for system in diagram.GetSystems()}
+        self._systems: dict[str, System] = {
+            system.get_name(): system for system in diagram.GetSystems()
+        }
         self._feeds: dict[_InputId, _OutputId] = {}  # output that feeds each input
         for (target, input_index), (source, output_index) in diagram.connection_map().items():
             fed_input = _InputId(target.get_name(), int(input_index))
             self._feeds[fed_input] = _OutputId(source.get_name(), int(output_index))
         # Block in which each system is drawn, None for wiring.
-        self._drawings = {name: drawing_of(name, system, ports) for name, system in self._systems.items()}
+        self._drawings = {
+            name: drawing_of(name, system, ports) for name, system in self._systems.items()
+        }
 
-        self.graph = BlockGraph(config.name, translate(station_description(config)), list(config.robots))
+        self.graph = BlockGraph(
+            config.name, translate(station_description(config)), list(config.robots)
+        )
         # All blocks first: an arrow needs both.
         for name, drawing in self._drawings.items():
             if drawing is not None:
@@ -209,7 +224,9 @@ class _Reader:
             for origin in self._origins(feed):
                 signals = self._signals_at(_PortId(name, "in", index)) or origin.signals
                 # A force reads the poses of bodies from the plant. That says nothing about the force, and is not drawn.
-                is_pose_for_force = drawing.role == "force" and self.graph.blocks[origin.block].role == "robot"
+                is_pose_for_force = (
+                    drawing.role == "force" and self.graph.blocks[origin.block].role == "robot"
+                )
                 if signals or not is_pose_for_force:
                     self.graph.connect(origin.block, drawing.key, signals)
 
@@ -219,7 +236,9 @@ class _Reader:
             for output in inner.reads:
                 port = _port_id(self._ports.outputs[output])
                 for origin in self._origins(_OutputId(port.system, port.port_index)):
-                    self.graph.connect(origin.block, f"{drawing.key}.{part}", origin.signals or [output])
+                    self.graph.connect(
+                        origin.block, f"{drawing.key}.{part}", origin.signals or [output]
+                    )
 
     def _origins(self, output: _OutputId) -> list[_Origin]:
         """Find the blocks from which the values of an output come.
@@ -241,7 +260,9 @@ class _Reader:
         for index in range(self._systems[name].num_input_ports()):
             signals = signals_here or self._signals_at(_PortId(name, "in", index))
             feed = self._feeds.get(_InputId(name, index))
-            origins = [_Origin(self._draw_open_input(name), ())] if feed is None else self._origins(feed)
+            origins = (
+                [_Origin(self._draw_open_input(name), ())] if feed is None else self._origins(feed)
+            )
             found += [_Origin(origin.block, signals or origin.signals) for origin in origins]
         return found
 
@@ -251,7 +272,11 @@ class _Reader:
         if port in self._symbols:
             return self._symbols[port]
         system = self._systems[port.system]
-        found = system.get_input_port(port.port_index) if port.side == "in" else system.get_output_port(port.port_index)
+        found = (
+            system.get_input_port(port.port_index)
+            if port.side == "in"
+            else system.get_output_port(port.port_index)
+        )
         symbol = _PORT_SYMBOLS.get(found.get_name())
         return () if symbol is None else (symbol,)
 
@@ -342,7 +367,9 @@ def drawing_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     if is_silent or declaration.is_found:
         return None
 
-    robot = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
+    robot = next(
+        (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
+    )
     local_name = name if robot is None else name.removeprefix(robot.prefix)
     robot_name = robot.name if robot is not None and robot.prefix else ""
     if _is_wire(local_name, system):
@@ -428,7 +455,11 @@ def _clusters(graph: BlockGraph) -> Iterator[_Cluster]:
     """Group the blocks of a graph by robot and role. Blocks that all robots share come first."""
     for robot in ["", *graph.robots]:
         for role in ROLES:
-            blocks = [block for block in graph.blocks.values() if block.role == role and block.robot == robot]
+            blocks = [
+                block
+                for block in graph.blocks.values()
+                if block.role == role and block.robot == robot
+            ]
             if blocks:
                 title = translate(TITLES[role])
                 yield _Cluster(f"{robot}: {title}" if robot else title, role, blocks)
@@ -465,7 +496,9 @@ def _dot_node(block: DrawnBlock) -> str:
     if block.shape in BARS:
         attributes.update({"color": WIRE, "fillcolor": WIRE, "width": "0.07", "fixedsize": "true"})
     elif block.shape == "port":
-        attributes.update({"style": "rounded,filled", "fillcolor": line, "fontcolor": "white", "height": "0.22"})
+        attributes.update(
+            {"style": "rounded,filled", "fillcolor": line, "fontcolor": "white", "height": "0.22"}
+        )
     elif block.shape == "sum":
         attributes.update({"shape": "circle", "width": "0.25", "height": "0.25", "margin": "0"})
     # A viewer shows the systems of the Diagram when the pointer rests on the block.
@@ -523,7 +556,9 @@ def mermaid_text(graph: BlockGraph) -> str:
     lines.append(f"  classDef bar fill:{WIRE},stroke:{WIRE}")
     for role, colours in COLOURS.items():
         lines.append(f"  classDef {role} fill:#ffffff,stroke:{colours.line},color:#000000")
-        lines.append(f"  classDef {role}_port fill:{colours.line},stroke:{colours.line},color:#ffffff")
+        lines.append(
+            f"  classDef {role}_port fill:{colours.line},stroke:{colours.line},color:#ffffff"
+        )
     return "\n".join([*lines, ""])
 
 

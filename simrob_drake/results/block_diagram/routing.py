@@ -182,7 +182,9 @@ class Routing:
         self._layout = layout
         self._channel_count = len(layout.columns) + 1
         # Trunks of each channel, by the index of the net.
-        self._trunks: list[dict[int, _Trunk]] = [defaultdict(_Trunk) for _ in range(self._channel_count)]
+        self._trunks: list[dict[int, _Trunk]] = [
+            defaultdict(_Trunk) for _ in range(self._channel_count)
+        ]
         self._lanes: dict[int, list[_Lane]] = defaultdict(list)
         self._occupied: list[list[_Occupied]] = [[] for _ in range(self._channel_count)]
         # Upper and lower end of each column [px]. They grow with each lane, which later lanes pass farther out.
@@ -270,7 +272,9 @@ class Routing:
         if channels_ahead:
             passages.append(_Passage(index, start, channels_ahead[-1], channels_ahead))
         if channels_behind:
-            passages.append(_Passage(index, min(channels_behind), start, channels_behind, leads_back=True))
+            passages.append(
+                _Passage(index, min(channels_behind), start, channels_behind, leads_back=True)
+            )
         return passages
 
     def _route_back(self, passage: _Passage) -> None:
@@ -376,7 +380,11 @@ class Routing:
         order = _order_of_trunks(trunks)
         for rank, trunk in enumerate(order):
             # A trunk needs a track of its own right of each earlier one that it would touch.
-            occupied = [other.track for other in order[:rank] if _overlap(trunk, other) or _must_be_left(other, trunk)]
+            occupied = [
+                other.track
+                for other in order[:rank]
+                if _overlap(trunk, other) or _must_be_left(other, trunk)
+            ]
             trunk.track = max((track + 1 for track in occupied), default=0)
 
     def _set_positions(self) -> float:
@@ -387,7 +395,9 @@ class Routing:
             names_width = self._width_of_names(channel)
             self._track_starts.append(x + names_width + _TRACK)
             if trunks:
-                last_track = max((trunk.track for trunk in trunks.values() if not trunk.is_level), default=-1)
+                last_track = max(
+                    (trunk.track for trunk in trunks.values() if not trunk.is_level), default=-1
+                )
                 x += names_width + _TRACK * (last_track + 2) + _HEAD
             if channel < len(self._layout.columns):
                 column = self._layout.columns[channel]
@@ -420,8 +430,13 @@ class Routing:
         width_of_head = _HEAD if net.both else 0.0
         lines = Lines(label=Point(begin.x + _LABEL + width_of_head, begin.y - _LABEL_HEIGHT))
 
-        trunks = {channel: trunks[index] for channel, trunks in enumerate(self._trunks) if index in trunks}
-        trunk_x = {channel: self._track_starts[channel] + _TRACK * trunk.track for channel, trunk in trunks.items()}
+        trunks = {
+            channel: trunks[index] for channel, trunks in enumerate(self._trunks) if index in trunks
+        }
+        trunk_x = {
+            channel: self._track_starts[channel] + _TRACK * trunk.track
+            for channel, trunk in trunks.items()
+        }
         first_x = trunk_x[source.column + 1]
         lines.polylines.append([begin, Point(first_x, begin.y)])
         for channel, trunk in trunks.items():

@@ -40,7 +40,10 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
     shown = [key for key, values in differing.items() if differing.get(_key_at_top(key)) != values]
     texts = []
     for index in range(len(folders)):
-        parts = [compound("{key} {value}", key=key, value=_in_words(differing[key][index])) for key in shown]
+        parts = [
+            compound("{key} {value}", key=key, value=_in_words(differing[key][index]))
+            for key in shown
+        ]
         texts.append(listed(parts))
     return texts
 
@@ -80,7 +83,9 @@ def _settings(folder: Path) -> dict[str, Any]:
     station = folder / STATION
     if station.is_file():
         content = read_yaml(station)
-        settings.update(_flatten({key: content[key] for key in content if key not in _WITHOUT_EFFECT}))
+        settings.update(
+            _flatten({key: content[key] for key in content if key not in _WITHOUT_EFFECT})
+        )
     program = folder / PROGRAM
     if program.is_file():
         moves = read_yaml(program).get("moves", [])

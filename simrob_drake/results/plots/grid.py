@@ -279,7 +279,9 @@ class _Grid:
         self._stacks = stacks
         self._columns = columns
         self.figure = Figure()
-        self._frames = [[self.figure.add_axes((0.0, 0.0, 1.0, 1.0)) for _ in stack.plots] for stack in stacks]
+        self._frames = [
+            [self.figure.add_axes((0.0, 0.0, 1.0, 1.0)) for _ in stack.plots] for stack in stacks
+        ]
         self._legend_lines: dict[str, Line2D] = {}  # lines of the legend at the top, by label
 
     def draw(self, span: Span, *, legends: bool) -> None:
@@ -304,11 +306,20 @@ class _Grid:
                 lines = self._draw_curves(axes, plot, is_shown, line_width)
                 _set_time_limits(axes, span)
                 axes.tick_params(labelbottom=is_last)
-                axes.set_ylabel(translate(plot.label) if self._is_labelled(index) else "", fontsize=9)
+                axes.set_ylabel(
+                    translate(plot.label) if self._is_labelled(index) else "", fontsize=9
+                )
                 if not legends:
                     self._legend_lines.update(lines)
                 elif len(lines) > 1:
-                    _write_legend(axes, lines, 8, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
+                    _write_legend(
+                        axes,
+                        lines,
+                        8,
+                        loc="upper left",
+                        bbox_to_anchor=(1.0, 1.0),
+                        borderaxespad=0.0,
+                    )
             has_stack_below = index + self._columns < len(self._stacks)
             if not has_stack_below:
                 frames[-1].set_xlabel(translate(TIME_LABEL))
@@ -348,7 +359,9 @@ class _Grid:
             for plot, axes in zip(stack.plots, self._frames[index], strict=True):
                 # Matplotlib measures from the lower left corner, as parts of the size of the figure.
                 y = height - tops.of_frames[axes] - plot.height
-                axes.set_position((x / width, y / height, frame_width / width, plot.height / height))
+                axes.set_position(
+                    (x / width, y / height, frame_width / width, plot.height / height)
+                )
                 axes.yaxis.set_label_coords(-(numbers_width + 0.08) / frame_width, 0.5)
                 axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
         self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head_height)
@@ -403,7 +416,9 @@ class _Grid:
         _write_legend(self.figure, self._legend_lines, 9, ncols=len(self._legend_lines), **looks)
         for index, line in enumerate(lines):
             line_at = position(head_height + 0.05 + index * _LINE)
-            self.figure.text(line_at.x, line_at.y, line.text, va="center", fontsize=9, color=line.colour)
+            self.figure.text(
+                line_at.x, line_at.y, line.text, va="center", fontsize=9, color=line.colour
+            )
 
     def _draw_curves(
         self, axes: Axes, plot: Plot, is_shown: npt.NDArray[np.bool_], line_width: float
@@ -433,7 +448,9 @@ class _Grid:
                 "linewidth": curve.weight * line_width,
                 "marker": marker,
             }
-            (lines[label],) = axes.plot(times, curve.values[is_shown], curve.line, label=label, **looks)
+            (lines[label],) = axes.plot(
+                times, curve.values[is_shown], curve.line, label=label, **looks
+            )
         shown_values = np.array([curve.values[is_shown] for curve in plot.curves])
         _set_value_limits(axes, plot.label, _readable(reliable_samples(self._result, shown_values)))
         return lines
@@ -489,7 +506,9 @@ def _set_value_limits(axes: Axes, label: str, values: Vector) -> None:
     axes.set_ylim(middle - half_span, middle + half_span)
 
 
-def _write_legend(where: Axes | Figure, lines: dict[str, Line2D], size: float, **place: Any) -> None:
+def _write_legend(
+    where: Axes | Figure, lines: dict[str, Line2D], size: float, **place: Any
+) -> None:
     """Write a legend without a frame.
 
     Args:

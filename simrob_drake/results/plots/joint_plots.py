@@ -97,7 +97,9 @@ class SideGroup:
         curves = []
         for side, axis in self.axes.items():
             look = _SIDE_LOOKS.get(side, _SideLook(colour, 1.0))
-            curves.append(Curve(values[:, axis], _SIDE_WORDS.get(side, label), look.colour, look.weight))
+            curves.append(
+                Curve(values[:, axis], _SIDE_WORDS.get(side, label), look.colour, look.weight)
+            )
         return curves
 
 
@@ -114,7 +116,10 @@ def side_groups(robot: StationRobot) -> list[SideGroup]:
     has_pairs = any(len(group.axes) > 1 for group in groups)
     if not has_pairs:
         return groups
-    return [replace(group, axes={"middle": group.axes[""]}) if "" in group.axes else group for group in groups]
+    return [
+        replace(group, axes={"middle": group.axes[""]}) if "" in group.axes else group
+        for group in groups
+    ]
 
 
 def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
@@ -150,7 +155,9 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     for group in side_groups(robot):
         unit = robot.model.unit_names[group.first_axis]
         curves = group.curves(reached, QUANTITY_WORDS["position"], VALUE)
-        curves += [dashed_curve(reference[:, axis], _REFERENCE, REFERENCE) for axis in group.axes.values()]
+        curves += [
+            dashed_curve(reference[:, axis], _REFERENCE, REFERENCE) for axis in group.axes.values()
+        ]
         plots = [Plot(_with_unit(QUANTITIES[unit], unit), curves)]
         if result.config.engine.moves_by_forces:
             label = message("results.error_of_position", "error: reference - position")
@@ -169,7 +176,9 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
         curves = group.curves(torques, QUANTITY_WORDS["torque"], VALUE)
         curves += _limit_curves(torques, group, robot)
         note = _note_on_limits(group, robot, unit)
-        stacks.append(Stack(group.name, [Plot(_with_unit(QUANTITIES[unit], unit), curves, note=note)]))
+        stacks.append(
+            Stack(group.name, [Plot(_with_unit(QUANTITIES[unit], unit), curves, note=note)])
+        )
     return stacks
 
 
@@ -285,7 +294,9 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
         position is not finite, as at the end of a diverging run.
     """
     if result.runs:
-        matrices_of_runs = [reference_tools(run, run.plant.robots[robot.name]) for run in result.runs]
+        matrices_of_runs = [
+            reference_tools(run, run.plant.robots[robot.name]) for run in result.runs
+        ]
         # The last sample of a run is the first sample of the next one.
         without_ends = [matrices[:-1] for matrices in matrices_of_runs[:-1]]
         return np.concatenate([*without_ends, matrices_of_runs[-1]])
@@ -293,7 +304,9 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
     plant = robot.plant
     tool = robot.tools[robot.tcp]
     context = plant.CreateDefaultContext()
-    positions = robot.axis_map.spread_positions(result.axes("q_ref", robot.name), result.positions_at(result.times))
+    positions = robot.axis_map.spread_positions(
+        result.axes("q_ref", robot.name), result.positions_at(result.times)
+    )
     matrices = np.full((len(positions), 4, 4), np.nan)
     is_finite = np.isfinite(positions).all(axis=1)
     for row in np.flatnonzero(is_finite):
@@ -355,7 +368,9 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     turn = message("results.yaw", "yaw")
     plots = [
         Plot("x, y [m]", [Curve(pose[:, 0], "x", _X), Curve(pose[:, 1], "y", _Y)]),
-        Plot(_with_unit(message("results.height_z", "height z"), "m"), [Curve(pose[:, 2], "z", _Z)]),
+        Plot(
+            _with_unit(message("results.height_z", "height z"), "m"), [Curve(pose[:, 2], "z", _Z)]
+        ),
         Plot(_with_unit(tilt, "deg"), [Curve(np.rad2deg(tilts(pose)), tilt, _TILT)]),
         Plot(_with_unit(turn, "deg"), [Curve(yaw, turn, _FACING)]),
     ]
@@ -387,7 +402,12 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     length = _ARROW_LENGTH * width
     along_x = length * np.cos(heading[shown])
     along_y = length * np.sin(heading[shown])
-    in_units_of_axes: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005}
+    in_units_of_axes: dict[str, Any] = {
+        "angles": "xy",
+        "scale_units": "xy",
+        "scale": 1,
+        "width": 0.005,
+    }
     axes.quiver(path[0, shown], path[1, shown], along_x, along_y, color=_FACING, **in_units_of_axes)
 
     # A circle at the start and a square at the end; an empty curve explains the arrows in the legend.
@@ -398,7 +418,14 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     axes.plot(*path[:, -1:], "s", color=_PATH_COLOUR, label=end)
     axes.plot([], [], marker=">", markersize=7, linestyle="", color=_FACING, label=heading_label)
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8, borderaxespad=0.0)
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=3,
+        frameon=False,
+        fontsize=8,
+        borderaxespad=0.0,
+    )
 
 
 def _set_path_limits(axes: Axes, path: Vector) -> float:

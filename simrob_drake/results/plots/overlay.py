@@ -82,7 +82,11 @@ def read_signals(folder: Path) -> SavedSignals:
     """
     table = folder / SIGNALS
     if not table.is_file():
-        problem = message("results.no_result_folder", "must be the folder of a result, with {signals}", signals=SIGNALS)
+        problem = message(
+            "results.no_result_folder",
+            "must be the folder of a result, with {signals}",
+            signals=SIGNALS,
+        )
         raise InvalidConfig(folder, "", problem)
     summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
     names = column_names(table)
@@ -109,7 +113,9 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     """
     names = _named_signals(results, patterns) if patterns else _signals_of_moving_joints(results)
     if not 0 < len(names) <= _MOST:
-        expected = message("results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST)
+        expected = message(
+            "results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST
+        )
         raise InvalidParameter("--signal", len(names), expected)
     column_count = 1 if len(names) == 1 else 2
     row_count = ceil(len(names) / column_count)
@@ -149,7 +155,9 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
         if name in result.columns:
             values = factor * result.columns[name]
             label = translate(result.name)
-            axes.plot(result.times, values, label=label, color=colour, linestyle=line, linewidth=1.4)
+            axes.plot(
+                result.times, values, label=label, color=colour, linestyle=line, linewidth=1.4
+            )
     quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
     label_of_axis = f"[{shown_unit}]"
     if quantity is not None:

@@ -25,7 +25,12 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
 from simrob_drake.results.plots.grid import Span, grid_figure, is_dense, style
-from simrob_drake.results.plots.joint_plots import base_figure, position_stacks, tcp_stacks, torque_stacks
+from simrob_drake.results.plots.joint_plots import (
+    base_figure,
+    position_stacks,
+    tcp_stacks,
+    torque_stacks,
+)
 from simrob_drake.results.plots.panel_plots import Sheet, panel_sheets
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.servos import servo_in_words, servos_of
@@ -58,7 +63,13 @@ _DETAIL = 3.0
 
 
 def panels(
-    title: str, rows: int = 1, columns: int = 1, *, size: tuple[float, float], titles: Sequence[str] = (), **how: Any
+    title: str,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    size: tuple[float, float],
+    titles: Sequence[str] = (),
+    **how: Any,
 ) -> tuple[Figure, npt.NDArray[Any]]:
     """Make a figure with empty frames in the style of the plots of a run.
 
@@ -207,7 +218,9 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
     return written
 
 
-def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotFormat, taken: set[str]) -> list[Path]:
+def _save_plots_of_extensions(
+    result: RecordedRun, folder: Path, kind: PlotFormat, taken: set[str]
+) -> list[Path]:
     """Write the plots that installed extensions make of a run.
 
     A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning.
@@ -227,14 +240,18 @@ def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotForma
         try:
             if name in taken:
                 problem_of_name = message(
-                    "results.plot_name_taken", "the run has a plot of this name already: {file}", file=file.name
+                    "results.plot_name_taken",
+                    "the run has a plot of this name already: {file}",
+                    file=file.name,
                 )
                 raise ValueError(problem_of_name)
             figure = draw(result)
             if figure is not None:
                 written.append(save_figure(figure, file))
         except Exception as problem:  # a function of somebody else must not cost the files of a run
-            reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+            reason = shortened(
+                compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
+            )
             warn(
                 message(
                     "results.plot_left_out",
@@ -280,13 +297,22 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
     servo = servos_of(result).get(robot.name)
     layout = {}
     if servo:
-        layout = {"remark": message("results.servos", "servos: {servo}", servo=servo_in_words(servo))}
+        layout = {
+            "remark": message("results.servos", "servos: {servo}", servo=servo_in_words(servo))
+        }
     positions = message("results.joint_positions", "joint positions{whose}", whose=whose)
-    yield from _with_detail(result, Sheet("position", positions, position_stacks(result, robot), layout))
+    yield from _with_detail(
+        result, Sheet("position", positions, position_stacks(result, robot), layout)
+    )
     torques = message("results.joint_torques", "joint torques{whose}", whose=whose)
     yield from _with_detail(result, Sheet("torque", torques, torque_stacks(result, robot), layout))
     if robot.tcp:
-        title = message("results.tool_in_world", "tool '{tool}' in the world{whose}", tool=robot.tcp, whose=whose)
+        title = message(
+            "results.tool_in_world",
+            "tool '{tool}' in the world{whose}",
+            tool=robot.tcp,
+            whose=whose,
+        )
         yield _NamedFigure("tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3))
     if robot.name in legged_robots(result):
         title = message("results.path_of_base", "path of the base{whose}", whose=whose)

@@ -124,7 +124,9 @@ def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
         if signal.panel is not None and signal.panel in result.panels:
             panels[signal.panel] = _quantities_of(signal, signal.panel, result)
     for figure in dict.fromkeys(panel.figure for panel in panels):
-        own_panels = {panel: quantities for panel, quantities in panels.items() if panel.figure == figure}
+        own_panels = {
+            panel: quantities for panel, quantities in panels.items() if panel.figure == figure
+        }
         yield from _sheets_of_figure(figure, own_panels, result)
 
 
@@ -174,8 +176,12 @@ def _quantities_of(signal: Signal, panel: Panel, result: RecordedRun) -> list[_Q
             if abs(values[1]) > _JUMP * change:
                 values[0] = np.nan
         # A number alone would mean nothing in a legend.
-        label = compound("{title} {name}", title=panel.title, name=name) if name.isdecimal() else name
-        quantities.append(_Quantity(label, values, user_unit.name, is_required=not is_of_controller))
+        label = (
+            compound("{title} {name}", title=panel.title, name=name) if name.isdecimal() else name
+        )
+        quantities.append(
+            _Quantity(label, values, user_unit.name, is_required=not is_of_controller)
+        )
     return quantities
 
 
@@ -205,14 +211,23 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
     remark = ""
     if constants:
         remark = message(
-            "results.left_out_constant", "left out, as it does not change: {values}", values=join_texts(constants)
+            "results.left_out_constant",
+            "left out, as it does not change: {values}",
+            values=join_texts(constants),
         )
     drawn_panels: _Panels = shown or panels
     # A single curve needs no legend.
-    names = [one.name for quantities in drawn_panels.values() if len(quantities) > 1 for one in quantities]
+    names = [
+        one.name
+        for quantities in drawn_panels.values()
+        if len(quantities) > 1
+        for one in quantities
+    ]
     legend = _HANDLE + _CHARACTER * max(map(len, names), default=0)
     stacks = [_stack(panel, quantities) for panel, quantities in drawn_panels.items()]
-    return Sheet(name, title, stacks, {"columns": 1, "width": PAPER, "legend": legend, "remark": remark})
+    return Sheet(
+        name, title, stacks, {"columns": 1, "width": PAPER, "legend": legend, "remark": remark}
+    )
 
 
 def _constants_in_words(panels: _Panels, shown: _Panels) -> list[str]:
@@ -241,7 +256,11 @@ def _stack(panel: Panel, quantities: Sequence[_Quantity]) -> Stack:
     plots = []
     # A frame has one upright axis, so that values of different units need their own frames.
     for unit in dict.fromkeys(quantity.unit for quantity in quantities):
-        drawn = [curve for curve, quantity in zip(curves, quantities, strict=True) if quantity.unit == unit]
+        drawn = [
+            curve
+            for curve, quantity in zip(curves, quantities, strict=True)
+            if quantity.unit == unit
+        ]
         height_of_legend = _ENTRY * len(drawn)
         plots.append(Plot(_label(panel, unit), drawn, max(_HEIGHT, height_of_legend)))
     return Stack(panel.title, plots)
@@ -259,7 +278,11 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
         robot: the robot.
     """
     # A panel in which nothing changes would be drawn for each axis: that is a sentence, not a picture.
-    changing = {panel: quantities for panel, quantities in panels.items() if any(one.varies for one in quantities)}
+    changing = {
+        panel: quantities
+        for panel, quantities in panels.items()
+        if any(one.varies for one in quantities)
+    }
     if not changing:
         changing = dict(panels)
     moved_axes = _moved_axes(changing)
@@ -286,9 +309,13 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
     remark = ""
     if left_out:
         names = join_texts(left_out)
-        remark = message("results.left_out_still", "left out, as they hardly change: {names}", names=names)
+        remark = message(
+            "results.left_out_still", "left out, as they hardly change: {names}", names=names
+        )
     stacks = [Stack(group.name, _axis_plots(group, robot, changing)) for group in moving]
-    return Sheet(name, title, stacks, {"columns": min(2, len(stacks)), "width": PAPER, "remark": remark})
+    return Sheet(
+        name, title, stacks, {"columns": min(2, len(stacks)), "width": PAPER, "remark": remark}
+    )
 
 
 def _moved_axes(panels: _Panels) -> set[str]:
@@ -330,7 +357,11 @@ def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[
 def _label(panel: Panel, unit: str) -> str:
     """Label of the upright axis, with the unit, such as "force [N]"."""
     if isinstance(panel.label, Message):
-        return panel.label if unit == "1" else compound("{quantity} [{unit}]", quantity=panel.label, unit=unit)
+        return (
+            panel.label
+            if unit == "1"
+            else compound("{quantity} [{unit}]", quantity=panel.label, unit=unit)
+        )
     # A plain text shows by its brackets whether it takes a unit.
     quantity, bracket, _ = panel.label.partition(" [")
     return f"{quantity}{bracket}{unit}]" if bracket and unit != "1" else quantity

@@ -55,8 +55,12 @@ def last_disturbance(run: Run) -> Disturbance | None:
         for name, found in _disturbances_of(single):
             before = known.get(name)
             begins_with_run = found.begin <= single.shift + single.run.start_time + _ROUNDING
-            continues = before is not None and begins_with_run and before.end >= found.begin - _ROUNDING
-            known[name] = found._replace(begin=before.begin) if before is not None and continues else found
+            continues = (
+                before is not None and begins_with_run and before.end >= found.begin - _ROUNDING
+            )
+            known[name] = (
+                found._replace(begin=before.begin) if before is not None and continues else found
+            )
     return max(known.values(), key=lambda disturbance: disturbance.begin, default=None)
 
 
@@ -84,7 +88,9 @@ def _disturbances_of(single: _SingleRun) -> Iterator[tuple[str, Disturbance]]:
         body = force.at or config.only_robot or name
         if isinstance(force, Push):
             size = float(np.linalg.norm(force.force))
-            text = message("results.push_on", "the push of {size:.3g} N on {body}", size=size, body=body)
+            text = message(
+                "results.push_on", "the push of {size:.3g} N on {body}", size=size, body=body
+            )
         else:
             text = message("results.pull_on", "the pull on {body}", body=body)
         yield name, Disturbance(single.shift + force.start, single.shift + force.end, text)

@@ -80,7 +80,9 @@ class Recorder:
         # Values of all records, one record after another: of the continuous state, and of all discrete groups.
         self._continuous = array("d")
         self._discrete = array("d")
-        self._abstract: list[list[AbstractValue]] = []  # abstract values of each record; empty if there are none
+        self._abstract: list[
+            list[AbstractValue]
+        ] = []  # abstract values of each record; empty if there are none
         self._watchers = watchers
         self._look = look
         self._shown = 0  # count of records that the callback `look` has got
@@ -176,7 +178,9 @@ class Recorder:
         """
         rows = len(self.times) if count is None else min(count, len(self.times))
         whole = self._rows(0, rows)
-        sane = np.all([_are_rows_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
+        sane = np.all(
+            [_are_rows_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0
+        )
         if sane.all():
             return whole
         first_bad = int(np.argmin(sane))
@@ -187,7 +191,9 @@ class Recorder:
         continuous = self._matrix(self._continuous, self._continuous_size, first, end)
         discrete = self._matrix(self._discrete, self._discrete_size, first, end)
         groups = [discrete[:, start:stop] for start, stop in pairwise([0, *self._group_ends])]
-        return StateHistory(np.asarray(self.times[first:end]), continuous, groups, self._abstract[first:end])
+        return StateHistory(
+            np.asarray(self.times[first:end]), continuous, groups, self._abstract[first:end]
+        )
 
     def _matrix(self, values: "array[float]", size: int, first: int, end: int) -> Vector:
         """Values of some records as a matrix with one row for each record; ``size`` values belong to a record.
@@ -240,7 +246,9 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
             if size == 0:
                 return None
             middle = start + plant.num_positions()
-            return PlantSlice(positions=slice(start, middle), velocities=slice(middle, start + size))
+            return PlantSlice(
+                positions=slice(start, middle), velocities=slice(middle, start + size)
+            )
         start += size
     return None
 
@@ -269,7 +277,9 @@ class StateHistory:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickled history."""
         self.__dict__.update(state)
-        self.__dict__["abstract"] = [[_abstract_value(*value) for value in row] for row in state["abstract"]]
+        self.__dict__["abstract"] = [
+            [_abstract_value(*value) for value in row] for row in state["abstract"]
+        ]
 
     @property
     def end(self) -> float:
@@ -298,12 +308,17 @@ class StateHistory:
         is_inside = (times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING)
         if not is_inside.all():
             known = message(
-                "results.within_run", "within the run, {begin:g} to {end:g} s", begin=self.times[0], end=self.end
+                "results.within_run",
+                "within the run, {begin:g} to {end:g} s",
+                begin=self.times[0],
+                end=self.end,
             )
             raise InvalidParameter("time", compound("{time:g} s", time=times[~is_inside][0]), known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
-        width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 for the start of the run
+        width = (
+            self.times[after] - self.times[before]
+        )  # lengths of the steps [s]; 0 for the start of the run
         # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
         elapsed = times - self.times[before]
         shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)
@@ -321,8 +336,12 @@ class StateHistory:
             # Slopes are changes over a whole step.
             low_slopes = rates_of_rows[index_before] * width[:, np.newaxis]
             high_slopes = rates_of_rows[index_after] * width[:, np.newaxis]
-            states[:, columns] = _hermite(part, low[:, columns], high[:, columns], low_slopes, high_slopes)
-        return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
+            states[:, columns] = _hermite(
+                part, low[:, columns], high[:, columns], low_slopes, high_slopes
+            )
+        return StateHistory(
+            times, states, [group[after] for group in self.discrete], self._values_at(after)
+        )
 
     def steps(self, times: Vector, *, begins_in_motion: bool = False) -> "StateHistory":
         """Find the step of the solver that contains each of the given times; the end of a step belongs to the step.
@@ -437,7 +456,9 @@ def _abstract_value(content: Any, is_any_object: bool) -> AbstractValue:
     return Value[object](content) if is_any_object else AbstractValue.Make(content)
 
 
-def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
+def _hermite(
+    part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector
+) -> Vector:
     """Evaluate cubic Hermite polynomials, which have given values and slopes at both ends.
 
     With s = ``part``, values a and b, and slopes m and n at the ends, the value is

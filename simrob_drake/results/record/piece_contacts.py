@@ -81,11 +81,15 @@ def _evaluated_samples(times: Vector) -> Indices:
     duration = float(times[-1] - times[0])
     # Both bounds as counts; the larger distance between evaluations satisfies both.
     evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
-    step = int(np.ceil(len(times) / max(evaluations, 1.0)))  # a short run has one evaluation at least
+    step = int(
+        np.ceil(len(times) / max(evaluations, 1.0))
+    )  # a short run has one evaluation at least
     return np.arange(0, len(times), max(step, 1))
 
 
-def _contact_sample(station: StationPlant, sample: int, contacts: Contacts, own: set[GeometryId]) -> ContactSample:
+def _contact_sample(
+    station: StationPlant, sample: int, contacts: Contacts, own: set[GeometryId]
+) -> ContactSample:
     """Select the contacts of one piece, and sum their forces.
 
     Args:
@@ -97,7 +101,9 @@ def _contact_sample(station: StationPlant, sample: int, contacts: Contacts, own:
     nothing = np.zeros(3)
     touching = [index for index, pair in enumerate(contacts.pairs) if own.intersection(pair)]
     if not touching:  # the maximum and the mean of nothing are not defined
-        return ContactSample(sample=sample, force=nothing, partners=frozenset(), normal=nothing, friction=0.0)
+        return ContactSample(
+            sample=sample, force=nothing, partners=frozenset(), normal=nothing, friction=0.0
+        )
     # Forces and normals of a contact are those on the first shape of its pair; on the second they have the other sign.
     signs = []
     partners = set()

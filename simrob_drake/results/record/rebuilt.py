@@ -154,7 +154,9 @@ class RebuiltRun:
             return states[:, : ports.plant.plant.num_positions()]
         if self._motion is None:
             raise self._lost(message("results.positions_of_pickled", "positions"))
-        columns = [np.interp(times, self._motion.times, column) for column in self._motion.positions.T]
+        columns = [
+            np.interp(times, self._motion.times, column) for column in self._motion.positions.T
+        ]
         return np.column_stack(columns)
 
     def _contacts_at(self, times: Vector) -> Iterator[ContactResults]:
@@ -181,7 +183,11 @@ class RebuiltRun:
         from simrob_drake.results.record.signals import Sampler
 
         trace = self._run.trace
-        if not has_layout_of_station(self._run) or trace is None or not fits(trace.history, self._station):
+        if (
+            not has_layout_of_station(self._run)
+            or trace is None
+            or not fits(trace.history, self._station)
+        ):
             return None
         return Sampler(self._station.diagram, self._station.ports, trace.history, tolerant=True)
 
@@ -199,7 +205,11 @@ class RebuiltRun:
             # The class of a user's block may be unknown here, or its file gone.
             if not own_code:  # the error has another cause
                 raise
-            others = {name: section for name, section in config.controllers.items() if name not in own_code}
+            others = {
+                name: section
+                for name, section in config.controllers.items()
+                if name not in own_code
+            }
             return _build_again(self._run, config.model_copy(update={"controllers": others}))
 
 
@@ -216,12 +226,16 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     from simrob_drake.stations.resolve import resolve
 
     blocks = own_blocks(config.controllers)
-    inputs = with_driven(config.inputs, blocks)  # the user's blocks drive inputs that the station does not list
+    inputs = with_driven(
+        config.inputs, blocks
+    )  # the user's blocks drive inputs that the station does not list
     station = resolve(config.model_copy(update={"inputs": inputs}))
     # The final state keeps the positions at which the references of this run began.
     references = station_references(station, run.references, run.final_state.origins or None)
     # Lean, as the diagram of the run was: outputs that are computed from the states have no blocks.
-    built = closed_station(station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True)
+    built = closed_station(
+        station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True
+    )
     built.play_forces(config.forces)
     return built
 

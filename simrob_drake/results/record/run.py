@@ -27,7 +27,13 @@ from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.disturbances import LONGEST_FALL, last_disturbance
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
-from simrob_drake.results.record.rebuilt import FORMAT, REBUILT, RebuiltRun, check_format, pickled_fields
+from simrob_drake.results.record.rebuilt import (
+    FORMAT,
+    REBUILT,
+    RebuiltRun,
+    check_format,
+    pickled_fields,
+)
 from simrob_drake.results.record.state import State, Trace
 from simrob_drake.results.record.touch import Event, Touch, evaluate_touch, onsets
 from simrob_drake.stations.config import StationConfig
@@ -123,7 +129,13 @@ class MoveSpan:
     is_named: bool = True
 
 
-_USUAL_NAMES = {"columns": "names", "data": "values", "signal_names": "names", "t": "times", "time": "times"}
+_USUAL_NAMES = {
+    "columns": "names",
+    "data": "values",
+    "signal_names": "names",
+    "t": "times",
+    "time": "times",
+}
 """Names that other packages give to attributes of a result, and the names of these here."""
 
 
@@ -236,7 +248,10 @@ class RecordedRun:
     def __getstate__(self) -> dict[str, Any]:
         """Content of a pickled run: its fields, but for the plant and what is computed from it."""
         # Compressed at the fastest level, states take less than two thirds of the memory.
-        return {"format": FORMAT, "content": compress(pickle.dumps(self._pickled_content()), level=1)}
+        return {
+            "format": FORMAT,
+            "content": compress(pickle.dumps(self._pickled_content()), level=1),
+        }
 
     def _pickled_content(self) -> dict[str, Any]:
         """Fields of the pickled run, by name."""
@@ -251,7 +266,9 @@ class RecordedRun:
         check_format(state.get("format"))
         content = pickle.loads(decompress(state["content"]))
         # A frozen dataclass refuses assignments, but not changes of its dict.
-        self.__dict__["_pickled"] = {key: content.pop(key) for key in ("has_contacts", "has_context", "motion")}
+        self.__dict__["_pickled"] = {
+            key: content.pop(key) for key in ("has_contacts", "has_context", "motion")
+        }
         self.__dict__.update(content)
 
     if not TYPE_CHECKING:  # all fields are declared
@@ -342,7 +359,11 @@ class RecordedRun:
     @cached_property
     def onsets(self) -> list[Event]:
         """Events at which two bodies began to touch; empty if the station has no contact."""
-        return [] if self.contacts_at is None else list(onsets(self.plant, self.step_times, self.contacts_at))
+        return (
+            []
+            if self.contacts_at is None
+            else list(onsets(self.plant, self.step_times, self.contacts_at))
+        )
 
     @property
     def units(self) -> dict[str, str]:
@@ -442,7 +463,9 @@ class RecordedRun:
     def speed_in_words(self) -> str:
         """Speed of the run as a multiple of real time, and its count of steps, in words; see `realtime_rate`."""
         rate = self.realtime_rate
-        steps = message("results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1)
+        steps = message(
+            "results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1
+        )
         if not rate:
             return steps  # the run ended at its start
         # Two significant digits: the decimals that a rate of this size needs.
@@ -468,7 +491,9 @@ class RecordedRun:
         for part in parts:
             name = f"{signal}.{part}"
             if name not in known:
-                one_of(message("results.signal", "signal"), name, known)  # raises UnknownName, with the nearest name
+                one_of(
+                    message("results.signal", "signal"), name, known
+                )  # raises UnknownName, with the nearest name
             indices.append(known[name])
         return np.take(self.values, indices, axis=1)
 
@@ -585,6 +610,8 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
         is_hand_over = " to " in event.text
         if is_far_enough:
             events.append(event)
-        elif is_end or (is_hand_over and len(events) > 1):  # a hand-over does not replace the start of the run
+        elif is_end or (
+            is_hand_over and len(events) > 1
+        ):  # a hand-over does not replace the start of the run
             events[-1] = event
     return events

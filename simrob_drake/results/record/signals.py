@@ -132,7 +132,9 @@ class Sampler:
             if plant is None:
                 others.append(state_port)
             else:  # the state itself was recorded
-                known[state_port] = states.continuous[:, plant.positions.start : plant.velocities.stop]
+                known[state_port] = states.continuous[
+                    :, plant.positions.start : plant.velocities.stop
+                ]
 
         # An output that hands on a discrete group was recorded as well. All others are evaluated by Drake.
         needed = dict.fromkeys(others)
@@ -145,7 +147,9 @@ class Sampler:
                 known[port] = self._of_state[port](known[state_port])
         return {port: known[port] for port in ports}
 
-    def _evaluate_with_drake(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
+    def _evaluate_with_drake(
+        self, ports: Sequence[OutputPort], states: StateHistory
+    ) -> dict[OutputPort, Any]:
         """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
         if not ports:
             return {}
@@ -196,7 +200,9 @@ class Sampler:
 
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
         """Yield the plant's contact results at times (k,) [s] of the run."""
-        yield from self.sample([self._site.plant.plant_block.get_contact_results_output_port()], times)[0]
+        yield from self.sample(
+            [self._site.plant.plant_block.get_contact_results_output_port()], times
+        )[0]
 
     def context_at(self, time: float) -> Context:
         """The diagram's context at a time of the run [s]. The next evaluation changes it."""
@@ -285,14 +291,20 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
     values = np.empty((len(times), column_count))
 
     # Most signals are values of an output port. Some times at once, to save memory.
-    ports = {signal.output: site.outputs[signal.output] for signal in site.outputs.signals if signal.output}
+    ports = {
+        signal.output: site.outputs[signal.output]
+        for signal in site.outputs.signals
+        if signal.output
+    }
     for part in parts(len(times)):
         values_of_ports = sampler.sample(list(ports.values()), times[part])
         known = dict(zip(ports, values_of_ports, strict=True))
         for signal, columns in columns_of_signals:
             if signal.compute is None:
                 whole = known[signal.output]
-                values[part, columns] = whole if signal.entries is None else whole[:, signal.entries]
+                values[part, columns] = (
+                    whole if signal.entries is None else whole[:, signal.entries]
+                )
     # The others need the whole run.
     for signal, columns in columns_of_signals:
         if signal.compute is not None:
@@ -337,7 +349,12 @@ class Watch:
     """
 
     def __init__(
-        self, site: Site, sampler: Sampler, *, held: Collection[OutputPort] = (), begins_in_motion: bool = False
+        self,
+        site: Site,
+        sampler: Sampler,
+        *,
+        held: Collection[OutputPort] = (),
+        begins_in_motion: bool = False,
     ) -> None:
         """Prepare to watch a station.
 
@@ -354,7 +371,9 @@ class Watch:
         # Since when the condition of each monitor is met [s]; NOT_YET if it is not.
         self._onsets = dict.fromkeys(site.outputs.monitors, NOT_YET)
         self._count = 0  # count of records that were evaluated
-        self._before: StateHistory | None = None  # the last two states of the previous call; None before the first
+        self._before: StateHistory | None = (
+            None  # the last two states of the previous call; None before the first
+        )
         self.stop: Stop | None = None
 
     def look(self, steps: StateHistory) -> bool:
@@ -413,7 +432,10 @@ class Watch:
 
     def _ports(self, name: str) -> list[OutputPort]:
         """Output ports that a monitor's condition needs, in the order of its arguments."""
-        return [self._site.outputs[output] for output in self._site.outputs.monitors[name].condition.watched]
+        return [
+            self._site.outputs[output]
+            for output in self._site.outputs.monitors[name].condition.watched
+        ]
 
 
 def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hold: float) -> None:

@@ -108,7 +108,9 @@ def _json_value(value: Any) -> Any:
 
 
 _list_as_array = GetPydanticSchema(
-    lambda _, handler: no_info_after_validator_function(np.array, handler.generate_schema(list[Number]))
+    lambda _, handler: no_info_after_validator_function(
+        np.array, handler.generate_schema(list[Number])
+    )
 )
 """Lets pydantic check a list of numbers, and make an array of it."""
 
@@ -211,15 +213,21 @@ class State:
     time: float = 0.0
     origins: dict[str, Vector] = field(default_factory=dict)
     trace: Trace | None = field(default=None, repr=False)
-    _traced: tuple[Any, ...] = field(default=(), repr=False)  # the values of this state when its trace was set
+    _traced: tuple[Any, ...] = field(
+        default=(), repr=False
+    )  # the values of this state when its trace was set
 
     def __repr__(self) -> str:
         """One line with the robots and the counts of joints and blocks."""
-        robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
+        robots = ", ".join(
+            f"{name} ({len(positions)} axes)" for name, positions in self.positions.items()
+        )
         return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: StationPorts, context: Context, *, tolerant: bool = False) -> "State":
+    def of(
+        cls, diagram: Diagram, ports: StationPorts, context: Context, *, tolerant: bool = False
+    ) -> "State":
         """Read the state of a station from a context.
 
         Args:
@@ -267,12 +275,20 @@ class State:
     def valid_trace(self) -> Trace | None:
         """The trace. It is None if the state has no trace, or if the state was changed after the trace was set."""
         # Compared by identity, which is quick. Arrays that were changed in place are not noticed.
-        is_unchanged = all(now is before for now, before in zip(self._values(), self._traced, strict=False))
+        is_unchanged = all(
+            now is before for now, before in zip(self._values(), self._traced, strict=False)
+        )
         return self.trace if is_unchanged else None
 
     def _values(self) -> tuple[Any, ...]:
         """List the values of the state. An entry that is another object later has been changed."""
-        everything: list[dict[str, Any]] = [self.positions, self.velocities, self.references, self.joints, self.blocks]
+        everything: list[dict[str, Any]] = [
+            self.positions,
+            self.velocities,
+            self.references,
+            self.joints,
+            self.blocks,
+        ]
         return tuple(value for entries in everything for value in entries.values())
 
     def check(self) -> None:
@@ -417,7 +433,10 @@ class State:
             time=self.time,
             origins=self.origins,
             joints={name: (joint.position, joint.velocity) for name, joint in self.joints.items()},
-            blocks={name: (block.continuous, block.discrete, block.abstract) for name, block in self.blocks.items()},
+            blocks={
+                name: (block.continuous, block.discrete, block.abstract)
+                for name, block in self.blocks.items()
+            },
         )
         # Keys with their default values are not written.
         defaults = {key for key in ("time", "origins") if not getattr(self, key)}
@@ -503,7 +522,11 @@ def _bad_start_file(problem: object) -> InvalidConfig:
     Args:
         problem: what is wrong with the file, with its name.
     """
-    text = message("results.start_names_file", "{problem}; `start` names the start.json of a result", problem=problem)
+    text = message(
+        "results.start_names_file",
+        "{problem}; `start` names the start.json of a result",
+        problem=problem,
+    )
     return InvalidConfig("", "", text)
 
 
@@ -520,15 +543,23 @@ def _check_size(name: str, values: Vector | None, size: int) -> None:
     """
     if values is not None and len(values) == size:
         return
-    found = "unknown" if values is None else message("results.of_size", "of size {size}", size=len(values))
+    found = (
+        "unknown"
+        if values is None
+        else message("results.of_size", "of size {size}", size=len(values))
+    )
     raise InvalidParameter(
         "start",
-        message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
+        message(
+            "results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found
+        ),
         message("results.station_of_size", "of a station where it is of {size}", size=size),
     )
 
 
-def _values_of_robots(signal: str, ports: StationPorts, context: Context, tolerant: bool) -> dict[str, Vector]:
+def _values_of_robots(
+    signal: str, ports: StationPorts, context: Context, tolerant: bool
+) -> dict[str, Vector]:
     """Evaluate an output of each robot of a station.
 
     Args:
@@ -559,10 +590,14 @@ def _block_state(context: Context) -> BlockState | None:
     value_count = context.num_abstract_states()
     if not has_continuous and group_count == 0 and value_count == 0:
         return None
-    continuous = context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
+    continuous = (
+        context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
+    )
     groups = [context.get_discrete_state(index).value().copy() for index in range(group_count)]
     # Copies, since a block may change its objects in place later.
-    values = [deepcopy(python_value(context.get_abstract_state(index))) for index in range(value_count)]
+    values = [
+        deepcopy(python_value(context.get_abstract_state(index))) for index in range(value_count)
+    ]
     return BlockState(continuous=continuous, discrete=tuple(groups), abstract=tuple(values))
 
 
@@ -588,7 +623,9 @@ def _put_block(system: System, state: BlockState, root: Context) -> None:
         _check_size(name, values, context.get_discrete_state(group).size())
         context.SetDiscreteState(group, values)
     for index, value in enumerate(state.abstract[: context.num_abstract_states()]):
-        if value is None:  # not readable, or not written to JSON: the block's own initial value stays
+        if (
+            value is None
+        ):  # not readable, or not written to JSON: the block's own initial value stays
             continue
         declared = context.get_mutable_abstract_state(index)
         kind = type(declared.get_value())

@@ -48,11 +48,17 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
             if not spans:
                 continue
             listed = join_texts(
-                message("results.span_of_time", "{first:.2f} to {last:.2f} s", first=first, last=last)
+                message(
+                    "results.span_of_time", "{first:.2f} to {last:.2f} s", first=first, last=last
+                )
                 for first, last in spans[:_MOST_SPANS]
             )
             further = len(spans) - _MOST_SPANS
-            more = message("results.and_times_more", " and {count} times more", count=further) if further > 0 else ""
+            more = (
+                message("results.and_times_more", " and {count} times more", count=further)
+                if further > 0
+                else ""
+            )
             yield message(
                 "results.remark_at_times",
                 "{name} {remark}: {times}{more}",
@@ -112,15 +118,21 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         "wall_time": run.wall_time,
         "realtime_rate": run.realtime_rate,
         "final": {
-            "joint_position": {axis: float(values[-1]) for axis, values in _columns(run, "q").items()},
+            "joint_position": {
+                axis: float(values[-1]) for axis, values in _columns(run, "q").items()
+            },
             "joint_torque": {axis: float(values[-1]) for axis, values in torques.items()},
             "base_pose": _final_pose(run, "base"),
             "tcp_pose": _final_pose(run, "tcp"),
-            "piece_pose": {piece: pose_vector(run.piece_pose(piece)[-1]) for piece in run.config.free_pieces},
+            "piece_pose": {
+                piece: pose_vector(run.piece_pose(piece)[-1]) for piece in run.config.free_pieces
+            },
         },
         "peak": {
             # With their signs.
-            "joint_torque": {axis: float(values[np.argmax(np.abs(values))]) for axis, values in torques.items()},
+            "joint_torque": {
+                axis: float(values[np.argmax(np.abs(values))]) for axis, values in torques.items()
+            },
             "force": _peak_forces(run),
         },
         "motors": _motors(run),

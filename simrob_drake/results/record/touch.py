@@ -61,7 +61,9 @@ class Event(NamedTuple):
 
 
 def onsets(
-    station: StationPlant, step_times: Vector, contacts_at: Callable[[Vector], Iterator[ContactResults]]
+    station: StationPlant,
+    step_times: Vector,
+    contacts_at: Callable[[Vector], Iterator[ContactResults]],
 ) -> Iterator[Event]:
     """Yield an event whenever two bodies begin to touch. Bodies that touch at the start of the run have none there.
 
@@ -94,7 +96,9 @@ def _touch_in_words(bodies: Sequence[str]) -> Message:
     """
     if len(bodies) == 1:
         return message("results.body_touches", "{body} touches", body=bodies[0])
-    return message("results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1])
+    return message(
+        "results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1]
+    )
 
 
 def _bodies_of(station: StationPlant, shapes: Sequence[GeometryId]) -> BodyPair:
@@ -261,7 +265,9 @@ def _deepest_overlaps(
     return of_bodies
 
 
-def _keep_deepest(overlaps: dict[ShapePair, DeepestOverlap], query: QueryObject, time: float) -> None:
+def _keep_deepest(
+    overlaps: dict[ShapePair, DeepestOverlap], query: QueryObject, time: float
+) -> None:
     """Enter the deepest overlap of one look into a dict, if it is the deepest one so far of its pair of shapes.
 
     Args:
@@ -286,7 +292,9 @@ def _overlapping_bodies(station: StationPlant, shapes: ShapePair) -> Overlapping
     return OverlappingBodies(first, second)
 
 
-def _slides_of(robot: StationRobot, station: StationPlant, positions: Vector) -> dict[FootName, Slide]:
+def _slides_of(
+    robot: StationRobot, station: StationPlant, positions: Vector
+) -> dict[FootName, Slide]:
     """Compute how each foot of a robot slides.
 
     Args:
@@ -300,7 +308,9 @@ def _slides_of(robot: StationRobot, station: StationPlant, positions: Vector) ->
     plant = station.plant
     context = plant.CreateDefaultContext()
     frames = [plant.GetFrameByName(link, robot.instance) for link in feet.links]
-    poses = np.empty((len(frames), len(positions), 4, 4))  # of each foot's link in the world, at each look
+    poses = np.empty(
+        (len(frames), len(positions), 4, 4)
+    )  # of each foot's link in the world, at each look
     for look, row in enumerate(positions):
         plant.SetPositions(context, row)
         for foot, frame in enumerate(frames):
@@ -340,8 +350,12 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
 
     # d in the floor's axes, shape (m - 1, k, 3). Keep the order of the arithmetic: results are equal to the last bit.
     points = feet.lowest_points(link, poses_in_floor)  # (m, k, 3)
-    points_in_link = np.einsum("mji,mkj->mki", rotations[:-1], points[:-1] - origins[:-1, np.newaxis])
-    points_after = origins[1:, np.newaxis] + np.einsum("mij,mkj->mki", rotations[1:], points_in_link)
+    points_in_link = np.einsum(
+        "mji,mkj->mki", rotations[:-1], points[:-1] - origins[:-1, np.newaxis]
+    )
+    points_after = origins[1:, np.newaxis] + np.einsum(
+        "mij,mkj->mki", rotations[1:], points_in_link
+    )
     displacements = points_after - points[:-1]
 
     # A point slides from one look to the next if it touches at both.
@@ -351,12 +365,20 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
     is_touching = is_below[:-1] & is_below[1:]
 
     distances = np.linalg.norm(displacements[..., :2], axis=2) * is_touching
-    touching_count = np.maximum(is_touching.sum(axis=1), 1)  # at least 1: without contact the mean is 0, not NaN
-    return Slide(distances=distances.sum(axis=1) / touching_count, in_contact=is_touching.any(axis=1))
+    touching_count = np.maximum(
+        is_touching.sum(axis=1), 1
+    )  # at least 1: without contact the mean is 0, not NaN
+    return Slide(
+        distances=distances.sum(axis=1) / touching_count, in_contact=is_touching.any(axis=1)
+    )
 
 
 def robots_that_can_walk(config: StationConfig, station: StationPlant) -> list[StationRobot]:
     """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques."""
     if not config.engine.moves_by_forces:
         return []
-    return [robot for robot in station.robots.values() if robot.feet is not None and robot.model.base == "floating"]
+    return [
+        robot
+        for robot in station.robots.values()
+        if robot.feet is not None and robot.model.base == "floating"
+    ]

@@ -99,10 +99,14 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         UnknownName: there is no legged robot of this name.
         InvalidParameter: the name is None, and the run has several legged robots or none.
     """
-    name = name_or_only(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
+    name = name_or_only(
+        robot, legged_robots(result), kind=message("results.legged_robot", "legged robot")
+    )
     station_robot = result.plant.robots[name]
     base = result.pose("base", name)
-    headings_of_base = headings(result.plant, station_robot, base)  # without jumps, so that whole turns count
+    headings_of_base = headings(
+        result.plant, station_robot, base
+    )  # without jumps, so that whole turns count
 
     # The horizontal displacement, and unit vectors ahead and to the left.
     displacement = base[-1, :2] - base[0, :2]
@@ -153,7 +157,9 @@ def _peak_torque(result: RecordedRun, robot: StationRobot, shares: Vector) -> Pe
     )
 
 
-def _cost_of_transport(result: RecordedRun, robot: StationRobot, work: float, distance: float) -> float | None:
+def _cost_of_transport(
+    result: RecordedRun, robot: StationRobot, work: float, distance: float
+) -> float | None:
     """Compute the cost of transport W / (m g d). Returns None if the distance is too short for it.
 
     Args:
@@ -235,4 +241,6 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
 
 def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     """Distance that each foot of a robot slid over the ground in a run, by the name of the foot's link [m]."""
-    return {foot.link: slide.total for foot, slide in result.touch.slides.items() if foot.robot == robot}
+    return {
+        foot.link: slide.total for foot, slide in result.touch.slides.items() if foot.robot == robot
+    }

@@ -63,7 +63,9 @@ class SteadyContact(NamedTuple):
     """A contact between a piece and one other body that does not change during a window."""
 
     partner: str  # name of the other body
-    normal: Vector  # unit vector from the other body into the piece, in the world's axes, shape (3,)
+    normal: (
+        Vector  # unit vector from the other body into the piece, in the world's axes, shape (3,)
+    )
     friction: float  # static friction coefficient
 
 
@@ -88,7 +90,11 @@ def measure_resting_force(run: RecordedRun) -> Measured | None:
     for piece in _judged_pieces(run):
         weight = _weight(run, piece)
         for rest in _rests(run, piece):
-            contacts = [contact for contact in run.piece_contacts[piece] if rest.first <= contact.sample <= rest.last]
+            contacts = [
+                contact
+                for contact in run.piece_contacts[piece]
+                if rest.first <= contact.sample <= rest.last
+            ]
             direction = _judged_direction(run, contacts)
             if direction is None:
                 continue
@@ -233,7 +239,9 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
     if any(contact.normal @ mean_normal < STEADY_NORMAL * length for contact in contacts):
         return None
     (partner,) = partners
-    return SteadyContact(partner, mean_normal / length, friction=min(contact.friction for contact in contacts))
+    return SteadyContact(
+        partner, mean_normal / length, friction=min(contact.friction for contact in contacts)
+    )
 
 
 def _mean_contact_force(run: RecordedRun, piece: str, window: ContactWindow) -> Vector:
@@ -263,7 +271,9 @@ def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
     centre = run.plant.free_pieces[piece].default_com()  # in the axes of the piece
     if not centre.any():
         return velocity
-    arms = [transform_from_xyz_quaternion(pose).rotation() @ centre for pose in run.piece_pose(piece)]
+    arms = [
+        transform_from_xyz_quaternion(pose).rotation() @ centre for pose in run.piece_pose(piece)
+    ]
     return velocity + np.cross(angular_velocity, np.array(arms))
 
 
@@ -279,7 +289,9 @@ def _applied_force(run: RecordedRun, piece: str) -> Vector:
             continue
         # The recorded components are in the axes of the piece, so each is rotated by the piece's pose.
         poses = run.piece_pose(piece)
-        rotations = np.array([transform_from_xyz_quaternion(pose).rotation().matrix() for pose in poses])
+        rotations = np.array(
+            [transform_from_xyz_quaternion(pose).rotation().matrix() for pose in poses]
+        )
         recorded = run.vector(f"applied_force.{name}")
         total += np.einsum("mij,mj->mi", rotations, recorded)
     return total

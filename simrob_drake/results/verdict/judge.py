@@ -24,7 +24,10 @@ from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun, robot_that_fell
 from simrob_drake.results.record.torques import torque_shares
-from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
+from simrob_drake.results.verdict.contact_forces import (
+    measure_friction_share,
+    measure_resting_force,
+)
 from simrob_drake.results.verdict.grips import measure_lost_piece
 from simrob_drake.results.verdict.remedies import (
     contact_with_floor,
@@ -40,23 +43,38 @@ from simrob_drake.results.verdict.remedies import (
     stiffer_contact,
 )
 from simrob_drake.results.verdict.severity import severity_of_end
-from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict
+from simrob_drake.results.verdict.verdict import (
+    NOTHING_LEFT_OUT,
+    Criterion,
+    Measure,
+    Measured,
+    Verdict,
+)
 from simrob_drake.robots.motors import rated_torques
 
 _COUPLING_SAMPLES = 40  # count of times at which the gaps of couplings are measured
 _PRESSES = "a finger, which presses on what it holds as hard as it may"
 _IDLE = "no motor drives it"
-_REGULAR_ENDINGS = ("completed", "monitor")  # endings of a run after which axes should be at their reference
+_REGULAR_ENDINGS = (
+    "completed",
+    "monitor",
+)  # endings of a run after which axes should be at their reference
 
 
 class AxisValues(NamedTuple):
     """Values that were measured for the n axes of one robot."""
 
     values: Vector  # the worst value of each axis, shape (n,)
-    times: Vector | None = None  # when it occurred, shape (n,) [s]; None if it belongs to the whole run
-    limits: Vector | None = None  # what the values are shares of, shape (n,); None if they are no shares
+    times: Vector | None = (
+        None  # when it occurred, shape (n,) [s]; None if it belongs to the whole run
+    )
+    limits: Vector | None = (
+        None  # what the values are shares of, shape (n,); None if they are no shares
+    )
     limit_units: tuple[str, ...] = ()  # units of the limits
-    left_out: Mapping[int, str] = NOTHING_LEFT_OUT  # by index, the reason why an axis is not judged; its value is 0
+    left_out: Mapping[int, str] = (
+        NOTHING_LEFT_OUT  # by index, the reason why an axis is not judged; its value is 0
+    )
 
 
 class LargestValues(NamedTuple):
@@ -169,7 +187,9 @@ def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """
     for controller in run.config.controllers.values():
         if controller.robot_name in (None, robot.name):
-            distances: Vector | None = controller.distances_at_end(robot, run.axes("q", robot.name)[-1])
+            distances: Vector | None = controller.distances_at_end(
+                robot, run.axes("q", robot.name)[-1]
+            )
             if distances is not None:
                 return distances
     return None
@@ -278,7 +298,11 @@ def _tcp_speed(run: RecordedRun) -> Measured | None:
 
     Robots without a tool or a rated speed are left out.
     """
-    robots = [robot for robot in run.plant.robots.values() if robot.tcp and robot.model.tcp_speed is not None]
+    robots = [
+        robot
+        for robot in run.plant.robots.values()
+        if robot.tcp and robot.model.tcp_speed is not None
+    ]
     if not robots or len(run.times) < 2:  # a speed is the difference of two samples
         return None
     speeds = []
@@ -289,7 +313,9 @@ def _tcp_speed(run: RecordedRun) -> Measured | None:
     rated = np.array([robot.model.tcp_speed for robot in robots])
     worst = largest(np.column_stack(speeds) / rated, run.times)
     names = [f"tool of {robot.name}" for robot in robots]
-    return Measured(names, worst.values, worst.times, limits=rated, limit_units=["m/s"] * len(robots))
+    return Measured(
+        names, worst.values, worst.times, limits=rated, limit_units=["m/s"] * len(robots)
+    )
 
 
 @_of_each_robot
@@ -315,7 +341,9 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     load = (run.axes("tau", robot.name) / rated) ** 2
     steps = np.diff(run.times, prepend=run.times[0])
     # An axis without a motor has any time constant: its load is 0.
-    time_constants = np.array([1.0 if motor is None else motor.thermal_time for motor in robot.motors])
+    time_constants = np.array(
+        [1.0 if motor is None else motor.thermal_time for motor in robot.motors]
+    )
     heat = np.zeros_like(load)
     for row in range(1, len(load)):
         # Exact for a constant load over the step: theta approaches the load by the share 1 - exp(-step / T).
@@ -371,7 +399,9 @@ def _below_floor(run: RecordedRun) -> Measured | None:
     signals = dict[str, str]()  # by subject, the name of the signal of its pose
     for robot in run.plant.robots.values():
         if robot.tcp:
-            subject = message("results.tool_named", "tool {name}", name=f"{robot.prefix}{robot.tcp}")
+            subject = message(
+                "results.tool_named", "tool {name}", name=f"{robot.prefix}{robot.tcp}"
+            )
             signals[subject] = f"{robot.prefix}tcp"
     for robot in run.plant.robots.values():
         if robot.floats:
@@ -394,7 +424,11 @@ def _below_floor(run: RecordedRun) -> Measured | None:
 def _distance(run: RecordedRun) -> Measured | None:
     """Measure the smallest distance that each distance sensor measured [m]."""
     columns = set(run.names)  # the signals that were recorded
-    signals = [signal for signal in run.signals if signal.role == "distance" and columns.issuperset(signal.names)]
+    signals = [
+        signal
+        for signal in run.signals
+        if signal.role == "distance" and columns.issuperset(signal.names)
+    ]
     if not signals:
         return None
     distances = np.column_stack([run[signal.names[0]] for signal in signals])
@@ -439,7 +473,9 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
     """Measure the largest gap of each coupling between two bodies, at some times of the run [m or rad]."""
     # Springs are no constraints: they may be stretched.
     all_couplings = run.config.couplings.items()
-    couplings = {name: one for name, one in all_couplings if one.constrains and isinstance(one, Between)}
+    couplings = {
+        name: one for name, one in all_couplings if one.constrains and isinstance(one, Between)
+    }
     if not couplings:
         return None
     plant = run.plant.plant
@@ -506,7 +542,9 @@ def verdict_of(run: RecordedRun) -> Verdict:
     measures = [criterion.of(run) for criterion in CRITERIA]
     further_criteria = usable_objects("measures", Criterion, named_by="name").values()
     measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
-    has_touched = run.touch.depths or run.touch.slides  # otherwise the rate of contacts is of no interest
+    has_touched = (
+        run.touch.depths or run.touch.slides
+    )  # otherwise the rate of contacts is of no interest
     return Verdict(
         measures=tuple(measure for measure in measures if measure is not None),
         sample_rate=run.config.sample_rate,
@@ -525,7 +563,11 @@ def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | N
     """
     try:
         return criterion.of(run)
-    except Exception as problem:  # a function of somebody else must not cost the result of a long run
+    except (
+        Exception
+    ) as problem:  # a function of somebody else must not cost the result of a long run
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
-        warnings.warn(f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2)
+        warnings.warn(
+            f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2
+        )
         return None

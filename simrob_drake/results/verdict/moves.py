@@ -22,7 +22,9 @@ from simrob_drake.results.verdict.words import in_words
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import Approach, AskedMove, RecordedRun
 
-_DISTANCE_SAMPLES = 41  # count of times during a move at which distances are computed, since this is slow
+_DISTANCE_SAMPLES = (
+    41  # count of times during a move at which distances are computed, since this is slow
+)
 _HEADINGS = (
     message("results.heading_move", "move"),
     message("results.heading_end", "end\n[s]"),
@@ -142,7 +144,11 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     kind = asked.kind or "move"
     if len(run.plant.robots) > 1:
         name = message(
-            "results.move_of_robot", "{place} ({kind} of {robot})", place=asked.place, kind=kind, robot=asked.robot
+            "results.move_of_robot",
+            "{place} ({kind} of {robot})",
+            place=asked.place,
+            kind=kind,
+            robot=asked.robot,
         )
     else:
         name = compound("{place} ({kind})", place=asked.place, kind=kind)
@@ -211,7 +217,11 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
                 bound=in_words(bounds.move_speed, "1"),
             )
             yield Remark(VIOLATION, text)
-    if bounds.move_distance != "none" and verdict.distance is not None and verdict.distance < bounds.move_distance:
+    if (
+        bounds.move_distance != "none"
+        and verdict.distance is not None
+        and verdict.distance < bounds.move_distance
+    ):
         text = message(
             "results.move_too_near",
             "{move} comes within {distance}, {bodies} (bound {bound})",

@@ -71,7 +71,9 @@ def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if not _takes_feedforward(run, robot):
         text = message("results.remedy_stiffer_servo", "raise the servo's gains kp and kd")
         return Remedy(text, key=_servo_key(run, robot, "kp"))
-    text = message("results.remedy_gravity", "the servos sag under gravity: turn on gravity feedforward")
+    text = message(
+        "results.remedy_gravity", "the servos sag under gravity: turn on gravity feedforward"
+    )
     return Remedy(text, key=_servo_key(run, robot, "feedforward"), value="gravity")
 
 
@@ -85,7 +87,9 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         return jump
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
-    text = message("results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd")
+    text = message(
+        "results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd"
+    )
     return _with_longer_reference(run, robot, text, _MORE_TIME)
 
 
@@ -104,7 +108,8 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         return Remedy(text)
     if saturated.any():
         text = message(
-            "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
+            "results.remedy_weak_motor",
+            "the motor is too weak to hold this: carry less, or raise its limit",
         )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
     jump = _start_at_reference(run, robot, entry.subject)
@@ -148,7 +153,9 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
         return Remedy(_SLOWER_MOTION)
     if walks:
         key = f"controllers.{walks[0]}.gait.step_time"
-        return Remedy(message("results.remedy_slower_loop", "take slower steps: --set {key}=SECONDS", key=key))
+        return Remedy(
+            message("results.remedy_slower_loop", "take slower steps: --set {key}=SECONDS", key=key)
+        )
     if run.did:
         text = message(
             "results.remedy_slower_walk",
@@ -186,7 +193,9 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
         robot: the robot that the axis belongs to.
         subject: name of the axis, such as ``left.joint_2``.
     """
-    axis = next((index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None)
+    axis = next(
+        (index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None
+    )
     # A run that goes on with a motion begins where the robot is, which lags behind its reference.
     if axis is None or run.continues:
         return None
@@ -234,7 +243,10 @@ def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
             "this station has no contact: its floor is only drawn. Keep the target above the floor",
         )
         return Remedy(text)
-    text = message("results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on")
+    text = message(
+        "results.remedy_no_contact",
+        "this station has no contact: its floor is only drawn. Turn contact on",
+    )
     solver = run.config.solver
     if not isinstance(solver, ContinuousSolver) or solver.engine.holds_joint_limits:
         return Remedy(text, key="contact", value={})
@@ -265,14 +277,20 @@ def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 def more_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a foot that slides over the ground."""
     del run, entry  # the remedy is the same for all feet
-    return Remedy(message("results.remedy_more_grip", "take shorter steps, or raise the friction of sole and floor"))
+    return Remedy(
+        message(
+            "results.remedy_more_grip",
+            "take shorter steps, or raise the friction of sole and floor",
+        )
+    )
 
 
 def firmer_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a piece that slipped out of fingers."""
     del run, entry  # the remedy is the same for all pieces
     text = message(
-        "results.remedy_firmer_grip", "grip with more force, or raise the friction of the fingers and of the piece"
+        "results.remedy_firmer_grip",
+        "grip with more force, or raise the friction of the fingers and of the piece",
     )
     return Remedy(text)
 
@@ -280,14 +298,19 @@ def firmer_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
 def other_solver(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a solver that retries its steps too often."""
     del run, entry  # the remedy is the same for all stations
-    text = message("results.remedy_other_solver", "choose another solver scheme, or smaller gains and stiffnesses")
+    text = message(
+        "results.remedy_other_solver",
+        "choose another solver scheme, or smaller gains and stiffnesses",
+    )
     return Remedy(text, key="solver.scheme")
 
 
 def rest_for_motor(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a motor that becomes too hot."""
     del run, entry  # the remedy is the same for all motors
-    return Remedy(message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less"))
+    return Remedy(
+        message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less")
+    )
 
 
 def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
@@ -320,7 +343,11 @@ def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:
     The model of a robot with a floating base lacks the contact forces that carry it.
     """
     servo = run.config.servo_of(robot.name)
-    return servo.law != "computed_torque" and servo.feedforward == "none" and robot.model.base != "floating"
+    return (
+        servo.law != "computed_torque"
+        and servo.feedforward == "none"
+        and robot.model.base != "floating"
+    )
 
 
 def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
@@ -334,7 +361,9 @@ def _saturated_at_end(run: RecordedRun, robot: StationRobot) -> npt.NDArray[np.b
     return np.asarray(torque_shares(run, robot)[-1] >= AT_LIMIT)
 
 
-def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.NDArray[np.bool_]) -> bool:
+def _presses_on_something(
+    run: RecordedRun, robot: StationRobot, saturated: npt.NDArray[np.bool_]
+) -> bool:
     """Whether the saturated motors push at the end of a run where gravity does not push against them.
 
     A motor that carries a load acts against gravity. One that acts with gravity, or across it, presses on something.
@@ -345,7 +374,11 @@ def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.
             if it still moves, since its motors may then accelerate it.
         saturated: whether each motor is at its limit, shape (n,).
     """
-    if not run.config.engine.moves_by_forces or robot.model.base == "floating" or _moves_at_end(run, robot):
+    if (
+        not run.config.engine.moves_by_forces
+        or robot.model.base == "floating"
+        or _moves_at_end(run, robot)
+    ):
         return False
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
@@ -379,7 +412,9 @@ def _section_of(run: RecordedRun, robot: StationRobot) -> str:
     return "" if run.config.only_robot else f"robots.{robot.name}."
 
 
-def _with_longer_reference(run: RecordedRun, robot: StationRobot, text: str, factor: float) -> Remedy:
+def _with_longer_reference(
+    run: RecordedRun, robot: StationRobot, text: str, factor: float
+) -> Remedy:
     """Remedy that makes the motion longer: with a key if the motion is the reference of the station.
 
     Args:

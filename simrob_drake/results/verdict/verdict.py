@@ -245,7 +245,13 @@ class Measure:
         If all subjects are left out, it is an entry with an empty subject and the value 0.
         """
         nothing = MeasuredValue(
-            subject="", value=0.0, unit=self.criterion.unit, bound=None, time=None, limit=0.0, limit_unit=""
+            subject="",
+            value=0.0,
+            unit=self.criterion.unit,
+            bound=None,
+            time=None,
+            limit=0.0,
+            limit_unit="",
         )
         return max(self.entries, key=self._rank, default=nothing)
 
@@ -267,7 +273,9 @@ class Measure:
         )
         bound = in_words(worst.bound or 0.0, worst.unit)
         if violations == 1:
-            return message("results.with_bound", "{sentence} (bound {bound})", sentence=sentence, bound=bound)
+            return message(
+                "results.with_bound", "{sentence} (bound {bound})", sentence=sentence, bound=bound
+            )
         return message(
             "results.with_bound_and_others",
             "{sentence} (bound {bound}; {others} more beyond it)",
@@ -279,7 +287,9 @@ class Measure:
     @property
     def severity(self) -> Severity:
         """Severity of the worst entry."""
-        return severity_of_value(is_violation=bool(self.warning), has_bound=self.worst.bound is not None)
+        return severity_of_value(
+            is_violation=bool(self.warning), has_bound=self.worst.bound is not None
+        )
 
     @property
     def remark(self) -> Remark | None:
@@ -369,7 +379,9 @@ def _when(entry: MeasuredValue) -> Message:
     at = message("results.at_time", " at {time:.2f} s", time=entry.time)
     if not entry.move:
         return at
-    return message("results.at_time_in_move", " at {time:.2f} s, in {move}", time=entry.time, move=entry.move)
+    return message(
+        "results.at_time_in_move", " at {time:.2f} s, in {move}", time=entry.time, move=entry.move
+    )
 
 
 def _during(entry: MeasuredValue) -> Message:
@@ -437,7 +449,11 @@ class Verdict:
         for move in self.moves:
             warnings += move.remarks
         severity = worst_severity([Remark(self.severity_of_end, self.ended), *warnings])
-        return [Remark(severity, self.sentence), *warnings, *(Remark("note", note) for note in self.notes)]
+        return [
+            Remark(severity, self.sentence),
+            *warnings,
+            *(Remark("note", note) for note in self.notes),
+        ]
 
     @property
     def severity(self) -> Severity:
@@ -471,12 +487,21 @@ class Verdict:
         elif beyond:
             count = count_in_words(len(beyond))
             titles = join_texts(beyond)
-            yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
+            yield message(
+                "results.several_bounds",
+                "{count} bounds exceeded: {titles}",
+                count=count,
+                titles=titles,
+            )
         others = sum(len(move.remarks) for move in self.moves) - len(misses)
         if others == 1:
             yield message("results.other_warning", "One more warning about a move")
         elif others:
-            yield message("results.other_warnings", "{count} more warnings about moves", count=count_in_words(others))
+            yield message(
+                "results.other_warnings",
+                "{count} more warnings about moves",
+                count=count_in_words(others),
+            )
         frictions_alone = bool(self.doubts) and all(map(_is_about_friction, self.doubts))
         if frictions_alone:
             yield message("results.friction_left_out", "Joint friction was left out")
@@ -488,7 +513,11 @@ class Verdict:
     @property
     def table(self) -> list[CriterionRow]:
         """The table of criteria: those that are violated first. Values of 0 are left out, except for distances."""
-        shown = [measure for measure in self.measures if measure.criterion.least or measure.worst.value > 0]
+        shown = [
+            measure
+            for measure in self.measures
+            if measure.criterion.least or measure.worst.value > 0
+        ]
         rows = [measure.row for measure in shown if measure.entries]
         return sorted(rows, key=lambda row: row.severity != VIOLATION)
 
@@ -536,14 +565,21 @@ def _missed_targets(misses: Sequence[float]) -> Message:
     """Say how many moves missed their target, and by how much [m]."""
     distance = in_words(max(misses), "m")
     if len(misses) == 1:
-        return message("results.missed_target", "One target missed, by {distance}", distance=distance)
+        return message(
+            "results.missed_target", "One target missed, by {distance}", distance=distance
+        )
     count = count_in_words(len(misses))
     return message(
-        "results.missed_targets", "{count} targets missed, by up to {distance}", count=count, distance=distance
+        "results.missed_targets",
+        "{count} targets missed, by up to {distance}",
+        count=count,
+        distance=distance,
     )
 
 
-def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()) -> Verdict:
+def join_verdicts(
+    verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()
+) -> Verdict:
     """Combine the verdicts on runs that follow each other. For each subject the worst value of all runs is kept.
 
     A value that is a share of the time becomes a share of the whole time.
@@ -558,9 +594,13 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names
     entries: dict[Criterion, dict[str, MeasuredValue]] = {}  # the combined entry of each subject
     left_out: dict[Criterion, dict[str, str]] = {}
     moves = list[Any]()
-    remedies: dict[Criterion, Remedy | None] = {}  # of the latest run in which the criterion is violated
+    remedies: dict[
+        Criterion, Remedy | None
+    ] = {}  # of the latest run in which the criterion is violated
     move_names = names or [""] * len(verdicts)
-    for verdict, begin, duration, name in zip(verdicts, begins, durations, move_names, strict=False):
+    for verdict, begin, duration, name in zip(
+        verdicts, begins, durations, move_names, strict=False
+    ):
         for measure in verdict.measures:
             if measure.warning:
                 remedies[measure.criterion] = measure.remedy
@@ -576,8 +616,12 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names
     measures = []
     for criterion, own in entries.items():
         # A subject that is judged in one of the runs counts as judged, such as an axis that has a motor in some runs.
-        never_judged = {subject: why for subject, why in left_out[criterion].items() if subject not in own}
-        measures.append(Measure(criterion, tuple(own.values()), never_judged, remedies.get(criterion)))
+        never_judged = {
+            subject: why for subject, why in left_out[criterion].items() if subject not in own
+        }
+        measures.append(
+            Measure(criterion, tuple(own.values()), never_judged, remedies.get(criterion))
+        )
     contact_rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
     return Verdict(
         measures=tuple(measures),
@@ -596,7 +640,10 @@ def with_move_names(verdict: Verdict, spans: Sequence["MoveSpan"]) -> Verdict:
     """
     measures = []
     for measure in verdict.measures:
-        entries = tuple(entry._replace(move=entry.move or _move_at(entry.time, spans)) for entry in measure.entries)
+        entries = tuple(
+            entry._replace(move=entry.move or _move_at(entry.time, spans))
+            for entry in measure.entries
+        )
         measures.append(replace(measure, entries=entries))
     return replace(verdict, measures=tuple(measures))
 
@@ -609,13 +656,20 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
     if time is None:
         return ""
     for span in spans:
-        if span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING and span.end > span.begin:
+        if (
+            span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING
+            and span.end > span.begin
+        ):
             return move_title(span.index) if span.is_named else ""
     return ""
 
 
 def _combine(
-    measure: Measure, known: MeasuredValue | None, new: MeasuredValue, duration: float, total_time: float
+    measure: Measure,
+    known: MeasuredValue | None,
+    new: MeasuredValue,
+    duration: float,
+    total_time: float,
 ) -> MeasuredValue:
     """Combine the entry of a subject in one run with its entry in the runs before: the worse of the two.
 

@@ -56,7 +56,10 @@ def test_quaternions_mean_the_same_with_the_other_sign() -> None:
 @pytest.mark.long
 def test_the_error_of_a_run_covers_how_far_it_is_from_a_converged_one() -> None:
     """Of first order, a run four times finer leaves a third of what lies between the two; the bar is all of it."""
-    solver = {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-2, "max_step": 0.02}, "duration": 1.5}
+    solver = {
+        "solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-2, "max_step": 0.02},
+        "duration": 1.5,
+    }
     config = load_station("irb120_dynamic", solver)
     finer = config.model_copy(update={"solver": config.solver.tighter(4)})
     best = config.model_copy(update={"solver": config.solver.tighter(40)})
@@ -82,23 +85,48 @@ def test_an_arm_is_the_same_in_four_engines() -> None:
     pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
     told = compare_engines(load_station("irb120_dynamic", {"duration": 0.3}))
-    assert [one.name for one in told.accounts] == ["Drake, radau3", "Drake, cenic", "inverse dynamics", "MuJoCo"]
+    assert [one.name for one in told.accounts] == [
+        "Drake, radau3",
+        "Drake, cenic",
+        "inverse dynamics",
+        "MuJoCo",
+    ]
     found = differences(told.accounts[0], told.accounts[1:])
-    assert {one.account for one in found if one.quantity == TAU} == {"Drake, cenic", "inverse dynamics", "MuJoCo"}
+    assert {one.account for one in found if one.quantity == TAU} == {
+        "Drake, cenic",
+        "inverse dynamics",
+        "MuJoCo",
+    }
     assert [one for one in found if not one.within] == []
-    heavier = _in_mujoco("MuJoCo", load_station("irb120_dynamic", {"duration": 0.3, "pieces.load.mass": 2.0}))
+    heavier = _in_mujoco(
+        "MuJoCo", load_station("irb120_dynamic", {"duration": 0.3, "pieces.load.mass": 2.0})
+    )
     broken = {one.quantity: one for one in differences(told.accounts[0], [heavier])}
     assert not broken[Q].within  # another load is found out
 
 
 @pytest.mark.long
-def test_mujoco_knows_the_torques_of_a_given_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mujoco_knows_the_torques_of_a_given_motion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
     for station in ("humanoid_fixed", "irb120_on_belt"):
         out = tmp_path / station
         assert (
-            run_command(["compare", station, "--out", str(out), "--set", "duration=0.5", "--set", "program=null"]) == 0
+            run_command(
+                [
+                    "compare",
+                    station,
+                    "--out",
+                    str(out),
+                    "--set",
+                    "duration=0.5",
+                    "--set",
+                    "program=null",
+                ]
+            )
+            == 0
         )
         with (out / "engines.csv").open() as file:
             rows = list(csv.DictReader(file))
@@ -109,7 +137,9 @@ def test_mujoco_knows_the_torques_of_a_given_motion(tmp_path: Path, capsys: pyte
     assert "Drake, inverse dynamics" in capsys.readouterr().out
 
 
-def test_who_cannot_tell_says_why(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_who_cannot_tell_says_why(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     told = compare_engines(load_station("bouncing_ball", {"duration": 0.1}))
     assert [one.name for one in told.accounts] == ["Drake, runge_kutta3", "Drake, radau3"]
@@ -124,15 +154,23 @@ def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine" / "file").touch()
     for command, told in (
         (["compare", "bouncing_bal"], "did you mean 'bouncing_ball'"),
-        (["compare", "bouncing_ball", "--map", "a=b"], "--map: it has an effect only with --with; leave it out"),
+        (
+            ["compare", "bouncing_ball", "--map", "a=b"],
+            "--map: it has an effect only with --with; leave it out",
+        ),
         (["compare", "bouncing_ball", "--out", str(tmp_path / "mine")], "exists already"),
-        (["compare", "bouncing_ball", "--out", str(tmp_path / "mine"), "--force"], "something else than a result"),
+        (
+            ["compare", "bouncing_ball", "--out", str(tmp_path / "mine"), "--force"],
+            "something else than a result",
+        ),
     ):
         assert run_command(command) == 2
         assert told in capsys.readouterr().err
 
 
-def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_picture_says_in_words_what_is_compared(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     figures: list[Figure] = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
     times = np.linspace(0.0, 1.0, 3)
@@ -141,7 +179,9 @@ def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPa
         Account(name, times, {Q: part, place: part}, {Q: 0.1, place: 0.1}, "")
         for name, part in (("Drake", np.zeros((3, 1))), ("MuJoCo", np.ones((3, 1))))
     )
-    save_comparison([first, other], differences(first, [other]), tmp_path / "out", station="two_arms")
+    save_comparison(
+        [first, other], differences(first, [other]), tmp_path / "out", station="two_arms"
+    )
     (figure,) = figures
     assert figure.get_label() == "two_arms: difference from Drake, the largest of all axes"
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
@@ -158,7 +198,9 @@ def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPa
 def test_forces_of_sliding_axes_are_held_against_forces() -> None:
     own = _inverse_dynamics("inverse dynamics", load_station("irb120_on_belt", {"duration": 0.2}))
     whole = simulate("irb120_on_belt", duration=0.2, progress=False)
-    found = {what: values for what, values in quantities(whole).items() if what.name.endswith("tau")}
+    found = {
+        what: values for what, values in quantities(whole).items() if what.name.endswith("tau")
+    }
     assert {what: values.shape[1] for what, values in own.values.items()} == {
         what: values.shape[1] for what, values in found.items()
     }

@@ -14,7 +14,12 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import set_output_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
+from simrob_drake.extensions.course.exercise import (
+    ExerciseFolder,
+    checked_points,
+    exercise_of,
+    exercises,
+)
 from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, between, near
 from simrob_drake.extensions.course.wire import decode, encode
 
@@ -35,11 +40,16 @@ def _english_afterwards():
 def own_exercise(folder, *points):
     """Write an exercise whose points are lines of Python that make a reading of the answer."""
     folder.mkdir()
-    texts = {f"point_{number}": {"en": f"point {number}", "es": f"punto {number}"} for number, _ in enumerate(points)}
+    texts = {
+        f"point_{number}": {"en": f"point {number}", "es": f"punto {number}"}
+        for number, _ in enumerate(points)
+    }
     content = {"number": 1, "title": {"en": "own", "es": "propio"}, "hours": 1, "points": texts}
     (folder / "exercise.yaml").write_text(json.dumps(content))
     lines = [f"def point_{number}(answer):\n    {point}\n" for number, point in enumerate(points)]
-    (folder / "check.py").write_text("from simrob_drake.extensions.course.measuring import *\n" + "\n".join(lines))
+    (folder / "check.py").write_text(
+        "from simrob_drake.extensions.course.measuring import *\n" + "\n".join(lines)
+    )
     return ExerciseFolder(folder)
 
 
@@ -57,10 +67,20 @@ def test_numbers_run_from_one_on():
 @each_exercise
 def test_a_point_is_a_function_and_templates_are_alike(name):
     entry = ENTRIES[name]
-    functions = {node.name for node in ast.parse(entry.checks.read_text()).body if isinstance(node, ast.FunctionDef)}
+    functions = {
+        node.name
+        for node in ast.parse(entry.checks.read_text()).body
+        if isinstance(node, ast.FunctionDef)
+    }
     assert entry.exercise.points.keys() <= functions
-    trees = [ast.parse((entry.folder / f"template_{language}.py").read_text()) for language in ("en", "es")]
-    names = [[node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)] for tree in trees]
+    trees = [
+        ast.parse((entry.folder / f"template_{language}.py").read_text())
+        for language in ("en", "es")
+    ]
+    names = [
+        [node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        for tree in trees
+    ]
     assert names[0] == names[1]
 
 
@@ -71,8 +91,15 @@ def test_a_solution_holds_all_points_and_zeros_few(name, tmp_path):
     solved = list(checked_points(entry, SOLUTIONS / f"{name}.py", allow_code=True))
     assert [point for point in solved if not point.ok] == []
     zeros = tmp_path / "answer.py"
-    zeros.write_text((entry.folder / "template_es.py").read_text().replace("raise NotImplementedError", "return 0"))
-    assert sum(point.ok for point in checked_points(entry, zeros, allow_code=True)) <= len(entry.exercise.points) / 2
+    zeros.write_text(
+        (entry.folder / "template_es.py")
+        .read_text()
+        .replace("raise NotImplementedError", "return 0")
+    )
+    assert (
+        sum(point.ok for point in checked_points(entry, zeros, allow_code=True))
+        <= len(entry.exercise.points) / 2
+    )
 
 
 TEACHERS = {"en": ROOT / "docs/course/teachers.md", "es": ROOT / "docs/es/curso/profesores.md"}
@@ -82,7 +109,9 @@ ACCEPTED = re.compile(r"`(\w+)\((.*?)\) = (.+?)`")
 
 def accepted_values(language, number):
     """Values that the page for teachers states for an exercise: name of the function, arguments, value."""
-    sections = re.split(r"^## (\d+)\. ", TEACHERS[language].read_text(encoding="utf-8"), flags=re.MULTILINE)
+    sections = re.split(
+        r"^## (\d+)\. ", TEACHERS[language].read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
     text = dict(zip(map(int, sections[1::2]), sections[2::2], strict=True))[number]
     return [
         (name, literal_eval(f"({given},)") if given else (), literal_eval(value))
@@ -93,7 +122,9 @@ def accepted_values(language, number):
 def test_both_pages_for_teachers_state_the_same_values():
     stated = {name: accepted_values("en", entry.exercise.number) for name, entry in ENTRIES.items()}
     assert ("torque_limit", (), 23.2) in stated["pd_and_saturation"]
-    assert stated == {name: accepted_values("es", entry.exercise.number) for name, entry in ENTRIES.items()}
+    assert stated == {
+        name: accepted_values("es", entry.exercise.number) for name, entry in ENTRIES.items()
+    }
 
 
 @pytest.mark.long
@@ -161,7 +192,9 @@ def test_an_answer_is_begun_checked_and_passes(tmp_path, monkeypatch, capsys):
     assert "Ejercicio 1" in Path("mine/answer.py").read_text()
     assert "course check 1 mine/answer.py --allow-code --language es" in capsys.readouterr().out
     assert run_command(["course", "start", "1", "--out", "mine"]) == ExitCode.BAD_INPUT
-    assert run_command(["course", "check", "1", "mine/answer.py", "--allow-code"]) == ExitCode.BEYOND
+    assert (
+        run_command(["course", "check", "1", "mine/answer.py", "--allow-code"]) == ExitCode.BEYOND
+    )
     shown = capsys.readouterr().out.splitlines()
     assert shown[0].startswith("missing tool_position(q)")
     assert shown[0].endswith("not written yet")
@@ -169,9 +202,21 @@ def test_an_answer_is_begun_checked_and_passes(tmp_path, monkeypatch, capsys):
 
 
 def test_lines_say_what_was_asked_and_measured(tmp_path, capsys):
-    own_exercise(tmp_path / "own", "return at_most(answer.f(), 2, 'N')", "return near(answer.f(), 3, 0.5)")
+    own_exercise(
+        tmp_path / "own", "return at_most(answer.f(), 2, 'N')", "return near(answer.f(), 3, 0.5)"
+    )
     (tmp_path / "a.py").write_text("def f():\n    return 1.5\n")
-    run_command(["course", "check", str(tmp_path / "own"), str(tmp_path / "a.py"), "--allow-code", "--language", "es"])
+    run_command(
+        [
+            "course",
+            "check",
+            str(tmp_path / "own"),
+            str(tmp_path / "a.py"),
+            "--allow-code",
+            "--language",
+            "es",
+        ]
+    )
     assert capsys.readouterr().out.splitlines() == [
         "bien    punto 0: medido 1,5 N; se pide como mucho 2 N",
         "falla   punto 1: medido 1,5; se pide de 2,5 a 3,5",
@@ -191,10 +236,19 @@ def test_code_is_run_only_where_it_is_allowed(tmp_path, capsys):
     [
         ("while True: pass", r"took longer than its 1.5 s; --seconds"),
         ("x = bytearray(3_000_000_000)", r"took more than its 1 GB of memory; --memory"),
-        ("import os; os._exit(0)", r"ended its process before all points were measured \(exit code 0"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", r"all points were measured \(exit code -9"),
+        (
+            "import os; os._exit(0)",
+            r"ended its process before all points were measured \(exit code 0",
+        ),
+        (
+            "import os, signal; os.kill(os.getpid(), signal.SIGKILL)",
+            r"all points were measured \(exit code -9",
+        ),
         ("import sys; sys.exit(0)", r"SystemExit: 0 \(answer.py, line 1\)"),
-        ('print(\'{"point": "point_0", "value": 1}\')\n1/0', r"ZeroDivisionError: .* \(answer.py, line 2\)"),
+        (
+            'print(\'{"point": "point_0", "value": 1}\')\n1/0',
+            r"ZeroDivisionError: .* \(answer.py, line 2\)",
+        ),
         ("def f(:", r"SyntaxError: "),
     ],
 )
@@ -213,7 +267,11 @@ def test_a_point_that_fails_leaves_the_others(tmp_path):
         "return at_least(number(answer, 'h'), 0)",
         "return at_least(number(answer, 'k'), 0)",
     )
-    points = checked(entry, tmp_path, "def f():\n  return 'x'\ndef g():\n  return {}['a']\ndef h():\n  return 1\n")
+    points = checked(
+        entry,
+        tmp_path,
+        "def f():\n  return 'x'\ndef g():\n  return {}['a']\ndef h():\n  return 1\n",
+    )
     assert [point.ok for point in points] == [False, False, True, False]
     assert "what f() returns is 'x'; it must be a finite number" in points[0].problem
     assert points[1].problem == "KeyError: 'a' (answer.py, line 4)"
@@ -230,7 +288,10 @@ def test_the_command_alone_shows_its_help(capsys):
 def test_what_cannot_be_is_told(tmp_path, capsys):
     assert run_command(["course", "start", "77"]) == ExitCode.BAD_INPUT
     assert "there is no exercise" in capsys.readouterr().err
-    assert run_command(["course", "check", "1", str(tmp_path / "none.py"), "--allow-code"]) == ExitCode.BAD_INPUT
+    assert (
+        run_command(["course", "check", "1", str(tmp_path / "none.py"), "--allow-code"])
+        == ExitCode.BAD_INPUT
+    )
     assert "none.py: cannot be read" in capsys.readouterr().err
 
 
@@ -238,8 +299,12 @@ def test_errors_are_in_the_language_of_the_course(tmp_path, monkeypatch, capsys)
     monkeypatch.chdir(tmp_path)
     run_command(["course", "start", "1", "--language", "es"])
     assert run_command(["course", "start", "2", "--language", "es"]) == ExitCode.BAD_INPUT
-    assert "ya existe answer.py; elija otra carpeta, como --out exercise-2" in capsys.readouterr().err
-    assert run_command(["course", "check", "1", "answer.py", "--language", "es"]) == ExitCode.BAD_INPUT
+    assert (
+        "ya existe answer.py; elija otra carpeta, como --out exercise-2" in capsys.readouterr().err
+    )
+    assert (
+        run_command(["course", "check", "1", "answer.py", "--language", "es"]) == ExitCode.BAD_INPUT
+    )
     assert "es código que se ejecutaría" in capsys.readouterr().err
 
 
@@ -311,7 +376,10 @@ def test_a_second_exercise_in_the_same_folder_gets_a_folder_proposed(tmp_path, m
     monkeypatch.chdir(tmp_path)
     run_command(["course", "start", "1"])
     assert run_command(["course", "start", "2"]) == ExitCode.BAD_INPUT
-    assert "answer.py exists already; choose another folder, such as --out exercise-2" in capsys.readouterr().err
+    assert (
+        "answer.py exists already; choose another folder, such as --out exercise-2"
+        in capsys.readouterr().err
+    )
     assert "Exercise 1" in Path("answer.py").read_text()
 
 
@@ -324,7 +392,12 @@ def test_a_point_is_ok_or_fails_or_is_missing_or_has_an_error(tmp_path):
         "return at_least(answer.h(), 0)",
     )
     text = "def f():\n  return 2\ndef g():\n  raise NotImplementedError\ndef h():\n  return 1 / 0\n"
-    assert [point.state for point in checked(entry, tmp_path, text)] == ["ok", "fails", "missing", "error"]
+    assert [point.state for point in checked(entry, tmp_path, text)] == [
+        "ok",
+        "fails",
+        "missing",
+        "error",
+    ]
 
 
 class TestSubmissions:
@@ -354,7 +427,15 @@ class TestSubmissions:
     def test_all_are_measured_into_one_table(self, submissions, tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         own_exercise(tmp_path / "own", "return at_least(answer.f(), 1, 'N')")
-        arguments = ["course", "check", str(tmp_path / "own"), str(submissions), "--allow-code", "--csv", "points.csv"]
+        arguments = [
+            "course",
+            "check",
+            str(tmp_path / "own"),
+            str(submissions),
+            "--allow-code",
+            "--csv",
+            "points.csv",
+        ]
         assert run_command(arguments) == ExitCode.DONE
         rows = list(csv.DictReader(Path("points.csv").read_text().splitlines()))
         columns = ("points that hold", "point 0", "point 0: measured [N]")
@@ -374,13 +455,25 @@ class TestSubmissions:
         assert run_command(arguments) == ExitCode.BAD_INPUT
         assert "points.csv exists already" in capsys.readouterr().err
 
-    def test_the_table_is_in_the_language_of_the_course(self, submissions, tmp_path, monkeypatch, capsys):
+    def test_the_table_is_in_the_language_of_the_course(
+        self, submissions, tmp_path, monkeypatch, capsys
+    ):
         """Headings, states and problems; numbers keep their point, which programs read."""
         monkeypatch.chdir(tmp_path)
         (submissions / "cy.py").write_text("def f():\n  return [1, 2]\n")
         (submissions / "di.py").write_text("def f():\n  return 1 / 0\n")
         own_exercise(tmp_path / "own", "return at_least(number(answer, 'f') / 4, 0.3, 'N')")
-        arguments = ["course", "check", "own", str(submissions), "--allow-code", "--csv", "a.csv", "--language", "es"]
+        arguments = [
+            "course",
+            "check",
+            "own",
+            str(submissions),
+            "--allow-code",
+            "--csv",
+            "a.csv",
+            "--language",
+            "es",
+        ]
         assert run_command(arguments) == ExitCode.DONE
         rows = list(csv.DictReader(Path("a.csv").read_text(encoding="utf-8").splitlines()))
         head = [
@@ -404,11 +497,18 @@ class TestSubmissions:
             "di": "error",
         }
         assert by_name["ana"]["punto 0: medido [N]"] == "0.5"
-        assert by_name["Dan_124_file_"]["problema"] == "no contiene answer.py, ni un solo fichero de Python"
-        assert "lo que devuelve f() es [1, 2]; debe ser un número finito" in by_name["cy"]["problema"]
+        assert (
+            by_name["Dan_124_file_"]["problema"]
+            == "no contiene answer.py, ni un solo fichero de Python"
+        )
+        assert (
+            "lo que devuelve f() es [1, 2]; debe ser un número finito" in by_name["cy"]["problema"]
+        )
         assert by_name["di"]["problema"].endswith("(di.py, línea 2)")
 
-    def test_no_code_runs_and_nothing_is_written_unless_allowed(self, submissions, tmp_path, monkeypatch, capsys):
+    def test_no_code_runs_and_nothing_is_written_unless_allowed(
+        self, submissions, tmp_path, monkeypatch, capsys
+    ):
         monkeypatch.chdir(tmp_path)
         assert run_command(["course", "check", "1", str(submissions)]) == ExitCode.BAD_INPUT
         assert "--allow-code" in capsys.readouterr().err
@@ -417,9 +517,17 @@ class TestSubmissions:
     def test_bad_input_is_refused(self, submissions, tmp_path, capsys):
         (tmp_path / "empty").mkdir()
         command = ["course", "check", "1", "--allow-code", "--csv"]
-        assert run_command([*command, str(tmp_path / "a.csv"), str(tmp_path / "empty")]) == ExitCode.BAD_INPUT
+        assert (
+            run_command([*command, str(tmp_path / "a.csv"), str(tmp_path / "empty")])
+            == ExitCode.BAD_INPUT
+        )
         assert "a folder of submissions" in capsys.readouterr().err
-        assert run_command([*command, str(tmp_path / "a.txt"), str(submissions)]) == ExitCode.BAD_INPUT
+        assert (
+            run_command([*command, str(tmp_path / "a.txt"), str(submissions)]) == ExitCode.BAD_INPUT
+        )
         assert "--csv" in capsys.readouterr().err
-        assert run_command([*command, str(tmp_path / "a.csv"), str(submissions / "ana.py")]) == ExitCode.BAD_INPUT
+        assert (
+            run_command([*command, str(tmp_path / "a.csv"), str(submissions / "ana.py")])
+            == ExitCode.BAD_INPUT
+        )
         assert "it is for a folder of submissions" in capsys.readouterr().err

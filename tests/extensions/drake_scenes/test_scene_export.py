@@ -6,7 +6,13 @@ import pytest
 
 from simrob_drake import load_station
 from simrob_drake.cli.app import run_command
-from tests.extensions.drake_scenes.samples import OwnPlant, PlainPlant, body_values, joint_values, largest_difference
+from tests.extensions.drake_scenes.samples import (
+    OwnPlant,
+    PlainPlant,
+    body_values,
+    joint_values,
+    largest_difference,
+)
 
 STATIONS = ["irb120_dynamic", "double_pendulum", "humanoid_dynamic", "two_arms", "box_on_floor"]
 """An arm that carries pieces, a pendulum, a robot that floats, two robots of one kind, and a free piece."""
@@ -32,7 +38,9 @@ def test_directives_are_the_plant_of_the_station(station: str, option: str, tmp_
 
 @pytest.mark.parametrize("station", STATIONS)
 @pytest.mark.parametrize("option", ["urdf", "sdf"])
-def test_a_single_file_has_the_same_masses_welds_and_limits(station: str, option: str, tmp_path: Path) -> None:
+def test_a_single_file_has_the_same_masses_welds_and_limits(
+    station: str, option: str, tmp_path: Path
+) -> None:
     """URDF and SDF files have no positions of joints, so both plants are compared with all joints at their zeros."""
     file = tmp_path / f"scene.{option}"
     assert run_command(["export", station, f"--{option}", str(file)]) == 0
@@ -53,7 +61,10 @@ def test_a_single_file_has_the_same_masses_welds_and_limits(station: str, option
     expected = {f"{model}_{body}": values for (model, body), values in body_values(own).items()}
     found = {f"{model}_{body}": values for (model, body), values in body_values(plain).items()}
     if option == "urdf":
-        found = {name.removeprefix(f"{load_station(station).name}_"): values for name, values in found.items()}
+        found = {
+            name.removeprefix(f"{load_station(station).name}_"): values
+            for name, values in found.items()
+        }
         if not found.keys() & expected.keys():
             expected = {body: values for (_, body), values in body_values(own).items()}
     found = {name: values for name, values in found.items() if "world_shapes" not in name}
@@ -65,7 +76,9 @@ def test_a_single_file_has_the_same_masses_welds_and_limits(station: str, option
     assert largest_difference(limits, joint_values(plain)) < 1e-12
 
 
-def test_a_written_scene_is_replaced_only_by_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_written_scene_is_replaced_only_by_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "scene.dmd.yaml"
     arguments = ["export", "double_pendulum", "--dmd", str(file)]
     assert run_command(arguments) == 0

@@ -10,10 +10,21 @@ from simrob_drake import build_station, load_station, simulate
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.cli.app import run_command
 from simrob_drake.stations.config import StationConfig
-from tests.extensions.drake_scenes.samples import SCENES, OwnPlant, PlainPlant, body_values, joint_values
+from tests.extensions.drake_scenes.samples import (
+    SCENES,
+    OwnPlant,
+    PlainPlant,
+    body_values,
+    joint_values,
+)
 
 STATIONS = ["irb120_dynamic", "double_pendulum", "two_arms", "humanoid_dynamic", "box_on_floor"]
-FILES = ["table_top.dmd.yaml", "arm_and_gripper.dmd.yaml", "pendulum.dmd.yaml", "stiffness.scenario.yaml"]
+FILES = [
+    "table_top.dmd.yaml",
+    "arm_and_gripper.dmd.yaml",
+    "pendulum.dmd.yaml",
+    "stiffness.scenario.yaml",
+]
 
 
 def imported(file: Path, folder: Path, *options: str) -> StationConfig:
@@ -52,7 +63,9 @@ def test_a_scene_has_the_mechanics_of_plain_drake(name: str, tmp_path: Path) -> 
     gravity_error = values["own"][1][joints] - values["plain"][1][joints]
     assert abs(gravity_error).max(initial=0.0) < 1e-12
     # The weight of the free pieces; their frames may be posed otherwise, so only the sums are compared.
-    assert np.trace(values["own"][0][free, free]) == pytest.approx(np.trace(values["plain"][0][free, free]), abs=1e-12)
+    assert np.trace(values["own"][0][free, free]) == pytest.approx(
+        np.trace(values["plain"][0][free, free]), abs=1e-12
+    )
     for joint, expected in plain_joints.items():
         position_limits_and_start = [0, 1, 4, 5]
         assert own_joints[joint][position_limits_and_start] == pytest.approx(
@@ -66,7 +79,9 @@ def test_welds_and_free_bodies_are_where_drake_has_them(tmp_path: Path) -> None:
     pose = slice(37, 53)
     assert own["table", "table"][pose] == pytest.approx(plain["table", "top"][pose], abs=1e-12)
     assert own["brick", "brick"][pose] == pytest.approx(plain["brick", "wood"][pose], abs=1e-12)
-    assert own["second_brick", "second_brick"][pose] == pytest.approx(plain["second_brick", "wood"][pose], abs=1e-12)
+    assert own["second_brick", "second_brick"][pose] == pytest.approx(
+        plain["second_brick", "wood"][pose], abs=1e-12
+    )
     # Two bodies that are welded are one piece, of both masses.
     assert own["brick", "brick"][0] == plain["brick", "wood"][0] + plain["brick", "lead"][0]
 
@@ -144,7 +159,13 @@ def test_commands_take_a_scene(name: str, tmp_path: Path) -> None:
     assert run_command(["run", str(SCENES / name), *arguments]) == 0
     assert (tmp_path / "run" / "signals.csv").is_file()
     # The saved station runs again by itself, with its own copies of robots and pieces.
-    again = ["run", str(tmp_path / "run" / "station.yaml"), "--out", str(tmp_path / "again"), *arguments[:2]]
+    again = [
+        "run",
+        str(tmp_path / "run" / "station.yaml"),
+        "--out",
+        str(tmp_path / "again"),
+        *arguments[:2],
+    ]
     assert run_command(again) == 0
 
 
@@ -245,7 +266,9 @@ class TestPackages:
 
     def test_a_named_package_holds_the_urdf(self, tmp_path: Path) -> None:
         station = tmp_path / "station.yaml"
-        station.write_text(f"packages: {{my_arm: {SCENES}}}\nrobot: {{urdf: '{self.URDF}'}}\nmode: kinematic\n")
+        station.write_text(
+            f"packages: {{my_arm: {SCENES}}}\nrobot: {{urdf: '{self.URDF}'}}\nmode: kinematic\n"
+        )
         config = load_station(station, mesh_path=[SCENES])
         assert config.robots["robot"].urdf == SCENES / "models" / "arm.urdf"
 
@@ -255,7 +278,9 @@ class TestPackages:
         config = load_station(station, {"packages.my_arm": str(SCENES)}, mesh_path=[SCENES])
         assert config.robots["robot"].urdf == SCENES / "models" / "arm.urdf"
 
-    def test_ros_package_path_is_searched(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_ros_package_path_is_searched(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         station = tmp_path / "station.yaml"
         uri = self.URDF.replace("my_arm", "simrob_scenes")
         station.write_text(f"robot: {{urdf: '{uri}'}}\nmode: kinematic\n")
@@ -266,7 +291,9 @@ class TestPackages:
     def test_an_unknown_package_is_named(self, tmp_path: Path) -> None:
         station = tmp_path / "station.yaml"
         station.write_text(f"robot: {{urdf: '{self.URDF}'}}\nmode: kinematic\n")
-        with pytest.raises(InvalidConfig, match=r"robot\.urdf: package://my_arm.* names the package my_arm"):
+        with pytest.raises(
+            InvalidConfig, match=r"robot\.urdf: package://my_arm.* names the package my_arm"
+        ):
             load_station(station)
 
     def test_meshes_of_a_named_package(self, tmp_path: Path) -> None:
@@ -279,15 +306,20 @@ class TestPackages:
         own.mkdir()
         text = (SCENES / "models" / "arm.urdf").read_text()
         box = '<box size="0.4 0.05 0.05"/>'
-        (own / "arm.urdf").write_text(text.replace(box, '<mesh filename="package://parts/part.obj"/>'))
+        (own / "arm.urdf").write_text(
+            text.replace(box, '<mesh filename="package://parts/part.obj"/>')
+        )
         station = own / "station.yaml"
-        station.write_text("packages: {parts: ../elsewhere/anything}\nrobot: {urdf: arm.urdf}\nmode: kinematic\n")
+        station.write_text(
+            "packages: {parts: ../elsewhere/anything}\nrobot: {urdf: arm.urdf}\nmode: kinematic\n"
+        )
         config = load_station(station, mesh_path=[tmp_path / "elsewhere"])
         own_plant = OwnPlant(config)
         meshes_of_plant = [
             shape
             for shape in own_plant.station.scene_graph.model_inspector().GetAllGeometryIds()
-            if "Mesh" in type(own_plant.station.scene_graph.model_inspector().GetShape(shape)).__name__
+            if "Mesh"
+            in type(own_plant.station.scene_graph.model_inspector().GetShape(shape)).__name__
         ]
         assert meshes_of_plant
 

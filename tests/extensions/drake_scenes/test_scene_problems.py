@@ -72,7 +72,9 @@ def test_a_scenario_is_recognised(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)
-def test_one_line_says_what_is_wrong(problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_line_says_what_is_wrong(
+    problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text, english, spanish = PROBLEMS[problem]
     file = tmp_path / "scene.dmd.yaml"
     file.write_text(text)
@@ -87,7 +89,9 @@ def test_one_line_says_what_is_wrong(problem: str, tmp_path: Path, capsys: pytes
     assert not (tmp_path / "scene_imported").exists()
 
 
-def test_a_file_with_tags_that_is_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_with_tags_that_is_no_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "station.yaml"
     file.write_text("robot: {model: irb120}\nservo: !Iiwa {kp: 3}\n")
     assert run_command(["run", str(file)]) == 2
@@ -104,7 +108,9 @@ def test_add_directives_of_a_station_that_is_no_scene(tmp_path: Path) -> None:
         load_station(station)
 
 
-def test_the_only_scenario_of_a_file_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_only_scenario_of_a_file_is_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "one.scenarios.yaml"
     file.write_text("Only:\n  directives: []\n  model_drivers: {arm: !FooDriver {}}\n")
     assert run_command(["check", str(file)]) == 2
@@ -116,9 +122,13 @@ def test_the_only_scenario_of_a_file_is_taken(tmp_path: Path, capsys: pytest.Cap
 def test_several_scenarios_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
     file = SCENES / "drivers.scenarios.yaml"
     assert run_command(["run", str(file)]) == 2
-    assert "has the scenarios Held, Iiwa, Falling; choose one" in " ".join(capsys.readouterr().err.split())
+    assert "has the scenarios Held, Iiwa, Falling; choose one" in " ".join(
+        capsys.readouterr().err.split()
+    )
     assert run_command(["check", str(file), "--scenario", "None"]) == 2
-    assert "None: is no scenario of the file; it has: Held, Iiwa, Falling" in " ".join(capsys.readouterr().err.split())
+    assert "None: is no scenario of the file; it has: Held, Iiwa, Falling" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_models_may_not_name_files_beyond_their_package(tmp_path: Path) -> None:
@@ -136,7 +146,9 @@ def test_models_may_not_name_files_beyond_their_package(tmp_path: Path) -> None:
     )
     with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
-    (folder / "scene.dmd.yaml").write_text(f"directives:\n- add_model: {{name: part, file: 'file://{secret}'}}\n")
+    (folder / "scene.dmd.yaml").write_text(
+        f"directives:\n- add_model: {{name: part, file: 'file://{secret}'}}\n"
+    )
     with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
 
@@ -152,5 +164,7 @@ def test_a_joint_that_stations_do_not_have(tmp_path: Path) -> None:
     (tmp_path / "ball.urdf").write_text(f'<robot name="ball">{links}{joint}</robot>')
     file = tmp_path / "scene.dmd.yaml"
     file.write_text("directives:\n- add_model: {name: ball, file: package://ball/ball.urdf}\n")
-    with pytest.raises(Exception, match="the joint 'ball' is of the type ball_rpy; robots have revolute"):
+    with pytest.raises(
+        Exception, match="the joint 'ball' is of the type ball_rpy; robots have revolute"
+    ):
         load_station(file)

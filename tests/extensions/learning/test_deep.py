@@ -39,10 +39,14 @@ def check(algorithm: str, file: str) -> None:
     import deep
 
     env = gymnasium.make("simrob_drake.extensions.learning:simrob/Reach-v0")
-    model = deep.ALGORITHMS[algorithm]("MlpPolicy", env, seed=1, device="cpu", **deep.SETTINGS[algorithm])
+    model = deep.ALGORITHMS[algorithm](
+        "MlpPolicy", env, seed=1, device="cpu", **deep.SETTINGS[algorithm]
+    )
     layers, activation, last = deep.layers(model)
     network = Network(write_network(Path(file), layers, activation=activation, last=last), "policy")
-    for seen in np.random.default_rng(1).normal(size=(5, *env.observation_space.shape)).astype(np.float32):
+    for seen in (
+        np.random.default_rng(1).normal(size=(5, *env.observation_space.shape)).astype(np.float32)
+    ):
         expected, _ = model.predict(seen, deterministic=True)
         np.testing.assert_allclose(np.clip(network(seen), -1, 1), expected, atol=1e-5)  # 32 bits
 

@@ -84,14 +84,20 @@ def test_a_seed_settles_an_episode_whatever_went_before():
 @pytest.mark.long
 def test_environments_run_side_by_side_on_processes():
     alone = [played(made("Walk"), seed) for seed in (4, 5)]
-    envs = gymnasium.make_vec("simrob/Walk-v0", num_envs=2, vectorization_mode="async", vector_kwargs=SPAWN)
+    envs = gymnasium.make_vec(
+        "simrob/Walk-v0", num_envs=2, vectorization_mode="async", vector_kwargs=SPAWN
+    )
     try:
-        actions = np.random.default_rng(5).uniform(-0.3, 0.3, size=(5, *envs.single_action_space.shape))
+        actions = np.random.default_rng(5).uniform(
+            -0.3, 0.3, size=(5, *envs.single_action_space.shape)
+        )
         seen, _ = envs.reset(seed=[4, 5])
         np.testing.assert_array_equal(seen, [observations[0] for observations, _ in alone])
         for step, action in enumerate(actions.astype(np.float32)):
             seen, rewards, *_ = envs.step(np.array([action, action]))
-            np.testing.assert_array_equal(seen, [observations[step + 1] for observations, _ in alone])
+            np.testing.assert_array_equal(
+                seen, [observations[step + 1] for observations, _ in alone]
+            )
             np.testing.assert_allclose(rewards, [given[step] for _, given in alone], rtol=1e-12)
     finally:
         envs.close()
@@ -123,11 +129,18 @@ def test_an_episode_is_a_run_of_the_station(task, changed, tmp_path):
     for _ in range(round(0.4 / period)):
         seen = episode.advance(network(seen))
         positions.append(episode.moment(goal=np.zeros(3)).tool)
-    name = next(iter(key for key, section in config.controllers.items() if section.kind == "policy"))
+    name = next(
+        iter(key for key, section in config.controllers.items() if section.kind == "policy")
+    )
     overrides = load_task(task)[0].overrides
     own = load_station(
         load_task(task)[0].station,
-        {**overrides, **changed, f"controllers.{name}.network": str(file), "sample_rate": 1 / period},
+        {
+            **overrides,
+            **changed,
+            f"controllers.{name}.network": str(file),
+            "sample_rate": 1 / period,
+        },
     )
     result = simulate(own, duration=0.4, progress=False)
     pose = result.pose("base" if episode.robot.floats else "tcp")[1:, :3]
@@ -137,7 +150,11 @@ def test_an_episode_is_a_run_of_the_station(task, changed, tmp_path):
 
 def test_what_is_true_is_seen_from_where_the_robot_faces():
     """zjudancer faces the world's y: pushed backward it goes back, and its height falls as it tips over."""
-    env = made("Walk", station="zjudancer_dynamic", overrides={"forces.shove": {"kind": "push", "force": [0, -60, 0]}})
+    env = made(
+        "Walk",
+        station="zjudancer_dynamic",
+        overrides={"forces.shove": {"kind": "push", "force": [0, -60, 0]}},
+    )
     env.reset(seed=1)
     ended, steps = False, 0
     while not ended and steps < 100:
@@ -173,7 +190,9 @@ def test_goals_and_pushes_differ_by_the_seed_and_stay_within_their_bounds():
     robot, period = guide.episode.robot, guide.episode.period
     for seed in range(3):
         draw = np.random.default_rng(seed)
-        push = beginning(guide.task, draw, robot=robot, forces=guide.config.forces, period=period).pushes["hand"]
+        push = beginning(
+            guide.task, draw, robot=robot, forces=guide.config.forces, period=period
+        ).pushes["hand"]
         assert 2 <= np.linalg.norm(push.force) <= 8
         assert push.start / period == pytest.approx(round(push.start / period))
 
@@ -184,9 +203,15 @@ def test_goals_and_pushes_differ_by_the_seed_and_stay_within_their_bounds():
         ({"task": "wlak"}, "there is no task 'wlak'; did you mean 'walk'"),
         ({"station": "yobotics_dynamc"}, "yobotics_dynamic"),
         ({"engine": "mujoko"}, "there is no engine 'mujoko'; did you mean 'mujoco'"),
-        ({"overrides": {"controllers.policy": None}}, "hold 0 controllers of kind policy; it must be one"),
+        (
+            {"overrides": {"controllers.policy": None}},
+            "hold 0 controllers of kind policy; it must be one",
+        ),
         ({"task": "balance", "overrides": {"forces.push": None}}, "pushes.name"),
-        ({"task": "reach", "overrides": {"controllers.policy.observes": ["positon", "goal"]}}, "mean 'position'"),
+        (
+            {"task": "reach", "overrides": {"controllers.policy.observes": ["positon", "goal"]}},
+            "mean 'position'",
+        ),
     ],
 )
 def test_bad_input_gets_one_line(kwargs, told):

@@ -49,7 +49,10 @@ def by_numpy(observation, layers):
 
 
 def station(file, **changed):
-    return load_station("irb120_dynamic", {**STILL, "controllers.learnt": {**SECTION, "network": str(file), **changed}})
+    return load_station(
+        "irb120_dynamic",
+        {**STILL, "controllers.learnt": {**SECTION, "network": str(file), **changed}},
+    )
 
 
 def test_onnx_is_the_network_that_was_written(tmp_path):
@@ -74,14 +77,18 @@ def test_block_station_and_onnx_give_the_same(tmp_path):
     config = station(file)
     result = simulate(config, duration=0.5, progress=False)
     reach = np.deg2rad([0, 20, 0, 0, 10, 0])
-    section = Policy(kind="policy", moves_deg=1.0, observes=SECTION["observes"], clock=[1.0], goal=[0.3])
+    section = Policy(
+        kind="policy", moves_deg=1.0, observes=SECTION["observes"], clock=[1.0], goal=[0.3]
+    )
     block = LearntPolicy(section, reach=reach, home=np.zeros(6))
     block.law = Network(file, "here")
     context = block.CreateDefaultContext()
     samples = np.arange(0, 0.5, 0.02)
     last, actions = np.zeros(2), []
     for time in samples:
-        at = np.searchsorted(result.times, time - 1e-9)  # what stood there when the sample was taken
+        at = np.searchsorted(
+            result.times, time - 1e-9
+        )  # what stood there when the sample was taken
         told = {
             name: np.array([result[f"{name}.encoders.joint_{joint}"][at] for joint in range(1, 7)])
             for name in ("position", "velocity")
@@ -89,15 +96,23 @@ def test_block_station_and_onnx_give_the_same(tmp_path):
         for name, value in told.items():
             block.GetInputPort(name).FixValue(context, value)
         clock = 2 * np.pi * time
-        seen = np.concatenate([told["position"], told["velocity"], last, [np.sin(clock), np.cos(clock), 0.3]])
+        seen = np.concatenate(
+            [told["position"], told["velocity"], last, [np.sin(clock), np.cos(clock), 0.3]]
+        )
         np.testing.assert_allclose(block.observe(context), seen, atol=1e-12)
-        context.get_mutable_discrete_state().SetFrom(block.EvalUniquePeriodicDiscreteUpdate(context))
+        context.get_mutable_discrete_state().SetFrom(
+            block.EvalUniquePeriodicDiscreteUpdate(context)
+        )
         last = block.GetOutputPort("action").Eval(context)
         np.testing.assert_allclose(last, np.clip(by_numpy(seen, layers()), -1, 1), atol=5e-6)
-        np.testing.assert_array_equal(block.GetOutputPort("offset").Eval(context)[[1, 4]], reach[[1, 4]] * last)
+        np.testing.assert_array_equal(
+            block.GetOutputPort("offset").Eval(context)[[1, 4]], reach[[1, 4]] * last
+        )
         actions.append(last)
     rows = np.searchsorted(result.times, samples + 0.01 - 1e-9)
-    shown = np.column_stack([result["learnt.offset.joint_2"][rows], result["learnt.offset.joint_5"][rows]])
+    shown = np.column_stack(
+        [result["learnt.offset.joint_2"][rows], result["learnt.offset.joint_5"][rows]]
+    )
     np.testing.assert_array_equal(shown, reach[[1, 4]] * actions)
     assert np.ptp(actions, axis=0).min() > 0.05
     np.testing.assert_allclose(result["q_ref.joint_2"][rows], shown[:, 0], atol=1e-12)
@@ -109,7 +124,9 @@ def test_attitude_is_seen_from_how_the_robot_stood():
     block = LearntPolicy(section, reach=np.ones(2), home=np.zeros(2), upright=start)
     context = block.CreateDefaultContext()
     now = start @ RotationMatrix(RollPitchYaw(0.1, -0.2, 0.3))
-    block.GetInputPort("orientation").FixValue(context, -now.ToQuaternion().wxyz())  # of either sign
+    block.GetInputPort("orientation").FixValue(
+        context, -now.ToQuaternion().wxyz()
+    )  # of either sign
     block.GetInputPort("angular_velocity").FixValue(context, [1, 2, 3])
     np.testing.assert_allclose(block.observe(context), [0.1, -0.2, 0.3, 1, 2, 3], atol=1e-12)
 
@@ -117,7 +134,8 @@ def test_attitude_is_seen_from_how_the_robot_stood():
 def test_a_policy_of_the_wrong_size_is_refused_with_both_sizes(tmp_path):
     file = write_network(tmp_path / "net.onnx", layers(inputs=5, outputs=3))
     with pytest.raises(
-        SimrobError, match=r"takes 5 figures and gives 3; it must be one that takes the 17 .* and gives 2"
+        SimrobError,
+        match=r"takes 5 figures and gives 3; it must be one that takes the 17 .* and gives 2",
     ):
         simulate(station(file), duration=0.1)
 
@@ -129,14 +147,23 @@ def test_an_action_that_is_not_finite_ends_the_run_with_its_value(tmp_path, weig
     (first, one), (second, two) = layers()
     first[:2], one[:2] = 0.0, 1.0  # two neurons of tanh(1), whatever is observed
     second[0, :2] = weights
-    result = simulate(station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1)
+    result = simulate(
+        station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1
+    )
     assert (result.ending, result.stopped_by) == ("failed", "controller.learnt")
-    assert result.message == f"controller.learnt failed at 0 s: it has a network that gives {value} as an action"
+    assert (
+        result.message
+        == f"controller.learnt failed at 0 s: it has a network that gives {value} as an action"
+    )
 
 
 @pytest.mark.parametrize(
     ("content", "told"),
-    [(None, "No such file"), (b"no network", "must be a network as ONNX"), (b"", "must be a network as ONNX")],
+    [
+        (None, "No such file"),
+        (b"no network", "must be a network as ONNX"),
+        (b"", "must be a network as ONNX"),
+    ],
 )
 def test_a_file_that_is_no_network_is_refused(tmp_path, content, told):
     file = tmp_path / "net.onnx"
@@ -154,7 +181,9 @@ def test_networks_of_several_inputs_or_of_whole_numbers_are_refused(tmp_path):
         ("two", [kind.FLOAT, kind.FLOAT], r"one input and one output \(it has 2 and 1\)"),
         ("whole", [kind.INT64], r"tensor\(int64\)"),
     ):
-        inputs = [helper.make_tensor_value_info(f"in{n}", each, [1, 2]) for n, each in enumerate(types)]
+        inputs = [
+            helper.make_tensor_value_info(f"in{n}", each, [1, 2]) for n, each in enumerate(types)
+        ]
         output = helper.make_tensor_value_info("out", types[0], [1, 2])
         node = helper.make_node("Add", [inputs[0].name, inputs[-1].name], ["out"])
         graph = helper.make_graph([node], "g", inputs, [output])
@@ -168,22 +197,33 @@ def test_networks_of_several_inputs_or_of_whole_numbers_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"observes": ["positon"], "reads": {}, "clock": [], "goal": []}, "did you mean 'position'"),
+        (
+            {"observes": ["positon"], "reads": {}, "clock": [], "goal": []},
+            "did you mean 'position'",
+        ),
         ({"clock": []}, "clock goes with 'clock'"),
         ({"observes": ["position"], "reads": {}, "clock": []}, "goal goes with 'goal'"),
-        ({"observes": ["heading_error"], "clock": [], "goal": [], "reads": {}}, "heading_error goes with a goal"),
+        (
+            {"observes": ["heading_error"], "clock": [], "goal": [], "reads": {}},
+            "heading_error goes with a goal",
+        ),
         ({"moves_deg": {"joint_9": 3}}, "joint_9"),
         ({"moves_deg": {"joint_2": -3}}, "positive"),
     ],
 )
 def test_a_section_that_cannot_be_says_why(tmp_path, changed, told):
     with pytest.raises(SimrobError, match=told):
-        simulate(load_station("irb120_dynamic", {**STILL, "controllers.learnt": {**SECTION, **changed}}), duration=0.1)
+        simulate(
+            load_station("irb120_dynamic", {**STILL, "controllers.learnt": {**SECTION, **changed}}),
+            duration=0.1,
+        )
 
 
 def test_layers_that_do_not_fit_are_refused(tmp_path):
     (first, _), (_, second) = layers(), layers(hidden=5)
-    with pytest.raises(SimrobError, match=r"weights of layer 1 is of shape \(2, 5\); it must be of shape \(2, 8\)"):
+    with pytest.raises(
+        SimrobError, match=r"weights of layer 1 is of shape \(2, 5\); it must be of shape \(2, 8\)"
+    ):
         write_network(tmp_path / "net.onnx", [first, second])
 
 
@@ -200,14 +240,19 @@ def network_file(folder, nodes, constants=(), functions=()):
 
 
 def own_function(name, nodes):
-    return onnx.helper.make_function("own", name, ["x"], ["y"], nodes, [onnx.helper.make_opsetid("", 17)])
+    return onnx.helper.make_function(
+        "own", name, ["x"], ["y"], nodes, [onnx.helper.make_opsetid("", 17)]
+    )
 
 
 def loop_of(rounds):
     """Return the node and the constants of a loop that copies its value in each of its rounds."""
     helper, kind = onnx.helper, onnx.TensorProto
     body = helper.make_graph(
-        [helper.make_node("Identity", ["going"], ["goes_on"]), helper.make_node("Identity", ["before"], ["after"])],
+        [
+            helper.make_node("Identity", ["going"], ["goes_on"]),
+            helper.make_node("Identity", ["before"], ["after"]),
+        ],
         "body",
         [
             helper.make_tensor_value_info("number", kind.INT64, []),
@@ -239,9 +284,13 @@ def test_random_operators_are_refused_by_name(tmp_path, operator, hidden):
     node = onnx.helper.make_node(operator, ["x"], ["y"])
     call = onnx.helper.make_node("Draw", ["x"], ["y"], domain="own")
     file = network_file(
-        tmp_path, [call if hidden else node], functions=[own_function("Draw", [node])] if hidden else []
+        tmp_path,
+        [call if hidden else node],
+        functions=[own_function("Draw", [node])] if hidden else [],
     )
-    with pytest.raises(SimrobError, match=rf"without random numbers \(it has the operator {operator}\)"):
+    with pytest.raises(
+        SimrobError, match=rf"without random numbers \(it has the operator {operator}\)"
+    ):
         Network(file, "here")
 
 
@@ -253,7 +302,9 @@ def test_a_dropout_is_refused_only_in_training(tmp_path, training):
     node = helper.make_node("Dropout", ["x", "ratio", "training"], ["y"])
     file = network_file(tmp_path, [node], constants)
     if training:
-        with pytest.raises(SimrobError, match=r"without random numbers \(it has the operator Dropout\)"):
+        with pytest.raises(
+            SimrobError, match=r"without random numbers \(it has the operator Dropout\)"
+        ):
             Network(file, "here")
     else:
         np.testing.assert_array_equal(Network(file, "here")(np.array([1.0, -2.0])), [1.0, -2.0])
@@ -277,7 +328,10 @@ def test_functions_that_call_others_twice_are_counted_written_out(tmp_path):
     make = onnx.helper.make_node
     functions = [own_function("F0", [make("Tanh", ["x"], ["y"])])]
     for number in range(1, 41):
-        calls = [make(f"F{number - 1}", ["x"], ["z"], domain="own"), make(f"F{number - 1}", ["z"], ["y"], domain="own")]
+        calls = [
+            make(f"F{number - 1}", ["x"], ["z"], domain="own"),
+            make(f"F{number - 1}", ["z"], ["y"], domain="own"),
+        ]
         functions.append(own_function(f"F{number}", calls))
     file = network_file(tmp_path, [make("F40", ["x"], ["y"], domain="own")], functions=functions)
     with pytest.raises(SimrobError, match="at most 100000 operators"):

@@ -17,7 +17,10 @@ def test_a_round_of_learning_writes_a_policy_and_its_curve(tmp_path):
     for package in ("stable_baselines3", "onnxruntime", "gymnasium", "mujoco"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"needs {package}")
-    for start in ([], ["--start", str(tmp_path / "policy.onnx")]):  # the second one goes on from the first
+    for start in (
+        [],
+        ["--start", str(tmp_path / "policy.onnx")],
+    ):  # the second one goes on from the first
         asked = ["--robots", "32", "--steps", "1536", "--out", str(tmp_path), *start]
         done = subprocess.run(
             [sys.executable, __file__, str(FOLDER / "learn_yobotics.yaml"), *asked],

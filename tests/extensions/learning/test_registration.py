@@ -16,7 +16,9 @@ IDS = "['simrob/Balance-v0', 'simrob/HandGuide-v0', 'simrob/Reach-v0', 'simrob/W
 
 def printed_by(code):
     """Run Python code in a process of its own and return what it prints."""
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,9 @@ def test_tracking_is_of_the_speed_as_the_robot_faces_now():
     facing = replace(NOW, turned=np.array([0.0, 0.0, np.pi / 2]), speed=np.array([0.0, 0.5, 0.0]))
     for goal, expected in (([0.5, 0.0], 1.0), ([0.1, 0.0], np.exp(-1)), ([0.5, 0.4], np.exp(-1))):
         assert TERMS["tracking"](replace(facing, goal=np.array(goal))) == pytest.approx(expected)
-    assert TERMS["tracking"](replace(facing, goal=np.array([0.3, 0.0]), astray=0.2)) == pytest.approx(np.exp(-1))
+    assert TERMS["tracking"](
+        replace(facing, goal=np.array([0.3, 0.0]), astray=0.2)
+    ) == pytest.approx(np.exp(-1))
 
 
 def test_averaged_speeds_come_after_those_that_are():

@@ -13,8 +13,15 @@ from simrob_drake.extensions.learning.vector import StationVectorEnvironment  # 
 
 EXACT = {f"sensors.encoders.{key}": 0 for key in ("noise_deg", "resolution_deg")}
 STILL = {**EXACT, "sensors.imu.gyroscope_noise": 0, "sensors.imu.gyroscope_bias": 0}
-LEANS = {"observes": ["lean", "heading_error", "angular_velocity", "position", "velocity", "goal"], "goal": [0, 0, 1]}
-ON_MOTORS = {**STILL, **{f"controllers.policy.{key}": own for key, own in LEANS.items()}, "servo.motor": "urdf"}
+LEANS = {
+    "observes": ["lean", "heading_error", "angular_velocity", "position", "velocity", "goal"],
+    "goal": [0, 0, 1],
+}
+ON_MOTORS = {
+    **STILL,
+    **{f"controllers.policy.{key}": own for key, own in LEANS.items()},
+    "servo.motor": "urdf",
+}
 ON_MOTORS |= {"controllers.policy.clock": []}
 
 
@@ -48,8 +55,17 @@ def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
     told, _ = both.reset(seed=1)
     np.testing.assert_allclose(told, np.tile(seen, (2, 1)), atol=1e-6)
     axes, rows, earned = len(one.episode.robot.axes), [], np.zeros(2)
-    sizes = {"position": axes, "velocity": axes, "attitude": 3, "lean": 2, "heading_error": 1, "angular_velocity": 3}
-    parts = [part for part in one.episode.section.observes if part in sizes]  # what follows them is known
+    sizes = {
+        "position": axes,
+        "velocity": axes,
+        "attitude": 3,
+        "lean": 2,
+        "heading_error": 1,
+        "angular_velocity": 3,
+    }
+    parts = [
+        part for part in one.episode.section.observes if part in sizes
+    ]  # what follows them is known
     ends = np.cumsum([sizes[part] for part in parts])
     for action in actions(one.action_space.shape, 40, scale):
         seen, reward, *_ = one.step(action)
@@ -59,7 +75,9 @@ def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
         earned += reward, rewards[0]
     each = zip(parts, np.split(np.array(rows)[:, :, : ends[-1]], ends[:-1], axis=2), strict=True)
     for part, (in_drake, in_mujoco) in ((part, np.moveaxis(values, 1, 0)) for part, values in each):
-        error, size = (np.sqrt(np.mean(np.square(values))) for values in (in_drake - in_mujoco, in_drake))
+        error, size = (
+            np.sqrt(np.mean(np.square(values))) for values in (in_drake - in_mujoco, in_drake)
+        )
         assert 0 < error < 0.4 * size, part
         assert part != "position" or np.rad2deg(error) < 0.5
     assert earned[1] == pytest.approx(earned[0], rel=0.1, abs=0.05)
@@ -68,7 +86,10 @@ def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
 def played(environment, seed, steps=12):
     environment.reset(seed=seed)
     draw = np.random.default_rng(3)
-    return [environment.step(draw.uniform(-1, 1, environment.action_space.shape))[:2] for _ in range(steps)]
+    return [
+        environment.step(draw.uniform(-1, 1, environment.action_space.shape))[:2]
+        for _ in range(steps)
+    ]
 
 
 def test_all_that_is_random_follows_from_the_seeds():
@@ -103,15 +124,27 @@ def test_who_falls_begins_anew_and_the_others_go_on():
 @pytest.mark.parametrize(
     ("name", "options", "told"),
     [
-        ("HandGuide", {}, r"controllers\.policy\.observes is external_force\.hand; it must be of position, velocity"),
-        ("Reach", {"step": 0.003}, r"step is 0\.003 s; it must be a part of a control period, 0\.05 s"),
+        (
+            "HandGuide",
+            {},
+            r"controllers\.policy\.observes is external_force\.hand; it must be of position, velocity",
+        ),
+        (
+            "Reach",
+            {"step": 0.003},
+            r"step is 0\.003 s; it must be a part of a control period, 0\.05 s",
+        ),
         ("Walk", {"threads": -1}, r"threads is -1; it must be"),
         (
             "Walk",
             {"station": "humanoid_dynamic"},
             r"step is 0\.002 s; it must be at most .* s, or servo\.kd smaller, .*: at its torque limit .* kd of 100",
         ),
-        ("Walk", {"overrides": {"sensors.encoders.delay": 0.02}}, r"sensors\.encoders\.delay is 0\.02; it must be 0"),
+        (
+            "Walk",
+            {"overrides": {"sensors.encoders.delay": 0.02}},
+            r"sensors\.encoders\.delay is 0\.02; it must be 0",
+        ),
     ],
 )
 def test_what_cannot_be_told_is_refused_by_name(name, options, told):
@@ -138,7 +171,9 @@ def task(folder, more):
 
 @pytest.mark.long
 def test_each_episode_is_in_a_station_that_was_drawn(tmp_path):
-    keys = "{robot.mass_factors.trunk: uniform:1:2, servo.kp: uniform:50:90, gravity: normal:9.8:0.01}"
+    keys = (
+        "{robot.mass_factors.trunk: uniform:1:2, servo.kp: uniform:50:90, gravity: normal:9.8:0.01}"
+    )
     robots = many("Walk", 6, task=task(tmp_path, f"random: {keys}"), variants=3).unwrapped
     robots.reset(seed=1)
     masses = {float(model.body_mass.sum()) for model in robots._models}
@@ -156,7 +191,10 @@ def test_each_episode_is_in_a_station_that_was_drawn(tmp_path):
 def test_averaged_speeds_begin_anew_with_each_episode(tmp_path):
     """In both environments, by the pace of each moment: the eleventh step of a vector is the first of an episode."""
     file, over = task(tmp_path, "averaged: 0.1\nastray: 0.2"), 0.1
-    robots, one = many("Walk", 2, task=file).unwrapped, gymnasium.make("simrob/Walk-v0", task=file).unwrapped
+    robots, one = (
+        many("Walk", 2, task=file).unwrapped,
+        gymnasium.make("simrob/Walk-v0", task=file).unwrapped,
+    )
     for environment, steps in ((robots, 13), (one, 10)):
         environment.reset(seed=1)
         mean, goal = np.zeros(2), np.array([0.3, 0.0])
@@ -170,15 +208,22 @@ def test_averaged_speeds_begin_anew_with_each_episode(tmp_path):
             ahead = np.exp(-1j * turn) * complex(*speed)
             mean += (1 - np.exp(-0.02 / over)) * (np.array([ahead.real, ahead.imag]) - mean)
             expected = 0.02 * np.exp(-np.sum((mean - goal) ** 2) / 0.2**2)
-            assert np.ravel(info["rewards"]["tracking"])[0] == pytest.approx(expected, rel=1e-6), step
+            assert np.ravel(info["rewards"]["tracking"])[0] == pytest.approx(expected, rel=1e-6), (
+                step
+            )
 
 
 def pace_of(environment):
     """Return how the first robot of an environment faces [rad] and its speed in the world's plane [m/s]."""
     if isinstance(environment, StationVectorEnvironment):
-        pose, velocity = (environment._value(name, environment._motion)[0] for name in ("base_pose", "base_velocity"))
+        pose, velocity = (
+            environment._value(name, environment._motion)[0]
+            for name in ("base_pose", "base_velocity")
+        )
     else:
-        pose, velocity = (environment.episode._value(name) for name in ("base_pose", "base_velocity"))
+        pose, velocity = (
+            environment.episode._value(name) for name in ("base_pose", "base_velocity")
+        )
     w, x, y, z = pose[3:]
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), velocity[:2]
 
@@ -188,7 +233,10 @@ def now(robots):
 
 
 def test_what_grows_goes_by_steps_or_by_returns(tmp_path):
-    push, effort = "{first: [0, 0], last: [0, 90], steps: 30}", "{first: 0, last: -2, returns: [0, 1]}"
+    push, effort = (
+        "{first: [0, 0], last: [0, 90], steps: 30}",
+        "{first: 0, last: -2, returns: [0, 1]}",
+    )
     file = task(tmp_path, f"grows: {{pushes.force: {push}, rewards.effort: {effort}}}")
     robots = many("Walk", 3, task=file).unwrapped
     robots.reset(seed=1)
@@ -205,14 +253,23 @@ def test_what_grows_goes_by_steps_or_by_returns(tmp_path):
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ("random: {sensors.imu.delay: uniform:0:0.1}", r"random is sensors\.imu\.delay; it must be of contact, floor"),
+        (
+            "random: {sensors.imu.delay: uniform:0:0.1}",
+            r"random is sensors\.imu\.delay; it must be of contact, floor",
+        ),
         (
             "random: {robot.base: {values: [[0, 0, 1, 0, 0, 0]]}}",
             r"random is robot\.base; it must be keys that leave joints",
         ),
         ("grows: {pushs.force: {first: 0, last: 1, steps: 9}}", r"'pushs'; did you mean 'pushes'"),
-        ("grows: {pushes.force: {first: [0, 0], last: [9, 0], steps: 9}}", "force is from the least to the largest"),
-        ("grows: {rewards.effort: {first: 0, last: 1}}", "steps or with returns: one of them must be given"),
+        (
+            "grows: {pushes.force: {first: [0, 0], last: [9, 0], steps: 9}}",
+            "force is from the least to the largest",
+        ),
+        (
+            "grows: {rewards.effort: {first: 0, last: 1}}",
+            "steps or with returns: one of them must be given",
+        ),
         ("goals: {low: [0], high: [1]}", "a box of 1 figures"),
     ],
 )

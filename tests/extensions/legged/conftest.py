@@ -18,28 +18,45 @@ class Tree:
         self.robot = ET.Element("robot", name="made")
         self.link("trunk", mass, size=size)
 
-    def link(self, name: str, mass: float, *, size: str = "", radius: float = 0.0, at: str = "0 0 0") -> None:
+    def link(
+        self, name: str, mass: float, *, size: str = "", radius: float = 0.0, at: str = "0 0 0"
+    ) -> None:
         """Add a link with a box or a ball; with neither one that has no shape."""
         link = ET.SubElement(self.robot, "link", name=name)
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=at)
         ET.SubElement(inertial, "mass", value=str(mass))
         moment = str(mass * 0.01)
-        ET.SubElement(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+        ET.SubElement(
+            inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0"
+        )
         if size or radius:
             shape = ET.SubElement(link, "collision")
             ET.SubElement(shape, "origin", xyz=at)
             geometry = ET.SubElement(shape, "geometry")
-            ET.SubElement(geometry, "box", size=size) if size else ET.SubElement(geometry, "sphere", radius=str(radius))
+            ET.SubElement(geometry, "box", size=size) if size else ET.SubElement(
+                geometry, "sphere", radius=str(radius)
+            )
 
-    def joint(self, name: str, parent: str, child: str, at: str, about: str, effort: float, span: float = 2.4) -> None:
+    def joint(
+        self,
+        name: str,
+        parent: str,
+        child: str,
+        at: str,
+        about: str,
+        effort: float,
+        span: float = 2.4,
+    ) -> None:
         """Add a joint that turns."""
         joint = ET.SubElement(self.robot, "joint", name=name, type="revolute")
         ET.SubElement(joint, "parent", link=parent)
         ET.SubElement(joint, "child", link=child)
         ET.SubElement(joint, "origin", xyz=at)
         ET.SubElement(joint, "axis", xyz=ABOUT[about])
-        ET.SubElement(joint, "limit", lower=str(-span), upper=str(span), effort=str(effort), velocity="20")
+        ET.SubElement(
+            joint, "limit", lower=str(-span), upper=str(span), effort=str(effort), velocity="20"
+        )
 
     def write(self, folder: Path) -> Path:
         """Write it into a folder of its own."""
@@ -63,17 +80,29 @@ def dog(*, effort: float = 30.0, ball: bool = True, left: float = 0.2) -> Tree:
     return tree
 
 
-def biped(joints: tuple[str, ...] = ("yaw", "roll", "pitch", "knee", "pitch", "roll"), *, effort: float = 40.0) -> Tree:
+def biped(
+    joints: tuple[str, ...] = ("yaw", "roll", "pitch", "knee", "pitch", "roll"),
+    *,
+    effort: float = 40.0,
+) -> Tree:
     """Return a biped of 5 kg with arms and a head, whose joints say nothing of what they are."""
     tree = Tree(2.6, "0.1 0.16 0.2")
     for side, y in (("p", 0.05), ("q", -0.05)):
         parent, at = "trunk", f"0 {y} -0.1"
         for number, about in enumerate(joints):
             name, last = f"{side}{number}", number == len(joints) - 1
-            tree.link(name, 0.15, size="0.14 0.08 0.02" if last else "", at="0.02 0 -0.03" if last else "0 0 -0.02")
+            tree.link(
+                name,
+                0.15,
+                size="0.14 0.08 0.02" if last else "",
+                at="0.02 0 -0.03" if last else "0 0 -0.02",
+            )
             knee = about == "knee"
             tree.joint(f"{name}j", parent, name, at, "pitch" if knee else about, effort)
-            parent, at = name, "0 0 -0.15" if knee or (joints[number + 1 : number + 2] == ("knee",)) else "0 0 0"
+            parent, at = (
+                name,
+                "0 0 -0.15" if knee or (joints[number + 1 : number + 2] == ("knee",)) else "0 0 0",
+            )
         tree.link(f"{side}arm", 0.15, size="0.03 0.03 0.2", at="0 0 -0.1")
         tree.joint(f"{side}shoulder", "trunk", f"{side}arm", f"0 {2.5 * y} 0.08", "pitch", effort)
     tree.link("skull", 0.2, radius=0.05)
@@ -88,7 +117,9 @@ def spider(spread: float = 0.15, *, turned: bool = False) -> Tree:
         return f"{-left} {ahead} 0" if turned else f"{ahead} {left} 0"
 
     tree = Tree(2.0, "0.4 0.1 0.05" if not turned else "0.1 0.4 0.05")
-    for number, (x, side) in enumerate((x, side) for x in (spread, 0.0, -spread) for side in (1, -1)):
+    for number, (x, side) in enumerate(
+        (x, side) for x in (spread, 0.0, -spread) for side in (1, -1)
+    ):
         tree.link(f"a{number}", 0.05)
         tree.link(f"b{number}", 0.05, at=at(0, 0.05 * side))
         tree.link(f"c{number}", 0.05, radius=0.01, at=at(0, 0.12 * side))

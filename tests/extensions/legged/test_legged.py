@@ -14,7 +14,14 @@ from simrob_drake.extensions.legged import making, report
 from simrob_drake.extensions.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.extensions.legged.making import STAND, WALK, make_legged
 from simrob_drake.extensions.legged.report import Attempt, FastestAxis
-from simrob_drake.extensions.legged.scaling import EXAMPLES, Build, asked_speed, climb_of, gains, walk_of
+from simrob_drake.extensions.legged.scaling import (
+    EXAMPLES,
+    Build,
+    asked_speed,
+    climb_of,
+    gains,
+    walk_of,
+)
 from simrob_drake.extensions.legged.soles import soles_of
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.programs.gaits.climb import Climb
@@ -32,15 +39,25 @@ def seen(file) -> tuple[Anatomy, Stance]:
     robot = robot_from_file(file, ImportOptions(base="floating"))
     clearance = at_home(robot)
     anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
-    stances = Stances(clearance, anatomy.robot).bent_stances([limb.leg for limb in anatomy.legs], (0.85,))
+    stances = Stances(clearance, anatomy.robot).bent_stances(
+        [limb.leg for limb in anatomy.legs], (0.85,)
+    )
     good = (one for one in stances if not anatomy.has_soles or anatomy.knees_ahead(one.posture))
     return anatomy, next(good)
 
 
 def test_limbs_of_a_quadruped_are_told_by_geometry(tmp_path):
     anatomy, stance = seen(dog().write(tmp_path))
-    assert [limb.name for limb in anatomy.legs] == ["front_right", "front_left", "rear_right", "rear_left"]
-    assert anatomy.groups == [["front_right_foot", "rear_left_foot"], ["front_left_foot", "rear_right_foot"]]
+    assert [limb.name for limb in anatomy.legs] == [
+        "front_right",
+        "front_left",
+        "rear_right",
+        "rear_left",
+    ]
+    assert anatomy.groups == [
+        ["front_right_foot", "rear_left_foot"],
+        ["front_left_foot", "rear_right_foot"],
+    ]
     named = dict(zip(anatomy.robot.axes, anatomy.names, strict=True))
     assert [named[f"j1{joint}"] for joint in "abc"] == [
         f"front_right_{part}" for part in ("hip_roll", "hip_pitch", "knee")
@@ -60,14 +77,24 @@ def test_limbs_of_a_biped_are_told_by_geometry(tmp_path):
     assert anatomy.facing == 0.0
     named = dict(zip(anatomy.robot.axes, anatomy.names, strict=True))
     ankle = ["left_knee", "left_ankle_pitch", "left_ankle_roll"]
-    assert [named[f"p{n}j"] for n in range(6)] == ["left_hip_yaw", "left_hip_roll", "left_hip_pitch", *ankle]
-    assert sorted(anatomy.robot.axes[axis] for (axis,) in anatomy.arms) == ["pshoulder", "qshoulder"]
+    assert [named[f"p{n}j"] for n in range(6)] == [
+        "left_hip_yaw",
+        "left_hip_roll",
+        "left_hip_pitch",
+        *ankle,
+    ]
+    assert sorted(anatomy.robot.axes[axis] for (axis,) in anatomy.arms) == [
+        "pshoulder",
+        "qshoulder",
+    ]
     assert [anatomy.robot.axes[axis] for axis in anatomy.head] == ["neck"]
     for limb in anatomy.legs:
         assert limb.knee.straight == pytest.approx(0.0, abs=1e-6)
     for sole in soles_of(anatomy, stance):
         assert sole.flat
-        assert np.ptp(sole.points, axis=0)[:2] + 2 * sole.radius == pytest.approx([0.14, 0.08], abs=1e-3)
+        assert np.ptp(sole.points, axis=0)[:2] + 2 * sole.radius == pytest.approx(
+            [0.14, 0.08], abs=1e-3
+        )
 
 
 def changed(tree, name: str, **values: str):
@@ -81,12 +108,20 @@ def changed(tree, name: str, **values: str):
 
 @pytest.mark.long
 def test_where_a_joint_lies_along_its_axis_does_not_tell_where_a_biped_looks(tmp_path):
-    moved = changed(changed(biped(), "5j", origin__xyz="0.05 0 0"), "5", **{"collision/origin__xyz": "-0.03 0 -0.03"})
+    moved = changed(
+        changed(biped(), "5j", origin__xyz="0.05 0 0"),
+        "5",
+        **{"collision/origin__xyz": "-0.03 0 -0.03"},
+    )
     assert seen(moved.write(tmp_path))[0].facing == 0.0
 
 
-@pytest.mark.parametrize(("lower", "upper", "facing"), [("-1.57", "0.25", 0.0), ("-0.25", "1.57", np.pi)])
-def test_a_biped_whose_knees_bend_both_ways_looks_where_its_thighs_go_farther(tmp_path, lower, upper, facing):
+@pytest.mark.parametrize(
+    ("lower", "upper", "facing"), [("-1.57", "0.25", 0.0), ("-0.25", "1.57", np.pi)]
+)
+def test_a_biped_whose_knees_bend_both_ways_looks_where_its_thighs_go_farther(
+    tmp_path, lower, upper, facing
+):
     even = changed(biped(), "5", **{"collision/origin__xyz": "0 0 -0.03"})
     anatomy, _ = seen(changed(even, "2j", limit__lower=lower, limit__upper=upper).write(tmp_path))
     assert abs(anatomy.facing) == facing
@@ -109,7 +144,9 @@ def test_a_body_as_wide_as_it_is_long_looks_where_its_legs_are_pairs(tmp_path):
 
 def test_legs_whose_drawings_differ_by_a_little_are_a_pair(tmp_path):
     tree = biped()
-    tree.robot.find("joint[@name='p3j']/origin").set("xyz", "0 0 -0.1505")  # 0.30 and 0.31 m if rounded to centimetres
+    tree.robot.find("joint[@name='p3j']/origin").set(
+        "xyz", "0 0 -0.1505"
+    )  # 0.30 and 0.31 m if rounded to centimetres
     for side in "pq":
         tree.robot.find(f"joint[@name='{side}2j']/origin").set("xyz", "0 0 -0.0048")
     assert len(seen(tree.write(tmp_path))[0].legs) == 2
@@ -142,16 +179,26 @@ def test_legs_without_limits_stand_alike(tmp_path):
 def test_a_walk_scales_as_pendulums_do():
     (model, *_) = EXAMPLES[2]
     build, half, four = model.build, 0.5, 0.25
-    small = Build(four * build.height, build.mass, four * build.spread, (four * build.sole[0], four * build.sole[1]))
+    small = Build(
+        four * build.height,
+        build.mass,
+        four * build.spread,
+        (four * build.sole[0], four * build.sole[1]),
+    )
     known = gaits_file(load_robot(model.name)).section("reacting")
     own = {"height": 0.1, "groups": [["right_foot"], ["left_foot"]], "posture": {}}
     walk = walk_of(small, model, **own)
     assert walk["step_time"] == pytest.approx(half * known["step_time"], rel=0.01)
     assert walk["lift"] == pytest.approx(four * known["lift"], rel=0.01)
     assert walk["max_speed"]["ahead"] == pytest.approx(half * known["max_speed"]["ahead"], rel=0.01)
-    assert walk["feedback"]["com_rate"] == pytest.approx(known["feedback"]["com_rate"] / half, rel=0.01)
+    assert walk["feedback"]["com_rate"] == pytest.approx(
+        known["feedback"]["com_rate"] / half, rel=0.01
+    )
     assert gains(small, model)["kp"] == pytest.approx(four * gains(build, model)["kp"], rel=0.01)
-    climb, stairs = climb_of(small, walk, 0.5), gaits_file(load_robot(model.name)).section("climbs")["climb"]
+    climb, stairs = (
+        climb_of(small, walk, 0.5),
+        gaits_file(load_robot(model.name)).section("climbs")["climb"],
+    )
     assert climb["step_time"] == pytest.approx(half * Climb(**stairs).step_time, rel=0.01)
     assert climb["lift"] == pytest.approx(0.5 * four * Climb(**stairs).lift, rel=0.01)
     assert climb["overhang"] == pytest.approx(four * Climb(**stairs).overhang, rel=0.02)
@@ -160,9 +207,14 @@ def test_a_walk_scales_as_pendulums_do():
     (dogs,) = EXAMPLES[4]
     large = Build(4.0 * dogs.build.height, 1.0, 2.0 * dogs.build.spread, (0.0, 0.0))
     walk = {"groups": [["a", "b"], ["c", "d"]], "bearing": {"height": 1.2, "posture_deg": {}}}
-    climb, known = climb_of(large, walk), Climb(**gaits_file(load_robot(dogs.name)).section("climbs")["climb"])
+    climb, known = (
+        climb_of(large, walk),
+        Climb(**gaits_file(load_robot(dogs.name)).section("climbs")["climb"]),
+    )
     assert climb["rise"] == pytest.approx(4.0 * known.rise, rel=0.01)
-    assert climb["inside"] == pytest.approx(2.0 * known.inside, rel=0.01)  # their feet are nearer together
+    assert climb["inside"] == pytest.approx(
+        2.0 * known.inside, rel=0.01
+    )  # their feet are nearer together
     assert climb["step_time"] == pytest.approx(2.0 * known.step_time, rel=0.01)
     assert "feet" not in climb
 
@@ -180,7 +232,10 @@ LESS = {
 
 @pytest.mark.parametrize(
     ("tree", "said"),
-    [pytest.param(*given, id=name, marks=[] if "shape" in name else pytest.mark.long) for name, given in LESS.items()],
+    [
+        pytest.param(*given, id=name, marks=[] if "shape" in name else pytest.mark.long)
+        for name, given in LESS.items()
+    ],
 )
 def test_what_cannot_be_done_is_one_line_and_the_rest_is_kept(tmp_path, capsys, tree, said):
     file, folder = tree().write(tmp_path), tmp_path / "out"
@@ -199,7 +254,10 @@ def test_meshes_that_are_not_there_are_told_with_what_cannot_be_done(tmp_path):
         geometry.remove(geometry[0])
         ET.SubElement(geometry, "mesh", filename="feet/ball.stl")
     made = make_legged(tree.write(tmp_path), tmp_path / "out")
-    assert "4 collision shapes were not read, the first: link 'c0' <collision>: mesh 'feet/ball.stl'" in made.problem
+    assert (
+        "4 collision shapes were not read, the first: link 'c0' <collision>: mesh 'feet/ball.stl'"
+        in made.problem
+    )
 
 
 @pytest.mark.long
@@ -235,7 +293,10 @@ def test_a_root_under_the_ground_is_moved_up_to_the_hips(tmp_path, monkeypatch):
     made = make_legged(lowered(dog(), 0.5).write(tmp_path), tmp_path / "out")
     assert made.problem == ""
     (root,) = [line for line in made.found if "frame of the root" in line]
-    assert root == "the frame of the root trunk is 0.500 m below the hips in the source; here it is level with them"
+    assert (
+        root
+        == "the frame of the root trunk is 0.500 m below the hips in the source; here it is level with them"
+    )
     station = load_station(tmp_path / "out" / STAND)
     other = tmp_path / "other"
     other.mkdir()
@@ -301,7 +362,9 @@ def test_a_walk_that_is_too_fast_for_its_motors_is_tried_with_slower_steps(tmp_p
     def tried(station, trial, speed=0.0):
         fastest = None
         if trial == "walks":
-            step_times.append(yaml.safe_load((station.parent / "gaits.yaml").read_text())["reacting"]["step_time"])
+            step_times.append(
+                yaml.safe_load((station.parent / "gaits.yaml").read_text())["reacting"]["step_time"]
+            )
             fastest = FastestAxis("left_knee", 0.9 if step_times[-1] > 1.9 * step_times[0] else 1.5)
         return Attempt(trial, True, "done", fastest=fastest)
 
@@ -318,11 +381,16 @@ def test_a_walk_that_is_too_fast_for_its_motors_is_tried_with_slower_steps(tmp_p
 @pytest.mark.long
 def test_joints_that_are_faster_than_their_motors_stand_under_next(tmp_path, monkeypatch):
     fastest = FastestAxis("left_knee", 1.78)
-    monkeypatch.setattr(making, "attempt", lambda _, trial, speed=0.0: Attempt(trial, True, "done", fastest=fastest))
+    monkeypatch.setattr(
+        making, "attempt", lambda _, trial, speed=0.0: Attempt(trial, True, "done", fastest=fastest)
+    )
     monkeypatch.setattr(making, "attempt_climb", lambda *_, **__: Attempt("climbs", True, "done"))
     make_legged(dog().write(tmp_path), tmp_path / "out")
     _, following = (tmp_path / "out" / "legged.md").read_text().split("## Next")
-    assert "walks: left_knee turns at 178% of the speed of its motor; give the walk a longer step_time" in following
+    assert (
+        "walks: left_knee turns at 178% of the speed of its motor; give the walk a longer step_time"
+        in following
+    )
 
 
 def test_feet_that_a_robot_has_already_are_told(tmp_path):
@@ -357,7 +425,9 @@ def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
     assert (tmp_path / "out" / "legged.png").is_file()
     for station in (STAND, WALK):
         assert not [
-            finding for finding in check_station(load_station(tmp_path / "out" / station)) if finding.level == "error"
+            finding
+            for finding in check_station(load_station(tmp_path / "out" / station))
+            if finding.level == "error"
         ]
 
 
@@ -378,8 +448,14 @@ def test_a_tuned_walk_tells_how_many_trials_were_made_and_keeps_the_best(tmp_pat
     monkeypatch.setattr(tuning, "Proof", type("Proof", (), {"of": staticmethod(lambda *_: None)}))
     for name in ("StudyFolder", "ProofFolder"):
         monkeypatch.setattr(tuning, name, Searched)
-    (tmp_path / WALK).write_text(yaml.safe_dump({"controllers": {"walk": {"commands": [{"ahead": 0.1}]}}}))
+    (tmp_path / WALK).write_text(
+        yaml.safe_dump({"controllers": {"walk": {"commands": [{"ahead": 0.1}]}}})
+    )
     (tmp_path / "gaits.yaml").write_text(yaml.safe_dump({"reacting": {"lift": 0.02}}))
     said = list(tuning.tune_walk(tmp_path, 0.0))
-    assert said == ["tuned: 8 trials, cost 2 before and 1 with the best", "lift: 0.02 -> 0.03", "Proven."]
+    assert said == [
+        "tuned: 8 trials, cost 2 before and 1 with the best",
+        "lift: 0.02 -> 0.03",
+        "Proven.",
+    ]
     assert yaml.safe_load((tmp_path / "gaits.yaml").read_text()) == {"reacting": {"lift": 0.03}}

@@ -23,7 +23,14 @@ from tests.stations.test_backlash import rod as loose_rod  # noqa: F401  # a fix
 pytestmark = pytest.mark.usefixtures("no_plots")
 
 POSTURE = np.full(6, np.deg2rad(30.0))
-MASS, ARM, INERTIA, KP, KD, DAMPING = 2.0, 0.25, 0.04, 60.0, 1.5, 0.2  # of a rod of half a metre about a level axis
+MASS, ARM, INERTIA, KP, KD, DAMPING = (
+    2.0,
+    0.25,
+    0.04,
+    60.0,
+    1.5,
+    0.2,
+)  # of a rod of half a metre about a level axis
 
 ROD = f"""
 dh:
@@ -39,7 +46,9 @@ axes: {{lift: {{joint: joint_1, sign: -1}}}}
 @pytest.fixture
 def rod(tmp_path: Path) -> Path:
     (tmp_path / "robot.yaml").write_text(ROD)
-    (tmp_path / "rod.yaml").write_text(f"robot: {{model: robot.yaml}}\nservo: {{kp: {KP}, kd: {KD}}}\n")
+    (tmp_path / "rod.yaml").write_text(
+        f"robot: {{model: robot.yaml}}\nservo: {{kp: {KP}, kd: {KD}}}\n"
+    )
     return tmp_path / "rod.yaml"
 
 
@@ -56,15 +65,30 @@ def test_a_rod_is_its_closed_form(rod: Path) -> None:
     rest = model.x0[0]
     assert KP * (0.3 - rest) + weight * np.cos(rest) == pytest.approx(0, abs=1e-9)
     stiffness = KP + weight * np.sin(rest)
-    np.testing.assert_allclose(model.A, [[0, 1], [-stiffness / inertia, -(KD + DAMPING) / inertia]], atol=1e-9)
+    np.testing.assert_allclose(
+        model.A, [[0, 1], [-stiffness / inertia, -(KD + DAMPING) / inertia]], atol=1e-9
+    )
     assert model.states == ("q.lift", "v.lift")
-    assert model.inputs == ("reference.lift", "reference_velocity.lift", *(f"external_force.{x}" for x in "xyz"))
-    np.testing.assert_allclose(model.B[1], [KP / inertia, KD / inertia, 0, -0.5 / inertia, 0], atol=1e-9)
+    assert model.inputs == (
+        "reference.lift",
+        "reference_velocity.lift",
+        *(f"external_force.{x}" for x in "xyz"),
+    )
+    np.testing.assert_allclose(
+        model.B[1], [KP / inertia, KD / inertia, 0, -0.5 / inertia, 0], atol=1e-9
+    )
     assert model.outputs[:3] == ("q.lift", "v.lift", "tau.lift")
     np.testing.assert_allclose(model.part(outputs=["tau"]).C, [[-KP, -KD]], atol=1e-9)
     np.testing.assert_allclose(model.part(outputs=["tau"]).D[0, :2], [KP, KD], atol=1e-9)
     gain = model.part(inputs=["reference"], outputs=["q", "tcp"]).response([0.0])[0, :, 0].real
-    moved = [-0.5 * np.sin(rest), 0, -0.5 * np.cos(rest), 0, 1, 0]  # about the level axis, downwards
+    moved = [
+        -0.5 * np.sin(rest),
+        0,
+        -0.5 * np.cos(rest),
+        0,
+        1,
+        0,
+    ]  # about the level axis, downwards
     np.testing.assert_allclose(gain, KP / stiffness * np.array([1, *moved]), atol=1e-9)
     mode = model.modes[0]
     omega = np.sqrt(stiffness / inertia)
@@ -81,9 +105,13 @@ def test_a_robot_that_takes_feedforward_rests_where_it_is_asked(rod: Path) -> No
     weight = MASS * STANDARD_GRAVITY * ARM
     assert model.u0[1] == pytest.approx(-weight * np.cos(0.3))
     inertia = INERTIA + MASS * ARM**2
-    roots = np.roots([inertia, DAMPING, weight * np.sin(0.3)])  # the rod hangs below the level, and swings
+    roots = np.roots(
+        [inertia, DAMPING, weight * np.sin(0.3)]
+    )  # the rod hangs below the level, and swings
     np.testing.assert_allclose(np.sort_complex(model.poles), np.sort_complex(roots), atol=1e-9)
-    gain, _ = LinearQuadraticRegulator(model.A, model.part(inputs=["feedforward"]).B, np.eye(2), np.eye(1))
+    gain, _ = LinearQuadraticRegulator(
+        model.A, model.part(inputs=["feedforward"]).B, np.eye(2), np.eye(1)
+    )
     assert (np.linalg.eigvals(model.A - model.part(inputs=["feedforward"]).B @ gain).real < 0).all()
 
 
@@ -92,11 +120,21 @@ def test_a_robot_that_takes_feedforward_rests_where_it_is_asked(rod: Path) -> No
     [
         {"servo.realization": "implicit"},
         {"servo.realization": "vector", "solver": {"kind": "continuous", "scheme": "cenic"}},
-        {"servo.realization": "implicit", "solver": {"kind": "discrete", "time_step": 1e-3}, "contact": {}},
-        {"robot.drives.friction": 3.0, "solver": {"kind": "continuous", "scheme": "cenic"}, "monitors": {"fall": None}},
+        {
+            "servo.realization": "implicit",
+            "solver": {"kind": "discrete", "time_step": 1e-3},
+            "contact": {},
+        },
+        {
+            "robot.drives.friction": 3.0,
+            "solver": {"kind": "continuous", "scheme": "cenic"},
+            "monitors": {"fall": None},
+        },
     ],
 )
-def test_it_is_the_same_model_however_the_station_is_solved(arm: LinearModel, changes: dict) -> None:
+def test_it_is_the_same_model_however_the_station_is_solved(
+    arm: LinearModel, changes: dict
+) -> None:
     changes.pop("monitors", None)
     other = linearize(load_station("irb120_dynamic", changes), POSTURE)
     np.testing.assert_allclose(other.A, arm.A, rtol=1e-9, atol=1e-9)
@@ -106,8 +144,13 @@ def test_it_is_the_same_model_however_the_station_is_solved(arm: LinearModel, ch
 
 
 def test_the_note_on_controllers_says_what_the_input_of_the_model_is() -> None:
-    (note,) = [note for note in linearize("irb120_force_control").notes if note.startswith("controllers")]
-    assert note == "controllers: they are not part of the model, whose input is the reference that they would drive"
+    (note,) = [
+        note for note in linearize("irb120_force_control").notes if note.startswith("controllers")
+    ]
+    assert (
+        note
+        == "controllers: they are not part of the model, whose input is the reference that they would drive"
+    )
 
 
 @pytest.mark.long
@@ -117,7 +160,9 @@ def test_it_is_what_runs_do_that_differ_a_little(arm: LinearModel) -> None:
     Steps of one length, of third order, are within 1e-6 here; their errors are the same on both sides.
     """
     time, step = 0.05, 1e-4
-    config = load_station("irb120_dynamic", {"solver.error_control": False, "solver.max_step": 5e-4, "duration": time})
+    config = load_station(
+        "irb120_dynamic", {"solver.error_control": False, "solver.max_step": 5e-4, "duration": time}
+    )
     runner = Runner(config)
     count = len(POSTURE)
     at_rest = runner.run(reference=([0, time], [POSTURE, POSTURE]), progress=False).final_state
@@ -135,25 +180,37 @@ def test_it_is_what_runs_do_that_differ_a_little(arm: LinearModel) -> None:
 
     np.testing.assert_allclose(end(arm.x0, POSTURE), arm.x0, rtol=0, atol=1e-8)  # it rests
     moves = step * np.eye(2 * count)
-    flow = np.column_stack([(end(arm.x0 + d, POSTURE) - end(arm.x0 - d, POSTURE)) / (2 * step) for d in moves])
+    flow = np.column_stack(
+        [(end(arm.x0 + d, POSTURE) - end(arm.x0 - d, POSTURE)) / (2 * step) for d in moves]
+    )
     augmented = expm(time * np.block([[arm.A, arm.B], [np.zeros((count, 3 * count))]]))
     np.testing.assert_allclose(flow, augmented[:12, :12], rtol=0, atol=1e-5 * np.abs(flow).max())
     pushes = step * np.eye(count)
-    driven = np.column_stack([(end(arm.x0, POSTURE + d) - end(arm.x0, POSTURE - d)) / (2 * step) for d in pushes])
-    np.testing.assert_allclose(driven, augmented[:12, 12:], rtol=0, atol=1e-5 * np.abs(driven).max())
+    driven = np.column_stack(
+        [(end(arm.x0, POSTURE + d) - end(arm.x0, POSTURE - d)) / (2 * step) for d in pushes]
+    )
+    np.testing.assert_allclose(
+        driven, augmented[:12, 12:], rtol=0, atol=1e-5 * np.abs(driven).max()
+    )
 
 
 def test_poles_foretell_how_the_move_swings_out(arm: LinearModel) -> None:
     """Joint 2 after the 30 degree move of a converged run: frequency and decay of the slowest mode within 2 %."""
     slowest = arm.modes[0]
     assert slowest.mostly == "joint_2"
-    result = simulate(load_station("irb120_dynamic", {"solver.accuracy": 1e-5, "sample_rate": 500}), progress=False)
+    result = simulate(
+        load_station("irb120_dynamic", {"solver.accuracy": 1e-5, "sample_rate": 500}),
+        progress=False,
+    )
     late = (result.times > 1.4) & (result.times < 2.4)
     times, way = result.times[late] - 1.4, 1e3 * (result["q.joint_2"][late] - arm.x0[1])
 
     def missed(found: np.ndarray) -> np.ndarray:
         decay, turn, cosine, sine = found
-        return np.exp(decay * times) * (cosine * np.cos(turn * times) + sine * np.sin(turn * times)) - way
+        return (
+            np.exp(decay * times) * (cosine * np.cos(turn * times) + sine * np.sin(turn * times))
+            - way
+        )
 
     decay, turn, *_ = least_squares(missed, [-1.0, 25.0, 1.0, 1.0]).x
     assert slowest.pole.real == pytest.approx(decay, rel=0.02)
@@ -175,7 +232,9 @@ def test_it_is_saved_with_names_and_drawn(arm: LinearModel, tmp_path: Path) -> N
     frequencies, size = figure.axes[0].lines[0].get_data()
     expected = 20 * np.log10(np.abs(arm.response(frequencies)[:, 1, 1]))
     np.testing.assert_allclose(size, expected, atol=1e-9)
-    assert size[0] == pytest.approx(20 * np.log10(abs(arm.response([0])[0, 1, 1])), abs=0.5)  # flat below all poles
+    assert size[0] == pytest.approx(
+        20 * np.log10(abs(arm.response([0])[0, 1, 1])), abs=0.5
+    )  # flat below all poles
     shape = arm.system().get_output_port().size(), arm.system().get_input_port().size()
     assert shape == (len(arm.outputs), len(arm.inputs))
 
@@ -184,15 +243,26 @@ def test_two_arms_and_integrators_have_names_of_their_own() -> None:
     two = linearize("two_irb120")
     assert {"left.q.joint_1", "right.v.joint_6"} <= set(two.states)
     assert "right.tcp.z" in two.outputs
-    integral = linearize(load_station("irb120_dynamic", {"servo.ki": 100, "servo.realization": "vector"}), POSTURE)
+    integral = linearize(
+        load_station("irb120_dynamic", {"servo.ki": 100, "servo.realization": "vector"}), POSTURE
+    )
     assert integral.states[12] == "servo.integrator.0"
     np.testing.assert_allclose(integral.x0[:6], POSTURE, atol=1e-9)  # it does not sag
 
 
 @pytest.mark.long
-def test_the_command_prints_poles_and_saves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_poles_and_saves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "linear"
-    command = ["linearize", "irb120_dynamic", "--out", str(folder), "--set", "robot.drives.friction=2"]
+    command = [
+        "linearize",
+        "irb120_dynamic",
+        "--out",
+        str(folder),
+        "--set",
+        "robot.drives.friction=2",
+    ]
     assert run_command([*command, "--at", "{joint_2: 30, joint_3: 20}"]) == 0
     out = capsys.readouterr().out
     model = linearize("irb120_dynamic", np.deg2rad([0, 30, 20, 0, 0, 0]))
@@ -202,7 +272,11 @@ def test_the_command_prints_poles_and_saves(tmp_path: Path, capsys: pytest.Captu
     with np.load(folder / "linear.npz") as saved:
         np.testing.assert_allclose(saved["A"], model.A, atol=1e-12)
     assert run_command([*command, "--at", "30"]) == 2  # it is there
-    for wrong, told in (("[1, 2]", "6 numbers"), ("{joint_9: 1}", "joint_6"), ("fast", "numbers per axis")):
+    for wrong, told in (
+        ("[1, 2]", "6 numbers"),
+        ("{joint_9: 1}", "joint_6"),
+        ("fast", "numbers per axis"),
+    ):
         assert run_command([*command, "--force", "--at", wrong]) == 2
         assert told in capsys.readouterr().err
 
@@ -213,7 +287,12 @@ def test_the_command_prints_poles_and_saves(tmp_path: Path, capsys: pytest.Captu
         ("irb120_kinematic", {}, None, "dynamic"),
         ("bouncing_ball", {}, None, "with robots"),
         ("humanoid_dynamic", {}, None, "fixed base"),
-        ("irb120_dynamic", {"servo.torque_limit": 2}, POSTURE, "joint_2 takes 20.79 N·m, and has 2"),
+        (
+            "irb120_dynamic",
+            {"servo.torque_limit": 2},
+            POSTURE,
+            "joint_2 takes 20.79 N·m, and has 2",
+        ),
         ("irb120_dynamic", {"servo.kp": 0}, POSTURE, "raise servo.kp, or list feedforward"),
         ("irb120_dynamic", {}, np.full(6, 4.0), "within the joint limits"),
         ("irb120_dynamic", {}, {"left": POSTURE}, "robot"),

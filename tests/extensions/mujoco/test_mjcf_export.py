@@ -19,7 +19,9 @@ def replayed(file: Path) -> mujoco.MjData:
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
-    rows = np.loadtxt(file.with_name(f"{file.stem}_mjcf") / "controls.csv", delimiter=",", skiprows=1)
+    rows = np.loadtxt(
+        file.with_name(f"{file.stem}_mjcf") / "controls.csv", delimiter=",", skiprows=1
+    )
     for row in rows[:-1]:
         data.ctrl[:] = row[1:]
         mujoco.mj_step(model, data)
@@ -32,7 +34,11 @@ def test_a_file_moves_as_the_roll_out_does(station: str, tmp_path: Path) -> None
     push = {"forces": {"shove": {"kind": "push", "at": "trunk", "start": 0.1, "force": [0, 20, 0]}}}
     overrides = {"duration": 0.5, **(push if station == "yobotics_dynamic" else {})}
     file = tmp_path / "out" / "station.xml"
-    told = [f"--set={key}={value}".replace("'", "") for key, value in overrides.items() if key == "duration"]
+    told = [
+        f"--set={key}={value}".replace("'", "")
+        for key, value in overrides.items()
+        if key == "duration"
+    ]
     config = load_station(station, overrides)
     if station == "yobotics_dynamic":
         from simrob_drake.extensions.mujoco.export import save_mjcf
@@ -43,11 +49,15 @@ def test_a_file_moves_as_the_roll_out_does(station: str, tmp_path: Path) -> None
     data, runner = replayed(file), MujocoRunner(config)
     assert data.time == pytest.approx(0.5)
     q = runner.built.coordinates.to_drake(np.hstack([data.qpos, data.qvel])[np.newaxis])
-    np.testing.assert_allclose(q[0, : len(data.qpos)], runner.run().positions_at(np.array([0.5]))[0], atol=1e-5)
+    np.testing.assert_allclose(
+        q[0, : len(data.qpos)], runner.run().positions_at(np.array([0.5]))[0], atol=1e-5
+    )
 
 
 def test_a_file_can_be_moved_with_its_folder_and_shows_the_robot(tmp_path: Path) -> None:
-    assert run_command(["export", "irb120_dynamic", "--mjcf", str(tmp_path / "here" / "arm.xml")]) == 0
+    assert (
+        run_command(["export", "irb120_dynamic", "--mjcf", str(tmp_path / "here" / "arm.xml")]) == 0
+    )
     (tmp_path / "here").rename(tmp_path / "there")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "arm.xml"))
     assert model.nmesh == 18
@@ -60,26 +70,44 @@ def test_a_file_can_be_moved_with_its_folder_and_shows_the_robot(tmp_path: Path)
 @pytest.mark.parametrize(
     ("station", "overrides", "told"),
     [
-        ("irb120_kinematic", {}, r"mode is kinematic; it must be dynamic: MJCF moves things by forces"),
+        (
+            "irb120_kinematic",
+            {},
+            r"mode is kinematic; it must be dynamic: MJCF moves things by forces",
+        ),
         ("humanoid_balance", {}, r"controllers: MJCF holds no controllers; leave it out"),
         ("irb120_cobot", {}, r"servo.admittance_gain is 1000.0; it must be 0"),
         ("irb120_dynamic", {"servo.law": "cascade"}, r"servo.law is cascade; it must be pid"),
-        ("irb120_dynamic", {"servo.feedforward": "gravity"}, r"servo.feedforward is gravity; it must be none"),
+        (
+            "irb120_dynamic",
+            {"servo.feedforward": "gravity"},
+            r"servo.feedforward is gravity; it must be none",
+        ),
         (
             "humanoid_dynamic",
             {"contact.model": "hydroelastic", "robot.feet": "soles"},
             r"contact.model is hydroelastic",
         ),
-        ("irb120_dynamic", {"inputs": ["reference_velocity"], "servo.ki": 1.0}, r"servo.ki is .* must be 0 with"),
+        (
+            "irb120_dynamic",
+            {"inputs": ["reference_velocity"], "servo.ki": 1.0},
+            r"servo.ki is .* must be 0 with",
+        ),
         (
             "irb120_dynamic",
             {"inputs": ["reference_velocity"], "servo.kp": 0.0},
             r"servo.kp is .* must be positive with",
         ),
-        ("two_irb120", {"robots.left.servo": {"law": "cascade"}}, r"robots.left.servo.law is cascade"),
+        (
+            "two_irb120",
+            {"robots.left.servo": {"law": "cascade"}},
+            r"robots.left.servo.law is cascade",
+        ),
     ],
 )
-def test_what_mjcf_cannot_say_is_refused(station: str, overrides: dict[str, object], told: str) -> None:
+def test_what_mjcf_cannot_say_is_refused(
+    station: str, overrides: dict[str, object], told: str
+) -> None:
     with pytest.raises(SimrobError, match=told):
         MujocoRunner(load_station(station, overrides))
 
@@ -92,8 +120,14 @@ def test_bad_input_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[
         ([*export, str(file)], "exists already"),
         ([*export, str(tmp_path / "ball.mjcf")], "a file that ends in .xml"),
         ([*export, str(tmp_path / "other.xml"), "--step", "0"], "step is 0.0; it must be"),
-        ([*export, str(tmp_path / "other.xml"), "--step", "1e-9"], "at least 3e-06 s for a duration of 3 s"),
-        (["export", "bouncing_bal", "--mjcf", str(tmp_path / "other.xml")], "did you mean 'bouncing_ball'"),
+        (
+            [*export, str(tmp_path / "other.xml"), "--step", "1e-9"],
+            "at least 3e-06 s for a duration of 3 s",
+        ),
+        (
+            ["export", "bouncing_bal", "--mjcf", str(tmp_path / "other.xml")],
+            "did you mean 'bouncing_ball'",
+        ),
         (["export", "bouncing_ball"], "--mjcf"),
         ([*export, "/proc/none/ball.xml"], "cannot be written"),
     ):
@@ -106,7 +140,9 @@ def test_bad_input_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert run_command([*export, str(file), "--force"]) == 0
 
 
-def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+def test_without_mujoco_the_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
+) -> None:
     monkeypatch.setattr("simrob_drake.base.extras.find_spec", lambda name: None)
     assert run_command(["export", "bouncing_ball", "--mjcf", str(tmp_path / "ball.xml")]) == 2
     assert "simrob export needs the extra mujoco: pip install" in capsys.readouterr().err

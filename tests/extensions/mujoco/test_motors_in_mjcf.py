@@ -15,9 +15,13 @@ from tests.stations.test_motors import FASTEST, KD, KP, MOTOR, STALL, angles_by_
 def test_plain_mjcf_has_motors_as_dampers_beside_servos(joint: Path) -> None:  # noqa: F811
     mujoco = pytest.importorskip("mujoco")
     config = load_station(joint, MOTOR)
-    with pytest.raises(SimrobError, match=r"servo\.motor is given; it must be none, or a whole damper"):
+    with pytest.raises(
+        SimrobError, match=r"servo\.motor is given; it must be none, or a whole damper"
+    ):
         check_sayable(config, resolve(config).robots)
-    built = BuiltStation.of(load_station(joint, {**MOTOR, "servo.realization": "implicit"}), step=1e-3)
+    built = BuiltStation.of(
+        load_station(joint, {**MOTOR, "servo.realization": "implicit"}), step=1e-3
+    )
     data = mujoco.MjData(built.model)
     angles = [0.0]
     told = []

@@ -51,7 +51,9 @@ def velocity_map(both: Both) -> np.ndarray:
     (robot,) = both.station.robots.values()
     matrix = np.zeros((both.model.nv, both.model.nv))
     base = robot.root.body().floating_velocities_start_in_v()
-    matrix[base : base + 3, 3:6] = both.data.xmat[both.model.body(robot.root.name()).id].reshape(3, 3)
+    matrix[base : base + 3, 3:6] = both.data.xmat[both.model.body(robot.root.name()).id].reshape(
+        3, 3
+    )
     matrix[base + 3 : base + 6, :3] = np.eye(3)
     for joint in robot.joints:
         matrix[joint.velocity_start(), both.model.joint(joint.name()).dofadr[0]] = 1
@@ -77,7 +79,11 @@ def test_the_inertia_matrix_is_the_same_in_a_random_posture(both: Both) -> None:
 
 def test_the_feet_are_where_they_are_in_the_plant(both: Both) -> None:
     (robot,) = both.station.robots.values()
-    feet = [f"{link}_contact_{number}" for link in robot.feet.links for number in range(len(robot.feet.points[link]))]
+    feet = [
+        f"{link}_contact_{number}"
+        for link in robot.feet.links
+        for number in range(len(robot.feet.points[link]))
+    ]
     spheres = [both.model.geom(name).id for name in feet]
     expected = [
         both.station.plant.GetFrameByName(link).CalcPoseInWorld(both.context) @ np.array(point)
@@ -97,7 +103,9 @@ def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:
     for joint, speed in zip(robot.joints, speeds, strict=True):
         both.data.joint(joint.name()).qvel[0] = speed
     away = np.linspace(-0.1, 0.1, len(robot.axes))
-    both.data.ctrl[:] = robot.axis_map.signs * [joint.get_angle(both.context) for joint in robot.joints] + away
+    both.data.ctrl[:] = (
+        robot.axis_map.signs * [joint.get_angle(both.context) for joint in robot.joints] + away
+    )
     mujoco.mj_forward(both.model, both.data)
     limit = robot.gains.torque_limit
     wanted = robot.gains.kp * away - robot.gains.kd * robot.axis_map.signs * speeds
@@ -114,5 +122,7 @@ def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:
 
 def test_what_quick_roll_outs_leave_out_is_told():
     with_imu = load_station("humanoid_dynamic", {"sensors": {"head": {"kind": "imu"}}})
-    assert any("head are left out" in text for text in MujocoRunner(with_imu).run(duration=0.02).warnings)
+    assert any(
+        "head are left out" in text for text in MujocoRunner(with_imu).run(duration=0.02).warnings
+    )
     assert MujocoRunner(load_station("humanoid_dynamic")).run(duration=0.02).warnings == []

@@ -16,8 +16,17 @@ from simrob_drake.stations.config import StationConfig
 STEP = 1e-3
 
 
-def ran(station: str, overrides: dict[str, object], *, step: float = STEP, integrator: str = "implicitfast", **how):
-    return MujocoRunner(load_station(station, overrides), step=step, integrator=integrator).run(**how)
+def ran(
+    station: str,
+    overrides: dict[str, object],
+    *,
+    step: float = STEP,
+    integrator: str = "implicitfast",
+    **how,
+):
+    return MujocoRunner(load_station(station, overrides), step=step, integrator=integrator).run(
+        **how
+    )
 
 
 def test_free_fall() -> None:
@@ -31,7 +40,12 @@ def test_free_fall() -> None:
 
 def test_a_push_gives_its_whole_impulse_whatever_the_steps() -> None:
     push = {"push": {"at": "ball", "start": 0.0103, "duration": 0.0219, "force": [3.0, 0.0, -1.0]}}
-    overrides = {"forces": push, "gravity": 0.0, "duration": 0.1, "pieces.ball.pose": [0, 0, 5, 0, 0, 0]}
+    overrides = {
+        "forces": push,
+        "gravity": 0.0,
+        "duration": 0.1,
+        "pieces.ball.pose": [0, 0, 5, 0, 0, 0],
+    }
     result = ran("bouncing_ball", overrides, step=4e-3)
     speed = np.array([3.0, 0.0, -1.0]) * 0.0219 / 0.9048
     np.testing.assert_allclose(result.piece_velocity("ball")[-1, :3], speed, atol=1e-5)
@@ -54,11 +68,16 @@ def test_the_period_of_a_pendulum_is_its_elliptic_integral(tmp_path) -> None:
         "servo: {kp: 0, kd: 0}\nduration: 4\nsample_rate: 1000\n"
     )
     result = MujocoRunner(tmp_path / "station.yaml", step=5e-4, integrator="RK4").run()
-    angle, period = result["q.hinge"], 4 * np.sqrt(0.5 / STANDARD_GRAVITY) * ellipk(np.sin(start / 2) ** 2)
+    angle, period = (
+        result["q.hinge"],
+        4 * np.sqrt(0.5 / STANDARD_GRAVITY) * ellipk(np.sin(start / 2) ** 2),
+    )
     crossings = np.flatnonzero((angle[:-1] > 0) & (angle[1:] <= 0))
     parts = angle[crossings] / (angle[crossings] - angle[crossings + 1])
     measured = np.diff(result.times[crossings] + parts * 1e-3).mean()
-    assert measured == pytest.approx(period, rel=1e-5)  # of straight lines between samples 1 ms apart
+    assert measured == pytest.approx(
+        period, rel=1e-5
+    )  # of straight lines between samples 1 ms apart
 
 
 def test_energy_of_a_double_pendulum_is_kept() -> None:
@@ -93,7 +112,9 @@ def test_momentum_in_flight_is_that_of_its_weight() -> None:
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, centre)
     weight = plant.CalcTotalMass(context) * STANDARD_GRAVITY
     np.testing.assert_allclose(momentum.translational(), [0, 0, -0.4 * weight], atol=2e-4 * weight)
-    arm = 0.1 * np.pi / 3 / 0.4 * 0.02  # about what the arm alone has: 0.1 kg at 0.14 m, by 60 deg in 0.4 s
+    arm = (
+        0.1 * np.pi / 3 / 0.4 * 0.02
+    )  # about what the arm alone has: 0.1 kg at 0.14 m, by 60 deg in 0.4 s
     np.testing.assert_allclose(momentum.rotational(), 0, atol=0.01 * arm)
 
 
@@ -102,7 +123,9 @@ def box() -> SimulationResult:
     return ran("box_on_floor", {"duration": 1.0})
 
 
-def test_a_box_at_rest_presses_with_its_weight_and_sinks_in_by_its_springs(box: SimulationResult) -> None:
+def test_a_box_at_rest_presses_with_its_weight_and_sinks_in_by_its_springs(
+    box: SimulationResult,
+) -> None:
     weight = 2.0 * STANDARD_GRAVITY
     assert box["force.floor.z"][-1] == pytest.approx(weight, rel=1e-6)
     assert box["distance.gap"][-1] == pytest.approx(-weight / (4 * 1e5), rel=1e-4)
@@ -126,7 +149,10 @@ def test_a_ball_bounces_as_high_as_in_drake() -> None:
 def test_a_block_on_an_incline_slides_as_coulomb_says() -> None:
     """At 20 degrees with a coefficient of 0.2 it slides with g (sin a - 0.2 cos a); with 0.5 it stays."""
     incline = np.deg2rad(20)
-    for friction, expected in ((0.2, STANDARD_GRAVITY * (np.sin(incline) - 0.2 * np.cos(incline))), (0.5, 0.0)):
+    for friction, expected in (
+        (0.2, STANDARD_GRAVITY * (np.sin(incline) - 0.2 * np.cos(incline))),
+        (0.5, 0.0),
+    ):
         overrides = {
             "floor": {"size": 5.0, "incline_deg": 20.0},
             "pieces.box.pose": [0, 0, 0.1 / np.cos(incline), 0, -incline, 0],
@@ -145,7 +171,8 @@ def test_joint_friction_and_rotors_count_as_in_drake() -> None:
     drives = {"rotor_inertia": 1e-4, "gear_ratio": 100, "friction": 3.0, "damping": 2.0}
     overrides = {"robot.drives": drives, "duration": 1.0, "solver.accuracy": 1e-3}
     plain, drake = (
-        simulate(load_station("irb120_dynamic", own), progress=False) for own in ({"duration": 1.0}, overrides)
+        simulate(load_station("irb120_dynamic", own), progress=False)
+        for own in ({"duration": 1.0}, overrides)
     )
     assert np.abs(plain.axes("q") - drake.axes("q")).max() > 5e-3
     mujoco = ran("irb120_dynamic", overrides, step=4e-4)
@@ -153,7 +180,12 @@ def test_joint_friction_and_rotors_count_as_in_drake() -> None:
 
 
 def test_the_integral_part_is_clamped_as_in_drake() -> None:
-    overrides = {"servo.ki": 3000.0, "servo.integral_limit": 5.0, "solver.accuracy": 1e-3, "duration": 2.0}
+    overrides = {
+        "servo.ki": 3000.0,
+        "servo.integral_limit": 5.0,
+        "solver.accuracy": 1e-3,
+        "duration": 2.0,
+    }
     drake = simulate(load_station("irb120_dynamic", overrides), progress=False)
     mujoco = ran("irb120_dynamic", overrides, step=4e-4)
     left = (drake.axes("q_ref") - drake.axes("q"))[-1]
@@ -166,7 +198,9 @@ def test_the_humanoid_stands_as_deep_in_the_floor_as_in_drake() -> None:
     drake = simulate(config, progress=False)
     mujoco = MujocoRunner(config).run()
     assert mujoco.ending == "completed"
-    assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=3e-6)  # Drake's feet creep apart
+    assert mujoco["base.z"][-1] == pytest.approx(
+        drake["base.z"][-1], abs=3e-6
+    )  # Drake's feet creep apart
     assert mujoco["base.z"][-1] < 0.446 - 2e-5  # it sinks in
     np.testing.assert_allclose(mujoco.axes("tau")[-1], drake.axes("tau")[-1], atol=0.01)
 
@@ -176,11 +210,19 @@ def test_a_monitor_ends_a_run_when_it_does_in_drake() -> None:
     drake, mujoco = simulate(config, progress=False), MujocoRunner(config, step=5e-4).run()
     assert mujoco.stopped_by == drake.stopped_by == "stop"
     assert mujoco.stop_time == pytest.approx(drake.stop_time, abs=1e-3)
-    assert mujoco.final_state.positions["robot"] == pytest.approx(drake.final_state.positions["robot"], abs=1e-3)
+    assert mujoco.final_state.positions["robot"] == pytest.approx(
+        drake.final_state.positions["robot"], abs=1e-3
+    )
 
 
 def test_a_run_that_goes_astray_is_told() -> None:
-    result = ran("irb120_dynamic", {"servo.kd": 0.0, "servo.kp": 1e6}, step=0.02, integrator="Euler", duration=2.0)
+    result = ran(
+        "irb120_dynamic",
+        {"servo.kd": 0.0, "servo.kp": 1e6},
+        step=0.02,
+        integrator="Euler",
+        duration=2.0,
+    )
     assert result.ending == "diverged"
     assert "shorter steps" in result.message
     assert 0 < result.stop_time < 2
@@ -189,11 +231,18 @@ def test_a_run_that_goes_astray_is_told() -> None:
 
 @pytest.fixture(scope="module")
 def walker() -> MujocoRunner:
-    return MujocoRunner(load_station("yobotics_dynamic", {"forces": {"shove": {"kind": "push", "force": [1.0, 0, 0]}}}))
+    return MujocoRunner(
+        load_station(
+            "yobotics_dynamic", {"forces": {"shove": {"kind": "push", "force": [1.0, 0, 0]}}}
+        )
+    )
 
 
 def test_many_runs_at_once_are_the_same_runs(walker: MujocoRunner) -> None:
-    wanted = [RunRequest(pushes={"shove": {"start": 0.1, "force": [0, size, 0]}}) for size in (5.0, 20.0, 40.0)]
+    wanted = [
+        RunRequest(pushes={"shove": {"start": 0.1, "force": [0, size, 0]}})
+        for size in (5.0, 20.0, 40.0)
+    ]
     together = walker.runs(wanted, duration=0.5, threads=2)
     alone = [walker.run(pushes=one.pushes, duration=0.5) for one in wanted]
     for one, other in zip(together, alone, strict=True):
@@ -221,7 +270,9 @@ def test_pushes_act_where_the_station_has_them(walker: MujocoRunner) -> None:
 def test_references_follow_in_their_speed_where_the_station_says_so() -> None:
     """With it the derivative acts on the error of the speed, and joints lag less."""
     reference = {"kind": "sine", "amplitude_deg": 10.0, "frequency": 0.5}
-    config: StationConfig = load_station("irb120_dynamic", {"reference": reference, "duration": 1.0})
+    config: StationConfig = load_station(
+        "irb120_dynamic", {"reference": reference, "duration": 1.0}
+    )
     lags = []
     for inputs in ((), ("reference_velocity",)):
         own = config.model_copy(update={"inputs": inputs})
@@ -235,7 +286,9 @@ def test_references_follow_in_their_speed_where_the_station_says_so() -> None:
 def test_a_stiff_servo_at_its_limit_is_warned_of() -> None:
     """The humanoid's damping of 100 N·m·s/rad on light links, which MuJoCo treats explicitly at the limit of 3 N·m."""
     reference = {"kind": "move", "target_deg": {"left_knee": 60.0}, "duration": 0.3}
-    runner = MujocoRunner(load_station("humanoid_dynamic", {"reference": reference, "duration": 0.3}))
+    runner = MujocoRunner(
+        load_station("humanoid_dynamic", {"reference": reference, "duration": 0.3})
+    )
     (warning,) = runner.run().solver_warnings
     assert "left_knee" in warning
     assert not runner.run(reference=(np.array([0.0, 0.3]), np.zeros((2, 18)))).solver_warnings

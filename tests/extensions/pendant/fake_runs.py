@@ -28,7 +28,9 @@ class CountingRun:
         self.running, self.begun, self.end, self.back = None, 0.0, 0.0, False
 
     def call(self, method, /, **arguments):
-        self.calls.append((method, {name: value for name, value in arguments.items() if name != "positions"}))
+        self.calls.append(
+            (method, {name: value for name, value in arguments.items() if name != "positions"})
+        )
         future = Future()
         if method in ALONE:  # which ends what runs
             self._stop()
@@ -56,8 +58,18 @@ class CountingRun:
         if not self.back:  # else it stands where it was gone back to
             self.time = self.end if time is None else time
         remark = Remark("success" if ending == "completed" else "failure", ending)
-        how = {"ending": ending, "goes_on": goes_on, "message": ending, "remarks": [remark], "criteria": []}
-        where = {"begun": self.begun, "time": self.time, "reached": self.time if reached is None else reached}
+        how = {
+            "ending": ending,
+            "goes_on": goes_on,
+            "message": ending,
+            "remarks": [remark],
+            "criteria": [],
+        }
+        where = {
+            "begun": self.begun,
+            "time": self.time,
+            "reached": self.time if reached is None else reached,
+        }
         self.tell({"news": "ended", **how, **where, "moves": [], "signals": {}})
         self.tell({"news": "phase", "phase": "idle"})
         if self.running is not None:
@@ -67,7 +79,9 @@ class CountingRun:
     def tick(self, time, **values):
         """Tell of a moment of the run."""
         self.time = time
-        self.tell({"news": "tick", "time": time, "ratio": 1.0, "positions": [time], "values": values})
+        self.tell(
+            {"news": "tick", "time": time, "ratio": 1.0, "positions": [time], "values": values}
+        )
 
     def note(self, **change):
         """Tell of a change."""
@@ -85,7 +99,12 @@ class CountingRun:
 
     def _open(self, station, settings, robot, allow_code):
         self.time = 0.0
-        return {"station": station, "robots": {robot: {"tcp": "flange", "kind": "legs"}}, "bodies": [], "loops": []}
+        return {
+            "station": station,
+            "robots": {robot: {"tcp": "flange", "kind": "legs"}},
+            "bodies": [],
+            "loops": [],
+        }
 
     def _do(self, moves):
         return self._begin(sum(move.get("duration", 1.0) for move in moves))

@@ -23,7 +23,14 @@ def described(name="humanoid"):
     lows, highs = (np.asarray(limits) / model.user_units for limits in model.axis_limits)
     home = model.axis_vector(model.home_deg, "home_deg")
     axes = [
-        {"name": axis, "aliases": list(entry.aliases), "unit": "deg", "low": low, "high": high, "now": now}
+        {
+            "name": axis,
+            "aliases": list(entry.aliases),
+            "unit": "deg",
+            "low": low,
+            "high": high,
+            "now": now,
+        }
         for (axis, entry), low, high, now in zip(
             model.axes.items(), lows.tolist(), highs.tolist(), home.tolist(), strict=True
         )
@@ -41,10 +48,20 @@ def described(name="humanoid"):
         "moves": {key: list(kind.model_fields) for key, kind in KINDS.items()},
     }
     signals = [
-        {"name": name, "unit": "rad", "title": name, "columns": [f"q.{axis}" for axis in model.axes]}
+        {
+            "name": name,
+            "unit": "rad",
+            "title": name,
+            "columns": [f"q.{axis}" for axis in model.axes],
+        }
         for name in ("reference", "position")
     ]
-    pose = {"name": "base_pose", "unit": "m", "title": "base pose", "columns": [f"base.{axis}" for axis in POSE]}
+    pose = {
+        "name": "base_pose",
+        "unit": "m",
+        "title": "base pose",
+        "columns": [f"base.{axis}" for axis in POSE],
+    }
     return {
         "mode": "dynamic",
         "robots": {name: robot},
@@ -63,9 +80,9 @@ def take(session, news):
 
 def be_all_parts(session):
     """Let a session of tests stand for its parts, too: pages find there what it has itself."""
-    session.client = session.book = session.history = session.setup = session.arm = session.exports = (
-        session.earlier
-    ) = session
+    session.client = session.book = session.history = session.setup = session.arm = (
+        session.exports
+    ) = session.earlier = session
     session.hand = Hand()
     session.overruled_by = ""
     session.overruling_loop = lambda: session.overruled_by
@@ -99,7 +116,12 @@ class LegsSession:
         be_all_parts(self)
         self.subject = self.robot = name
         self.station = f"{name}_dynamic"
-        self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, TaughtRun()
+        self.description, self.phase, self.pace, self.run = (
+            described(name),
+            "idle",
+            1.0,
+            TaughtRun(),
+        )
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.targets, self.message = (), {}, Notice()
         self.run.watch(("reference", "position", "base_pose"))
@@ -126,7 +148,9 @@ class LegsSession:
     def test(self, targets_deg, duration):
         self.calls.append(("test", targets_deg, duration))
         before = self.pending[0]["target_deg"] if self.pending else {}
-        self.told("program", pending=({"target_deg": {**before, **targets_deg}, "duration": duration},))
+        self.told(
+            "program", pending=({"target_deg": {**before, **targets_deg}, "duration": duration},)
+        )
         self.ending = Future()
         return self.ending
 

@@ -64,7 +64,10 @@ class Served:
     def said(self, raw):
         """Send bytes as they are, and return what is answered at once."""
         answer = b""
-        with socket.create_connection(("127.0.0.1", self.port), timeout=10) as line, suppress(TimeoutError):
+        with (
+            socket.create_connection(("127.0.0.1", self.port), timeout=10) as line,
+            suppress(TimeoutError),
+        ):
             line.sendall(raw)
             while part := line.recv(65536):
                 answer += part

@@ -23,7 +23,9 @@ def drawing(station):
     scene = ViewedStation(load_station(station))
     scene.place(scene.initial)
     prefixes = {"station": Role.kIllustration}
-    camera = camera_on(scene.extents(scene.initial[np.newaxis]), aspect=WINDOW_ASPECT, azimuth=side(scene.station))
+    camera = camera_on(
+        scene.extents(scene.initial[np.newaxis]), aspect=WINDOW_ASPECT, azimuth=side(scene.station)
+    )
 
     def draw(meshcat):
         draw_geometry(meshcat, scene.query(), prefixes)
@@ -47,7 +49,13 @@ class StubSession:
         self.exports = Exports(self)
         self.subject, self.robot, self.station = subject, subject, station or f"{subject}_dynamic"
         self.phase, self.pace, self.run, self.message = "opening", 1.0, TaughtRun(), Notice()
-        self.description, self.settings, self.targets, self.pending, self.ghosts = {}, {}, {}, (), []
+        self.description, self.settings, self.targets, self.pending, self.ghosts = (
+            {},
+            {},
+            {},
+            (),
+            [],
+        )
         self.file, self.folder = Path(), Path()
         self.inspected = []
         self.calls, self._hearers, self._lookers, self._drawn = [], [], [], drawn
@@ -77,7 +85,12 @@ class StubSession:
 
     def opened(self, bodies=()):
         robot = {"model": self.robot, "kind": _KINDS.get(self.robot, "other")}
-        self.told("description", "phase", phase="idle", description={"robots": {self.robot: robot}, "bodies": bodies})
+        self.told(
+            "description",
+            "phase",
+            phase="idle",
+            description={"robots": {self.robot: robot}, "bodies": bodies},
+        )
 
     def close(self):
         self.closed = True

@@ -45,7 +45,9 @@ class ArmSession(StubSession):
             for name, low, high in zip(self.real.axes, lower, upper, strict=True)
         ]
         moves = {key: list(kind.model_fields) for key, kind in KINDS.items()}
-        self.description = {"robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes, "moves": moves}}}
+        self.description = {
+            "robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes, "moves": moves}}
+        }
         self.targets, self.ghosts, self.pending, self.shown_ghost = {}, [], (), None
 
     def watch(self, signals, viewer):
@@ -71,7 +73,9 @@ class ArmSession(StubSession):
 
     def jog_tool(self, delta, frame="base", *, start=None):
         self.calls.append(("jog_tool", list(delta), frame, list(start)))
-        return self.jog_axes(arm_questions.inverse(self.real, arm_questions.jogged(self.real, delta, frame, start)))
+        return self.jog_axes(
+            arm_questions.inverse(self.real, arm_questions.jogged(self.real, delta, frame, start))
+        )
 
     def jog_pose(self, pose, frame="base"):
         return self.jog_axes(arm_questions.inverse(self.real, pose, frame))
@@ -84,11 +88,16 @@ class ArmSession(StubSession):
         return given(called)
 
     def remove_target(self, name):
-        self.told("program", targets={key: value for key, value in self.targets.items() if key != name})
+        self.told(
+            "program", targets={key: value for key, value in self.targets.items() if key != name}
+        )
 
     def add_line(self, kind, target, *, via=None, **how):
         goal = self.targets[target]
-        content = {"targets_deg": goal["pose"] if kind != "move_abs_j" else [*goal["axes"].values()], **how}
+        content = {
+            "targets_deg": goal["pose"] if kind != "move_abs_j" else [*goal["axes"].values()],
+            **how,
+        }
         if goal["frame"] != "world" and kind != "move_abs_j":
             content["wobj"] = goal["frame"]
         if via:
@@ -104,7 +113,9 @@ class ArmSession(StubSession):
         self.told("program", program=self.program.removed(index))
 
     def branches(self, target=None):
-        pose = [] if target is None else [self.targets[target]["pose"], self.targets[target]["frame"]]
+        pose = (
+            [] if target is None else [self.targets[target]["pose"], self.targets[target]["frame"]]
+        )
         self.told("program", ghosts=arm_questions.branches(self.real, *pose))
         return given(self.ghosts)
 
@@ -170,7 +181,9 @@ def the(user, kind, label):
 
 
 async def press(user, label):
-    buttons = [b for b in user.find(ui.button).elements if label in (b.text, b.props.get("aria-label"))]
+    buttons = [
+        b for b in user.find(ui.button).elements if label in (b.text, b.props.get("aria-label"))
+    ]
     assert len(buttons) == 1, label
     assert buttons[0].enabled, f"{label} cannot be pressed"
     UserInteraction(user, {buttons[0]}, None).click()
@@ -231,8 +244,14 @@ async def test_ranges_are_a_hundred_millimetres_and_thirty_degrees_unless_change
     async with opened(session) as user:
         user.find("Tool", kind=ui.tab).click()
         await settled()
-        assert (the(user, ui.slider, "x").props["min"], the(user, ui.slider, "x").props["max"]) == (-100, 100)
-        assert (the(user, ui.slider, "Rz").props["min"], the(user, ui.slider, "Rz").props["max"]) == (-30, 30)
+        assert (the(user, ui.slider, "x").props["min"], the(user, ui.slider, "x").props["max"]) == (
+            -100,
+            100,
+        )
+        assert (
+            the(user, ui.slider, "Rz").props["min"],
+            the(user, ui.slider, "Rz").props["max"],
+        ) == (-30, 30)
         the(user, ui.number, t("arm.range_mm")).value = 250
         the(user, ui.number, t("arm.range_deg")).value = 90
         assert the(user, ui.slider, "y").props["max"] == 250
@@ -260,7 +279,10 @@ async def test_a_typed_pose_is_gone_to_in_the_frame_that_is_chosen():
         await settled()
         the(user, ui.select, t("arm.frame")).value = "board"
         await settled()
-        fields = [the(user, ui.number, f"{name}: {t('arm.pose')}") for name in ("x", "y", "z", "Rz", "Ry", "Rx")]
+        fields = [
+            the(user, ui.number, f"{name}: {t('arm.pose')}")
+            for name in ("x", "y", "z", "Rz", "Ry", "Rx")
+        ]
         now = arm_questions.tool_pose(session.real, "board")
         scale = [1000.0] * 3 + [1.0] * 3
         assert [field.value for field in fields] == pytest.approx(
@@ -287,7 +309,9 @@ async def test_a_target_is_taught_gone_to_and_forgotten():
         the(user, ui.select, t("arm.goes_with")).value = "board"
         await press(user, t("arm.teach"))
         await user.should_see(t("arm.no_line_to", target="p1"))  # the next step
-        await user.should_see(t("arm.taught", name="p1"))  # a notice, since the list may be out of sight
+        await user.should_see(
+            t("arm.taught", name="p1")
+        )  # a notice, since the list may be out of sight
         assert session.book.targets["p1"]["frame"] == "board"
         await user.should_see("in board")
         session.arm.jog_axes({"joint_1": 30})
@@ -314,7 +338,11 @@ async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
         await press(user, t("arm.step"))
         assert session.calls[-1] == ("run_line", 0)
         await press(user, f"{t('legs.edit')}: 1. MoveL over, 200 mm/s")
-        durations = [one for one in user.find(ui.number).elements if one.props.get("label") == t("fields.duration")]
+        durations = [
+            one
+            for one in user.find(ui.number).elements
+            if one.props.get("label") == t("fields.duration")
+        ]
         max(durations, key=lambda element: element.id).value = 2.5
         await press(user, t("legs.save"))
         assert "2.5 s" in Phrases(t, []).move(session.book.program.moves[0].entry())
@@ -337,7 +365,9 @@ async def test_an_arc_needs_a_target_on_its_way():
         assert not add.enabled
         the(user, ui.select, t("arm.via")).value = "p1"
         await press(user, t("arm.add_line"))
-        assert session.book.program.moves[0].via == pytest.approx(session.book.targets["p1"]["pose"][:3])
+        assert session.book.program.moves[0].via == pytest.approx(
+            session.book.targets["p1"]["pose"][:3]
+        )
         await user.should_see("MoveC p1 → p2")
 
 
@@ -354,7 +384,11 @@ async def test_a_branch_is_chosen_among_those_that_can_be_taken():
         assert sum(b.enabled for b in buttons) == len(usable) > 1
         wanted = session.arm.ghosts[usable[1]]["axes"]
         await user.should_see("impossible: ")
-        reasons = [label.text for label in user.find(ui.label).elements if label.text.startswith("impossible: ")]
+        reasons = [
+            label.text
+            for label in user.find(ui.label).elements
+            if label.text.startswith("impossible: ")
+        ]
         assert len(reasons) == len(session.arm.ghosts) - len(usable)
         assert all(len(text) > len("impossible: ") for text in reasons)
         await press(user, t("arm.choose_branch", number=usable[1] + 1))
@@ -396,7 +430,9 @@ def test_lines_that_were_not_taught_here_show_their_figures():
         "MoveL x 300 y 0 z 200 mm, 100 mm/s, in board"
     )
     assert phrases.move({"move_abs_j": [0, radians(30)]}) == "MoveAbsJ 0° 30°"
-    assert phrases.move({"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}).startswith("MoveJ [[0.3")
+    assert phrases.move({"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}).startswith(
+        "MoveJ [[0.3"
+    )
 
 
 def test_sliding_axes_show_metres_and_forces_newtons():
@@ -407,9 +443,15 @@ def test_sliding_axes_show_metres_and_forces_newtons():
     ]
     phrases = Phrases(t, axes)
     assert phrases.move({"move_abs_j": {"targets": [0.01, radians(30)]}}) == "MoveAbsJ 0.01 m 30°"
-    assert phrases.move({"move_abs_j": {"targets_deg": [0.01, 30, 0.004]}}) == "MoveAbsJ 0.01 m 30° 0.004 m"
+    assert (
+        phrases.move({"move_abs_j": {"targets_deg": [0.01, 30, 0.004]}})
+        == "MoveAbsJ 0.01 m 30° 0.004 m"
+    )
     assert phrases.move({"grip": {"force": 20}}) == "Close the fingers (force 20 N)"
-    assert phrases.move({"open": {"width": 0.03, "duration": 1}}) == "Open the fingers (width 0.03 m, duration 1 s)"
+    assert (
+        phrases.move({"open": {"width": 0.03, "duration": 1}})
+        == "Open the fingers (width 0.03 m, duration 1 s)"
+    )
     spanish = Phrases(words("es"), axes)
     assert spanish.move({"move_abs_j": {"targets_deg": [0.01, 30.5]}}) == "MoveAbsJ 0,01 m 30,5°"
     assert spanish.move({"grip": {"force": 20}}).endswith("(fuerza 20 N)")

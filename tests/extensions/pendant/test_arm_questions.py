@@ -74,14 +74,21 @@ def test_a_page_is_told_where_an_arm_is_and_what_it_can_take():
 
 
 def test_a_jog_goes_along_the_axes_of_its_frame_and_turns_about_the_tool(arm):
-    base, begin = RigidTransform(RollPitchYaw(0.3, -0.4, 0.5), TURNED[:3]), world(ask.tool_pose(arm, "world"))
+    base, begin = (
+        RigidTransform(RollPitchYaw(0.3, -0.4, 0.5), TURNED[:3]),
+        world(ask.tool_pose(arm, "world")),
+    )
     way, turn = [0.03, -0.02, 0.05], world([0, 0, 0, 20, -10, 5]).rotation()
     delta = [*way, 20, -10, 5]
-    found = {frame: base @ world(ask.jogged(arm, delta, frame)) for frame in ("world", "base", "tool")}
+    found = {
+        frame: base @ world(ask.jogged(arm, delta, frame)) for frame in ("world", "base", "tool")
+    }
     assert_close(found["tool"], begin @ RigidTransform(turn, way))
     assert_close(found["world"], RigidTransform(turn @ begin.rotation(), begin.translation() + way))
     along = base.rotation()
-    wanted = RigidTransform(along @ turn @ along.inverse() @ begin.rotation(), begin.translation() + along @ way)
+    wanted = RigidTransform(
+        along @ turn @ along.inverse() @ begin.rotation(), begin.translation() + along @ way
+    )
     assert_close(found["base"], wanted)
 
 
@@ -115,7 +122,9 @@ def test_a_jog_is_a_move_that_the_joints_can_do_and_ends_on_a_tick(arm):
     assert 0.4 * limit < peak < 0.51 * limit
     arm.plan.move_abs_j(entry.targets, duration=entry.duration)
     assert ask.jog_move(arm, {"joint_1": 10}, 2.5)["move_abs_j"]["duration"] == 2.5
-    with pytest.raises(JointLimitExceeded, match="the jog: joint_1 would be at 170 deg, 5 deg beyond"):
+    with pytest.raises(
+        JointLimitExceeded, match="the jog: joint_1 would be at 170 deg, 5 deg beyond"
+    ):
         ask.jog_move(arm, {"joint_1": 170})
 
 
@@ -142,7 +151,9 @@ def test_a_pose_may_be_that_of_another_tool():
     arm = Arm("irb120_workcell")
     pose = arm_pose_of(arm, "gripper")
     found = ask.branches(arm, pose, "world", "gripper")
-    assert any(branch["axes"] == pytest.approx(ask.where(arm)["axes"], abs=1e-6) for branch in found)
+    assert any(
+        branch["axes"] == pytest.approx(ask.where(arm)["axes"], abs=1e-6) for branch in found
+    )
     assert ask.where(arm)["tool"] == "pencil", "the arm keeps its own"
 
 
@@ -160,15 +171,21 @@ def test_the_torque_of_a_branch_is_drakes_gravity_load(arm):
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, forces)
         torque = plant.CalcInverseDynamics(context, np.zeros(plant.num_velocities()), forces)
-        np.testing.assert_allclose([*branch["torque"].values()], own.axis_map.efforts(torque), atol=1e-9)
+        np.testing.assert_allclose(
+            [*branch["torque"].values()], own.axis_map.efforts(torque), atol=1e-9
+        )
         axis, share = branch["load"]["axis"], branch["load"]["share"]
-        shares = {name: abs(value) / branch["limit"][name] for name, value in branch["torque"].items()}
+        shares = {
+            name: abs(value) / branch["limit"][name] for name, value in branch["torque"].items()
+        }
         assert share == pytest.approx(shares[axis])
         assert share == pytest.approx(max(shares.values()))
 
 
 def test_the_room_of_a_branch_is_to_the_nearest_limit_of_the_urdf(arm):
-    limits = np.array([[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]])  # deg, data sheet
+    limits = np.array(
+        [[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]]
+    )  # deg, data sheet
     for branch in ask.branches(arm):
         values = np.array([*branch["axes"].values()])
         rooms = np.minimum(values - limits[:, 0], limits[:, 1] - values)
@@ -188,7 +205,9 @@ def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met
     arm = Arm(load_station("irb120_dynamic", BALL), tool="load")
     found = ask.branches(arm, [0.35, 0.1, height, 0, 0, 180], "world")
     nearest = [branch for branch in found if branch["gap"]["between"] == ["load", "floor"]]
-    clear = [branch for branch in nearest if "link" not in branch["collision"]]  # of itself: some branches fold the arm
+    clear = [
+        branch for branch in nearest if "link" not in branch["collision"]
+    ]  # of itself: some branches fold the arm
     assert clear
     for branch in clear:
         assert branch["gap"]["distance"] == pytest.approx(height - 0.06, abs=1e-9)
@@ -198,8 +217,14 @@ def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met
 
 def test_the_gap_to_an_inclined_floor_is_along_its_normal():
     slope = {"floor.incline_deg": 10.0}
-    found = ask.branches(Arm(load_station("irb120_dynamic", BALL | slope), tool="load"), [0.35, 0.1, 0.14, 0, 0, 180])
-    gaps = [branch["gap"]["distance"] for branch in found if branch["gap"]["between"] == ["load", "floor"]]
+    found = ask.branches(
+        Arm(load_station("irb120_dynamic", BALL | slope), tool="load"), [0.35, 0.1, 0.14, 0, 0, 180]
+    )
+    gaps = [
+        branch["gap"]["distance"]
+        for branch in found
+        if branch["gap"]["between"] == ["load", "floor"]
+    ]
     height = 0.14 * np.cos(np.deg2rad(10)) - 0.35 * np.sin(np.deg2rad(10))  # it rises along x
     np.testing.assert_allclose(gaps, height - 0.06, atol=1e-8)
     assert gaps
@@ -213,10 +238,16 @@ def test_what_no_posture_brings_nearer_does_not_count():
 
 
 def test_the_gap_of_two_balls_is_the_distance_of_their_middles():
-    other = {"pieces.other": {"model": "ball", "parent": "world", "pose": [0.35, 0.25, 0.08, 0, 0, 0]}}
+    other = {
+        "pieces.other": {"model": "ball", "parent": "world", "pose": [0.35, 0.25, 0.08, 0, 0, 0]}
+    }
     arm = Arm(load_station("irb120_dynamic", BALL | other), tool="load")
     found = ask.branches(arm, [0.35, 0.1, 0.12, 0, 0, 180], "world")
-    gaps = [branch["gap"]["distance"] for branch in found if branch["gap"]["between"] == ["load", "other"]]
+    gaps = [
+        branch["gap"]["distance"]
+        for branch in found
+        if branch["gap"]["between"] == ["load", "other"]
+    ]
     np.testing.assert_allclose(gaps, np.hypot(0.15, 0.04) - 0.12, atol=1e-6)
     assert gaps
 

@@ -7,7 +7,12 @@ import pytest
 import yaml
 
 from simrob_drake.base.files import diagrams_root
-from simrob_drake.extensions.pendant.describe import BlockMeaning, axis_setting, axis_value, block_meaning
+from simrob_drake.extensions.pendant.describe import (
+    BlockMeaning,
+    axis_setting,
+    axis_value,
+    block_meaning,
+)
 from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.load import load_station, station_content, station_yaml
@@ -26,7 +31,15 @@ def told(name) -> dict[str, BlockMeaning]:
 
 
 @pytest.mark.parametrize(
-    "name", ["irb120_dynamic", "two_irb120", "humanoid_balance", "irb120_force_control", "box_on_floor", "belt_pick"]
+    "name",
+    [
+        "irb120_dynamic",
+        "two_irb120",
+        "humanoid_balance",
+        "irb120_force_control",
+        "box_on_floor",
+        "belt_pick",
+    ],
 )
 def test_every_block_stands_for_something_of_its_station(name):
     content = yaml.safe_load(station_yaml(load_station(name)))
@@ -58,13 +71,17 @@ def test_of_several_robots_each_has_its_own():
     assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",), robot="left")
     assert blocks["right.poses"].keys[0] == "robots.right.base"
     assert blocks["left.reference_source"].keys == ("robots.left.reference",)
-    assert told("belt_pick")["arm.reference_source"].keys == ("reference",)  # it has none of its own
+    assert told("belt_pick")["arm.reference_source"].keys == (
+        "reference",
+    )  # it has none of its own
     assert blocks["plant"].signals == ("left.position", "right.position")
 
 
 def test_parts_have_the_outputs_they_declare():
     blocks = told("irb120_force_control")
-    assert blocks["sensor.touch"] == BlockMeaning(("sensors.touch",), ("force.touch", "moment.touch"))
+    assert blocks["sensor.touch"] == BlockMeaning(
+        ("sensors.touch",), ("force.touch", "moment.touch")
+    )
     assert blocks["controller.press"].signals == ("press.offset", "press.pressing", "press.path")
     height = told("humanoid_height")
     assert height["layers"] == BlockMeaning(("controllers",), ("reference",))
@@ -74,9 +91,13 @@ def test_parts_have_the_outputs_they_declare():
 
 
 def test_a_block_of_a_signal_flow_has_its_own_output():
-    meaning = block_meaning("controller.law.error", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    meaning = block_meaning(
+        "controller.law.error", {"controllers": {"law": {}}}, ["law.error", "law.limit"]
+    )
     assert meaning == BlockMeaning(("controllers.law",), ("law.error",))
-    whole = block_meaning("controller.law.torque", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    whole = block_meaning(
+        "controller.law.torque", {"controllers": {"law": {}}}, ["law.error", "law.limit"]
+    )
     assert whole.signals == ("law.error", "law.limit")
 
 
@@ -113,8 +134,12 @@ def test_a_gain_of_one_joint_leaves_the_other_robot_its_own():
     assert (meaning.robot, meaning.axis) == ("left", "joint_2")
     before = resolve(config).robots
     key, value = axis_setting(meaning, "servo.kp", 1120.0, content, AXES)
-    after = resolve(load_station("two_irb120", {"servo.realization": "per_joint", key: value})).robots
-    changed = [AXES[place] for place in np.flatnonzero(after["left"].gains.kp != before["left"].gains.kp)]
+    after = resolve(
+        load_station("two_irb120", {"servo.realization": "per_joint", key: value})
+    ).robots
+    changed = [
+        AXES[place] for place in np.flatnonzero(after["left"].gains.kp != before["left"].gains.kp)
+    ]
     assert changed == ["joint_2"]
     assert (after["right"].gains.kp == before["right"].gains.kp).all()
     assert (after["left"].gains.kd == before["left"].gains.kd).all()

@@ -73,7 +73,9 @@ TAUGHT = {"test", "act", "discard", "reset", "add", "undo", "redo"}
 
 def opened(folder):
     runs = []
-    session = Session.open("humanoid", folder, live=lambda tell: runs.append(CountingRun(tell)) or runs[-1])
+    session = Session.open(
+        "humanoid", folder, live=lambda tell: runs.append(CountingRun(tell)) or runs[-1]
+    )
     session.runs = runs
     session.hear()
     return session
@@ -96,7 +98,10 @@ def check_interleaving(folder, commands):
         if name in TAUGHT:
             COMMANDS[name](model, number)
             settle(model)
-            assert (slow.book.program, slow.book.pending) == (model.book.program, model.book.pending), name
+            assert (slow.book.program, slow.book.pending) == (
+                model.book.program,
+                model.book.pending,
+            ), name
     settle(slow)
     assert slow.phase == "idle"
     assert all(one.done() for one in asked if hasattr(one, "done"))
@@ -111,10 +116,14 @@ INTERLEAVED = st.lists(st.tuples(st.sampled_from(sorted(COMMANDS)), st.integers(
 
 @settings(max_examples=15, deadline=None)
 @given(INTERLEAVED)
-@example([("act", 0), ("rewind", 0), ("act", 0), ("add", 0)])  # it goes on before the way back is answered
+@example(
+    [("act", 0), ("rewind", 0), ("act", 0), ("add", 0)]
+)  # it goes on before the way back is answered
 @example([("act", 0), ("finish", 0), ("die", 9)])
 @example([("act", 0), ("discard", 0), ("hear", 0), ("go_on", 0), ("act", 0)])
-@example([("act", 0), ("rewind", 0), ("simulate", 0), ("act", 0), ("add", 0)])  # and after it was stopped, too
+@example(
+    [("act", 0), ("rewind", 0), ("simulate", 0), ("act", 0), ("add", 0)]
+)  # and after it was stopped, too
 def test_commands_in_any_order(tmp_path_factory, commands):
     check_interleaving(tmp_path_factory.mktemp("commands"), commands)
 
@@ -178,7 +187,9 @@ def test_a_way_back_that_waited_comes_after_the_test_that_was_begun(tmp_path):
     tick(session, 4)
     session.hear()
     session.test({"left_elbow": 2.0}, 1.0)  # stops the first, then goes back to its start
-    session.listen(lambda _: session.phase == "rewinding" and not asked and asked.append(session.rewind(0.1)))
+    session.listen(
+        lambda _: session.phase == "rewinding" and not asked and asked.append(session.rewind(0.1))
+    )
     asked = []
     session.hear()
     session.hear()

@@ -63,14 +63,20 @@ def test_only_a_robot_that_can_is_driven():
 
 @pytest.mark.parametrize(
     ("language", "begin", "asked"),
-    [("en", "Drive by hand", "asked: ahead 0.10"), ("es", "Conducir a mano", "pedido: adelante 0,10")],
+    [
+        ("en", "Drive by hand", "asked: ahead 0.10"),
+        ("es", "Conducir a mano", "pedido: adelante 0,10"),
+    ],
 )
 def test_a_tab_drives_and_tells_how_and_what_comes_of_it(language, begin, asked):
     async def scenario(user, session):
         pad = labelled(user, words(language)("drive.pad"))
         assert not pad.visible
         session.driving.begin(user.client.id)
-        turned = [(cos(pi / 4), 0, 0, sin(pi / 4)), (cos(pi / 4 + pi / 36), 0, 0, sin(pi / 4 + pi / 36))]
+        turned = [
+            (cos(pi / 4), 0, 0, sin(pi / 4)),
+            (cos(pi / 4 + pi / 36), 0, 0, sin(pi / 4 + pi / 36)),
+        ]
         poses = [(2.0, [0, 0, 0.4, *turned[0]]), (3.0, [0.12, 0, 0.4, *turned[1]])]
         session.run.history["base_pose"].extend(poses)
         session.driving.asked = (0.1, 0.0, -20.0)

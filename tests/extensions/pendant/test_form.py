@@ -23,7 +23,14 @@ def paths(content, key=""):
     """Every dotted key that a file's content says something under."""
     if not isinstance(content, dict):
         return [key]
-    return [key, *(path for name, value in content.items() for path in paths(value, f"{key}.{name}".lstrip(".")))]
+    return [
+        key,
+        *(
+            path
+            for name, value in content.items()
+            for path in paths(value, f"{key}.{name}".lstrip("."))
+        ),
+    ]
 
 
 @pytest.mark.parametrize("name", station_names())
@@ -31,18 +38,30 @@ def test_every_key_of_a_station_has_a_field_and_every_field_its_help(name):
     content = content_of(name)
     fields = {field.key: field for field in form_fields(SCHEMA, content)}
     assert len(fields) == len(form_fields(SCHEMA, content))  # none twice
-    whole = tuple(key for key, field in fields.items() if field.kind == "value")  # a mapping there is typed as one
+    whole = tuple(
+        key for key, field in fields.items() if field.kind == "value"
+    )  # a mapping there is typed as one
     for path in filter(None, paths(content)):
         told = path in fields or path.startswith(tuple(f"{key}." for key in whole))
-        told = told or any(key.startswith(f"{path}.") for key in fields)  # a section that is always there
-        assert told or path.endswith(".kind"), path  # the kind of an entry, which its name or section tells
+        told = told or any(
+            key.startswith(f"{path}.") for key in fields
+        )  # a section that is always there
+        assert told or path.endswith(".kind"), (
+            path
+        )  # the kind of an entry, which its name or section tells
     assert all(field.help for field in fields.values())
 
 
-@pytest.mark.parametrize("name", ["irb120_cobot", "humanoid_balance", "two_irb120", "irb120_force_control"])
+@pytest.mark.parametrize(
+    "name", ["irb120_cobot", "humanoid_balance", "two_irb120", "irb120_force_control"]
+)
 def test_what_a_field_shows_can_be_typed_into_it(name):
     config = load_station(name)
-    leaves = [f for f in fields_of(name).values() if f.kind in ("number", "text", "choice", "switch", "value")]
+    leaves = [
+        f
+        for f in fields_of(name).values()
+        if f.kind in ("number", "text", "choice", "switch", "value")
+    ]
     given = {f.key: f for f in leaves if f.value is not None}
     assert len(given) > 30
     typed = {key: as_value(f, as_text(f.value)) for key, f in given.items()}
@@ -53,21 +72,36 @@ def test_what_a_field_shows_can_be_typed_into_it(name):
 def test_a_field_tells_unit_bounds_choices_and_default():
     fields = fields_of("irb120_dynamic")
     assert fields["servo.kp"].unit == "N·m/rad"
-    assert (fields["gravity"].unit, fields["gravity"].low, fields["gravity"].high) == ("m/s²", -1e4, 1e4)
+    assert (fields["gravity"].unit, fields["gravity"].low, fields["gravity"].high) == (
+        "m/s²",
+        -1e4,
+        1e4,
+    )
     assert fields["reference.target_deg"].unit == "deg"
     assert fields["robot.base"].unit == ""  # lengths and angles
     assert fields["servo.law"].choices == ("pid", "cascade", "computed_torque")
     assert (fields["duration"].value, fields["duration"].default) == (3.0, 3.0)
-    assert (fields["solver.error_control"].kind, fields["solver.error_control"].value) == ("switch", True)
+    assert (fields["solver.error_control"].kind, fields["solver.error_control"].value) == (
+        "switch",
+        True,
+    )
     assert fields["servo.kp"].top == "servo"
 
 
 def test_a_kind_brings_its_own_keys():
     keys = {key for key in fields_of("irb120_dynamic") if key.startswith("reference.")}
-    assert keys == {f"reference.{name}" for name in ("kind", "target_deg", "duration", "start", "blend")}
+    assert keys == {
+        f"reference.{name}" for name in ("kind", "target_deg", "duration", "start", "blend")
+    }
     changed = fields_of("irb120_dynamic", **{"reference.kind": "hold"})
-    assert {key for key in changed if key.startswith("reference.")} == {"reference.kind", "reference.target_deg"}
-    own = fields_of("irb120_dynamic", **{"robot.reference": {"kind": "sine", "frequency": 1.0, "amplitude_deg": 5}})
+    assert {key for key in changed if key.startswith("reference.")} == {
+        "reference.kind",
+        "reference.target_deg",
+    }
+    own = fields_of(
+        "irb120_dynamic",
+        **{"robot.reference": {"kind": "sine", "frequency": 1.0, "amplitude_deg": 5}},
+    )
     assert own["robot.reference"].value is True
     assert own["robot.reference.kind"].value == "sine"
     assert "robot.reference.frequency" in own
@@ -75,7 +109,11 @@ def test_a_kind_brings_its_own_keys():
 
 def test_sections_that_may_be_missing_come_and_go():
     bare = fields_of("irb120_dynamic")
-    assert (bare["contact"].kind, bare["contact"].value, bare["contact"].removable) == ("section", False, True)
+    assert (bare["contact"].kind, bare["contact"].value, bare["contact"].removable) == (
+        "section",
+        False,
+        True,
+    )
     assert "contact.stiffness" not in bare
     there = fields_of("irb120_dynamic", contact={})
     assert there["contact"].value is True
@@ -88,7 +126,9 @@ def test_entries_have_their_names_and_kinds():
     assert "fall" in fields["monitors"].choices
     assert fields["monitors.fall"].removable
     assert fields["pieces"].choices == ()
-    assert not fields["controllers.balance.strategies.left"].removable  # overrides take out no inner entries
+    assert not fields[
+        "controllers.balance.strategies.left"
+    ].removable  # overrides take out no inner entries
     two = fields_of("two_irb120")
     assert "robot" not in {field.top for field in two.values()}
     assert not two["robots.left"].removable
@@ -121,10 +161,13 @@ def test_no_yaml_is_told_with_the_key():
 
 
 @pytest.mark.parametrize(
-    ("name", "text"), [("yobotics_walking", "urdf"), ("zjudancer_walking", "{left_ankle_pitch: mx_106")]
+    ("name", "text"),
+    [("yobotics_walking", "urdf"), ("zjudancer_walking", "{left_ankle_pitch: mx_106")],
 )
 def test_motors_by_name_or_by_axis_are_one_value(name, text):
-    (field,) = (one for one in form_fields(SCHEMA, content_of(name)) if one.key.startswith("servo.motor"))
+    (field,) = (
+        one for one in form_fields(SCHEMA, content_of(name)) if one.key.startswith("servo.motor")
+    )
     assert field.kind == "value"
     assert as_text(field.value).startswith(text)
     assert as_value(field, as_text(field.value)) == field.value

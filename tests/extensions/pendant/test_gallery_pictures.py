@@ -25,7 +25,9 @@ def test_every_robot_of_the_package_has_a_picture(client, robot):
     assert answer.content == (models_root() / robot / "picture.png").read_bytes()
 
 
-@pytest.mark.parametrize("robot", ["irb121", "..", "..%2Firb120", "irb120%2Frobot.yaml", "irb120/robot.yaml"])
+@pytest.mark.parametrize(
+    "robot", ["irb121", "..", "..%2Firb120", "irb120%2Frobot.yaml", "irb120/robot.yaml"]
+)
 def test_nothing_else_is_served(client, robot):
     assert client.get(f"/{PICTURES}/{robot}").status_code == 404
 
@@ -35,6 +37,8 @@ def test_a_robot_of_no_name_has_no_picture():
 
 
 def test_a_robot_of_an_extension_may_have_no_picture(client, monkeypatch, tmp_path):
-    monkeypatch.setattr(gallery, "robot_files", lambda: {"plain": tmp_path / "plain" / "robot.yaml"})
+    monkeypatch.setattr(
+        gallery, "robot_files", lambda: {"plain": tmp_path / "plain" / "robot.yaml"}
+    )
     assert picture_file("plain") is None
     assert client.get(f"/{PICTURES}/plain").status_code == 404

@@ -20,13 +20,19 @@ HANDSHAKE = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version:
 def served():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(shell, "TABS", {"station": lambda *_: None})
-        with serving(lambda subject, _: StubSession(subject, drawn=[{"type": "delete", "path": "/x"}])) as served:
+        with serving(
+            lambda subject, _: StubSession(subject, drawn=[{"type": "delete", "path": "/x"}])
+        ) as served:
             yield served
 
 
 def handshake(served, **headers):
     """Return what a browser gets that opens a websocket."""
-    given = {"Host": served.host, "Origin": f"http://{served.host}", "Cookie": served.cookie} | headers
+    given = {
+        "Host": served.host,
+        "Origin": f"http://{served.host}",
+        "Cookie": served.cookie,
+    } | headers
     lines = "".join(f"{name}: {value}\r\n" for name, value in given.items() if value is not None)
     key = HANDSHAKE.format("dGhlIHNhbXBsZSBub25jZQ==")
     return served.said(f"GET {served.path}{SOCKET} HTTP/1.1\r\n{lines}{key}\r\n".encode())
@@ -40,7 +46,9 @@ def test_an_address_of_the_terminal_leaves_a_cookie_and_leads_to_one_without_the
     query = urlsplit(served.address()).query
     status, headers, page = entered(served, query)
     assert status == 200
-    assert headers["set-cookie"] == f"{served.cookie}; Path={served.path}; HttpOnly; SameSite=Strict"
+    assert (
+        headers["set-cookie"] == f"{served.cookie}; Path={served.path}; HttpOnly; SameSite=Strict"
+    )
     assert b'content="0; url=./"' in page
     token = query.partition("=")[2]
     assert token not in f"{headers}{page}"
@@ -56,7 +64,9 @@ def test_an_address_opens_one_browser_and_the_next_one_is_told(served):
     status, headers, why = entered(served, first)  # who has seen it in the list of processes
     assert (status, "set-cookie" in headers) == (403, False)
     assert b"used by another browser" in why
-    assert entered(served, first, Cookie=served.cookie)[0] == 200  # another tab of the browser that used it
+    assert (
+        entered(served, first, Cookie=served.cookie)[0] == 200
+    )  # another tab of the browser that used it
     second = urlsplit(served.address()).query
     assert second != first
     assert entered(served, second)[0] == 200
@@ -87,13 +97,18 @@ def test_the_page_is_under_its_path_alone(served):
         assert status == 403
         assert served.path not in why.decode()
     query = urlsplit(served.address()).query
-    assert served.asked(f"/?{query}")[0] == 403  # somewhere else the token does nothing, and stays good
+    assert (
+        served.asked(f"/?{query}")[0] == 403
+    )  # somewhere else the token does nothing, and stays good
     assert entered(served, query)[0] == 200
 
 
 def test_the_page_tells_neither_token_nor_key(served):
     name, _, key = served.cookie.partition("=")
-    answers = [served.asked(path) for path in ("", "view/", "nowhere", "_nicegui/nowhere", "%00", "view/told")]
+    answers = [
+        served.asked(path)
+        for path in ("", "view/", "nowhere", "_nicegui/nowhere", "%00", "view/told")
+    ]
     for status, headers, page in answers:
         assert status in (200, 404, 405)
         for secret in (served.query.partition("=")[2], key, name):
@@ -107,7 +122,9 @@ def test_the_cookie_opens_all_from_then_on(served):
         assert "set-cookie" not in headers
     assert handshake(served).startswith(b"HTTP/1.1 101")
     others = f"theme=dark; bad cookie;; simrob_1=x; {served.cookie}; last={'=' * 9}"
-    assert served.asked(Cookie=others)[0] == 200  # what other servers of this computer leave is sent, too
+    assert (
+        served.asked(Cookie=others)[0] == 200
+    )  # what other servers of this computer leave is sent, too
 
 
 @pytest.mark.parametrize("path", PLACES)
@@ -140,7 +157,11 @@ def test_others_are_refused(served, path, headers):
     assert status == 403
     assert told["content-type"] == "text/plain; charset=utf-8"
     assert "set-cookie" not in told
-    expected = {"Host": "is at http://127.0.0.1:", "Origin": "Another page", "Cookie": "the newest address"}
+    expected = {
+        "Host": "is at http://127.0.0.1:",
+        "Origin": "Another page",
+        "Cookie": "the newest address",
+    }
     assert expected[next(iter(headers))] in why.decode()
     assert all(secret not in why.decode() for secret in (*secrets.values(), served.path))
 
@@ -171,21 +192,31 @@ def test_a_foreign_websocket_is_refused_in_words(served, headers):
     given = {name: value and value.format(port=served.port) for name, value in headers.items()}
     answer = handshake(served, **given)
     assert answer.startswith(b"HTTP/1.1 403")
-    assert b"This page is at" in answer or b"Another page" in answer or b"the newest address" in answer
+    assert (
+        b"This page is at" in answer or b"Another page" in answer or b"the newest address" in answer
+    )
 
 
 def test_a_websocket_needs_the_cookie_though_its_address_has_the_token(served):
     """What scripts can be given is not enough: an address may leak."""
     query = urlsplit(served.address()).query
     request = f"GET {served.path}{SOCKET}&{query} HTTP/1.1\r\nHost: {served.host}\r\n"
-    assert served.said(f"{request}{HANDSHAKE.format('eA==')}\r\n".encode()).startswith(b"HTTP/1.1 403")
+    assert served.said(f"{request}{HANDSHAKE.format('eA==')}\r\n".encode()).startswith(
+        b"HTTP/1.1 403"
+    )
     assert entered(served, query)[0] == 200
 
 
 def test_two_hosts_or_origins_are_none(served):
     good = f"Host: {served.host}\r\nCookie: {served.cookie}\r\nOrigin: http://{served.host}\r\n"
-    assert served.said(f"GET {served.path} HTTP/1.1\r\n{good}\r\n".encode()).startswith(b"HTTP/1.1 200")
-    for second in (f"Origin: http://{served.host}", "Origin: http://evil.example", "Host: evil.example"):
+    assert served.said(f"GET {served.path} HTTP/1.1\r\n{good}\r\n".encode()).startswith(
+        b"HTTP/1.1 200"
+    )
+    for second in (
+        f"Origin: http://{served.host}",
+        "Origin: http://evil.example",
+        "Host: evil.example",
+    ):
         answer = served.said(f"GET {served.path} HTTP/1.1\r\n{good}{second}\r\n\r\n".encode())
         assert answer.startswith((b"HTTP/1.1 403", b"HTTP/1.1 400"))
 
@@ -198,18 +229,38 @@ def test_the_view_tells_what_the_session_tells_and_hears_of_drags(served):
     assert served.asked("view/told", method="POST", body=message, **own)[0] == 204
     assert session.calls == [("drag", "trunk", [0.0, 0.0, 0.1], [1.0, 2.0, 3.0])]
     trunk = '["drag", ["/drake/station/robot/humanoid/trunk", '
-    wrong = ["", "[", "[" * 500, '["drag", 1]', '["drag", ["/drake/trunk", [0, 0, 0], null]]', "\xff"]
-    wrong += ['["drag", ["/drake/station/x/floor", [0, 0, 0], null]]', '["drag", [["a"], "abc", null]]']
-    wrong += [f"{trunk}[0, 0], null]]", f"{trunk}[0, 0, NaN], [0, 0, 0]]]", f"{trunk}[0, 0, 0], [1e9, 0, 0]]]"]
+    wrong = [
+        "",
+        "[",
+        "[" * 500,
+        '["drag", 1]',
+        '["drag", ["/drake/trunk", [0, 0, 0], null]]',
+        "\xff",
+    ]
+    wrong += [
+        '["drag", ["/drake/station/x/floor", [0, 0, 0], null]]',
+        '["drag", [["a"], "abc", null]]',
+    ]
+    wrong += [
+        f"{trunk}[0, 0], null]]",
+        f"{trunk}[0, 0, NaN], [0, 0, 0]]]",
+        f"{trunk}[0, 0, 0], [1e9, 0, 0]]]",
+    ]
     for body in (*wrong, message + " " * 600):
-        assert served.asked("view/told", method="POST", body=body.encode("latin-1"), **own)[0] == 204
+        assert (
+            served.asked("view/told", method="POST", body=body.encode("latin-1"), **own)[0] == 204
+        )
     assert len(session.calls) == 1
     foreign = {"Origin": "http://evil.example"}
     assert served.asked("view/told", method="POST", body=message, **foreign)[0] == 403
     assert len(session.calls) == 1
     put = ["put", ["tool:", [0.1, 0, 0.2, 0, 90, 0], False, True]]
     good = [put, ["turn", ["joint_1", 12.5]]]
-    wrong = [["put", ["tool:", [0.1, 0], False, True]], ["put", ["tool:", [1e9] * 6, False, True]], ["put", "tool:"]]
+    wrong = [
+        ["put", ["tool:", [0.1, 0], False, True]],
+        ["put", ["tool:", [1e9] * 6, False, True]],
+        ["put", "tool:"],
+    ]
     wrong += [["turn", ["joint_1", "x"]], ["turn", ["joint_1", None]], ["turn", [1]]]
     for words in (*good, *wrong):
         assert served.asked("view/told", method="POST", body=json.dumps(words), **own)[0] == 204

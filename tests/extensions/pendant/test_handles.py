@@ -21,17 +21,25 @@ class ByHand:
     """A robot of a URDF, its root where it stands in a station, axes in degrees."""
 
     def __init__(self, name, root, posture):
-        self.model, self.plant, self.posture = load_robot(name), MultibodyPlant(0.0), np.rad2deg(posture)
+        self.model, self.plant, self.posture = (
+            load_robot(name),
+            MultibodyPlant(0.0),
+            np.rad2deg(posture),
+        )
         self.plant.set_adjacent_bodies_collision_filters(False)
         Parser(self.plant).AddModels(str(self.model.urdf_path))
-        self.plant.WeldFrames(self.plant.world_frame(), self.plant.GetFrameByName(self.model.root), root)
+        self.plant.WeldFrames(
+            self.plant.world_frame(), self.plant.GetFrameByName(self.model.root), root
+        )
         self.plant.Finalize()
         self.context = self.plant.CreateDefaultContext()
 
     def at(self, frame, **axes):
         for axis, value in (dict(zip(self.model.axes, self.posture, strict=True)) | axes).items():
             own = self.model.axes[axis]
-            self.plant.GetJointByName(own.joint).set_angle(self.context, own.sign * np.deg2rad(value))
+            self.plant.GetJointByName(own.joint).set_angle(
+                self.context, own.sign * np.deg2rad(value)
+            )
         return self.plant.GetFrameByName(frame).CalcPoseInWorld(self.context)
 
 
@@ -77,9 +85,13 @@ def test_a_limb_is_turned_where_it_cannot_keep_its_place():
     cell, robot, by_hand = standing("humanoid")
     frame = by_hand.model.tools["right_foot"]
     begin = by_hand.at(frame)
-    target = RigidTransform(RotationMatrix.MakeYRotation(0.4) @ begin.rotation(), begin.translation())
+    target = RigidTransform(
+        RotationMatrix.MakeYRotation(0.4) @ begin.rotation(), begin.translation()
+    )
     found = by_hand.at(frame, **reached(cell, robot, "right_foot", six(target), {}, turned=True))
-    assert (found.rotation().inverse() @ target.rotation()).ToAngleAxis().angle() == pytest.approx(0.0, abs=1e-3)
+    assert (found.rotation().inverse() @ target.rotation()).ToAngleAxis().angle() == pytest.approx(
+        0.0, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("name", ["irb120", "humanoid", "yobotics"])
@@ -107,8 +119,15 @@ def _about(axis, angle):
 def test_a_limb_with_several_tools_is_one():
     cell, robot, _ = standing("humanoid")
     own = cell.robot(robot)
-    twice = own.model.model_copy(update={"tools": {**own.model.tools, "palm": own.model.tools["right_hand"]}})
-    assert {*_limbs(replace(own, model=twice), _moved(own))} == {"right_hand", "left_hand", "right_foot", "left_foot"}
+    twice = own.model.model_copy(
+        update={"tools": {**own.model.tools, "palm": own.model.tools["right_hand"]}}
+    )
+    assert {*_limbs(replace(own, model=twice), _moved(own))} == {
+        "right_hand",
+        "left_hand",
+        "right_foot",
+        "left_foot",
+    }
 
 
 def test_what_is_to_be_elsewhere_is_counted_from_there():
@@ -190,7 +209,9 @@ def test_a_target_is_put_elsewhere_and_undone(teach):
     np.testing.assert_allclose(place[:3, 3], pose[:3], atol=1e-6)
     session.arm.jog_axes(after["axes"])
     session.hear()
-    np.testing.assert_allclose(answered(session, session.arm.where("world"))["pose"], pose, atol=1e-4)
+    np.testing.assert_allclose(
+        answered(session, session.arm.where("world"))["pose"], pose, atol=1e-4
+    )
     session.hand.put("target:here", [9.0, 0, 0, 0, 0, 0], turned=False, over=True)
     session.hear()
     assert session.message.wrong
@@ -203,7 +224,9 @@ def test_a_target_that_goes_with_a_piece_is_put_elsewhere_in_the_frame_of_that(t
     session = teach("irb120_gripper")
     session.arm.teach_target("here", "cube_2")
     session.hear()
-    frame, *_ = np.reshape(handles_of(session)["piece:cube_2"]["pose"], (1, 4, 4)).transpose(0, 2, 1)
+    frame, *_ = np.reshape(handles_of(session)["piece:cube_2"]["pose"], (1, 4, 4)).transpose(
+        0, 2, 1
+    )
     pose = np.add(answered(session, session.arm.where("world"))["pose"], [0, 0.02, -0.05, 0, 0, 0])
     session.hand.put("target:here", pose.tolist(), turned=False, over=True)
     session.hear()
@@ -234,7 +257,9 @@ def test_a_piece_begins_where_it_is_put(teach):
     assert session.book.settings == {}
     session.hand.put("piece:cube_1", pose, turned=True, over=True)
     session.hear()
-    assert session.setup.value("pieces.cube_1.pose") == pytest.approx([0.35, 0.1, 0.02, np.pi / 2, 0, 0], abs=1e-6)
+    assert session.setup.value("pieces.cube_1.pose") == pytest.approx(
+        [0.35, 0.1, 0.02, np.pi / 2, 0, 0], abs=1e-6
+    )
     place = np.reshape(told["handles"][0]["handles"]["piece:cube_1"]["pose"], (4, 4), order="F")
     np.testing.assert_allclose(place[:3, [0, 3]], [[0, 0.35], [1, 0.1], [0, 0.02]], atol=1e-6)
 
@@ -245,8 +270,12 @@ def test_a_limb_sets_joints_of_which_a_ghost_is_shown(teach):
     session.listen(lambda topic: heard.append(dict(session.hand.asked)), "hand")
     session.hand.open()
     session.hear()
-    begin = RigidTransform(np.reshape(told["handles"][0]["handles"]["limb:left_hand"]["pose"], (4, 4), order="F"))
-    session.hand.put("limb:left_hand", six(RigidTransform([0.05, 0, 0.1]) @ begin), turned=False, over=False)
+    begin = RigidTransform(
+        np.reshape(told["handles"][0]["handles"]["limb:left_hand"]["pose"], (4, 4), order="F")
+    )
+    session.hand.put(
+        "limb:left_hand", six(RigidTransform([0.05, 0, 0.1]) @ begin), turned=False, over=False
+    )
     session.hear()
     session.hand.turn("right_elbow", 25.0)
     assert [{*one} for one in heard] == [
@@ -266,14 +295,18 @@ def test_a_limb_sets_joints_of_which_a_ghost_is_shown(teach):
     told["ghosts"] = []
     assert session.setup.set("gravity", 3.7)
     session.hear()
-    assert {command["type"] for command in told["ghosts"]} == {"delete", "copy", "set_transform"}, "as before"
+    assert {command["type"] for command in told["ghosts"]} == {"delete", "copy", "set_transform"}, (
+        "as before"
+    )
 
 
 def test_handles_of_a_station_that_is_built_anew_are_where_it_begins(teach):
     """The gizmo stayed where the tool was before."""
     session = teach("irb120_dynamic")
     seen = []
-    session.listen_to_view(lambda subject, commands: seen.append(commands[0]) if subject == "handles" else None)
+    session.listen_to_view(
+        lambda subject, commands: seen.append(commands[0]) if subject == "handles" else None
+    )
     session.hand.open()
     session.hear()
     begin = seen[-1]["handles"]["tool:"]["pose"]
@@ -284,5 +317,7 @@ def test_handles_of_a_station_that_is_built_anew_are_where_it_begins(teach):
     seen.clear()
     assert session.setup.set("servo.kp", 1200.0)
     session.hear()
-    assert {} in [command["handles"] for command in seen], "nothing to be taken while the station is built"
+    assert {} in [command["handles"] for command in seen], (
+        "nothing to be taken while the station is built"
+    )
     np.testing.assert_allclose(seen[-1]["handles"]["tool:"]["pose"], begin, atol=1e-9)

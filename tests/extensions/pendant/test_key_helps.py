@@ -51,9 +51,15 @@ def test_all_keys_of_all_stations_have_spanish_helps():
         for field in fields_of(station):
             english.setdefault(field.help, field.key)
     fields = [Field(key, "value", text) for text, key in english.items()]
-    missing = [old.key for old, new in zip(fields, in_own_language(fields, "es"), strict=True) if old.help == new.help]
+    missing = [
+        old.key
+        for old, new in zip(fields, in_own_language(fields, "es"), strict=True)
+        if old.help == new.help
+    ]
     assert not missing
-    assert helps_by_text("es").keys() <= english.keys(), "a help whose English text has changed or is gone"
+    assert helps_by_text("es").keys() <= english.keys(), (
+        "a help whose English text has changed or is gone"
+    )
     assert in_own_language(fields, "en") == fields
 
 
@@ -64,7 +70,9 @@ def test_a_robot_of_several_has_the_helps_of_a_single_one():
 
 def test_units_are_those_of_the_english_helps():
     for station in STATIONS:
-        for new, old in zip(in_own_language(fields_of(station), "es"), fields_of(station), strict=True):
+        for new, old in zip(
+            in_own_language(fields_of(station), "es"), fields_of(station), strict=True
+        ):
             unit = re.search(r"\[(\S+?)[\];,]", old.help)
             if unit and new.help != old.help:
                 assert unit[1] in new.help, new.key

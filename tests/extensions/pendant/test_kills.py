@@ -63,8 +63,12 @@ def killed_again_and_again(folder, kills, seed):
         session = opened(folder)
         moves = [move.target_deg["left_elbow"] for move in session.book.program.moves]
         assert str(session.message) == "", session.message
-        assert moves == [taught(number) for number in range(len(moves))], "what was taught is not in order"
-        assert stored <= len(moves) <= stored + 1, f"{stored} moves were stored, {len(moves)} are there"
+        assert moves == [taught(number) for number in range(len(moves))], (
+            "what was taught is not in order"
+        )
+        assert stored <= len(moves) <= stored + 1, (
+            f"{stored} moves were stored, {len(moves)} are there"
+        )
         assert Program.load(session.book.file).moves == session.book.program.moves
         assert session.book.history.can_undo
     print(len(moves))
@@ -76,9 +80,9 @@ def test_kills_lose_nothing(tmp_path, kills):
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert run.returncode == 0, run.stderr
     assert int(run.stdout) > kills
-    assert sorted(file.name for file in (tmp_path / "humanoid_dynamic").iterdir() if file.suffix == ".yaml") == [
-        "program.yaml"
-    ]
+    assert sorted(
+        file.name for file in (tmp_path / "humanoid_dynamic").iterdir() if file.suffix == ".yaml"
+    ) == ["program.yaml"]
 
 
 if __name__ == "__main__":

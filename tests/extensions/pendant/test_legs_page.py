@@ -83,7 +83,14 @@ def give(user, element, value):
 
 def test_the_order_of_use_is_numbered():
     async def script(user, session):
-        for text in ("1. Joints and angles", "2. Test", "3. Add", "4. Simulate", "Discard move", "Reset"):
+        for text in (
+            "1. Joints and angles",
+            "2. Test",
+            "3. Add",
+            "4. Simulate",
+            "Discard move",
+            "Reset",
+        ):
             await user.should_see(text)
 
     shown(script)
@@ -105,7 +112,9 @@ def test_a_joint_is_found_by_its_words_its_name_and_its_name_in_the_thesis():
         for search, found in cases.items():
             give(user, next(iter(user.find(ui.input).elements)), search)
             names = [axis["name"] for axis in axes]
-            assert [name for name in names if called(user, ui.number, words("en")(f"axes.{name}"))] == found
+            assert [
+                name for name in names if called(user, ui.number, words("en")(f"axes.{name}"))
+            ] == found
         await user.should_see("No joint is called so.")
 
     shown(script)
@@ -133,14 +142,21 @@ def test_set_joints_are_tested_together_in_their_time_and_then_stored():
         give(user, field(user, "Duration"), 1.5)
         press(user, "2. Test")
         await heard()
-        await user.should_see("Tested and not added yet: right hip: leg forward 20°, left shoulder: arm forward 30°")
+        await user.should_see(
+            "Tested and not added yet: right hip: leg forward 20°, left shoulder: arm forward 30°"
+        )
         press(user, "3. Add")
         await heard()
-        await user.should_see("1. right hip: leg forward 20°, left shoulder: arm forward 30° in 1.5 s")
+        await user.should_see(
+            "1. right hip: leg forward 20°, left shoulder: arm forward 30° in 1.5 s"
+        )
 
     session = shown(script)
     targets = {"left_shoulder_pitch": 30.0, "right_hip_pitch": 20.0}
-    assert [call for call in session.calls if call[0] in ("test", "add")] == [("test", targets, 1.5), ("add",)]
+    assert [call for call in session.calls if call[0] in ("test", "add")] == [
+        ("test", targets, 1.5),
+        ("add",),
+    ]
 
 
 def test_a_duration_is_suggested_until_the_user_sets_one():
@@ -159,7 +175,9 @@ def test_a_duration_is_suggested_until_the_user_sets_one():
         await heard()
 
     session = shown(script)
-    assert [call for call in session.calls if call[0] == "test"] == [("test", {"left_shoulder_pitch": 100.0}, 4.0)]
+    assert [call for call in session.calls if call[0] == "test"] == [
+        ("test", {"left_shoulder_pitch": 100.0}, 4.0)
+    ]
 
 
 def test_a_second_test_has_the_joints_that_were_set_since():
@@ -199,7 +217,9 @@ def test_what_was_typed_stays_when_a_test_falls(ended, again):
         give(user, field(user, "left elbow"), 35.0)
         press(user, "2. Test")
 
-    tests = [targets for name, targets, _ in (call for call in shown(script).calls if call[0] == "test")]
+    tests = [
+        targets for name, targets, _ in (call for call in shown(script).calls if call[0] == "test")
+    ]
     assert tests[1:] == again
 
 
@@ -241,7 +261,10 @@ def test_a_number_beyond_the_limits_is_refused_in_its_field_with_the_limit():
             press(user, "2. Test")
 
     tests = [call for call in shown(script).calls if call[0] == "test"]
-    assert [targets for _, targets, _ in tests] == [{"right_shoulder_pitch": 180.0}, {"right_shoulder_pitch": -90.0}]
+    assert [targets for _, targets, _ in tests] == [
+        {"right_shoulder_pitch": 180.0},
+        {"right_shoulder_pitch": -90.0},
+    ]
 
 
 def test_a_joint_that_was_set_can_be_taken_back():
@@ -300,7 +323,11 @@ def test_the_demo_of_the_thesis_is_told_the_same_on_all_humanoids(robot):
         search = next(iter(user.find(ui.input).elements))
         for alias in ("HomIF", "CadDF"):
             give(user, search, alias)
-            (only,) = (row for row in user.find(ui.number).elements if row.props.get("suffix") == "°" and seen(row))
+            (only,) = (
+                row
+                for row in user.find(ui.number).elements
+                if row.props.get("suffix") == "°" and seen(row)
+            )
             give(user, only, 30.0)
         press(user, "2. Test")
 
@@ -357,7 +384,11 @@ def test_a_step_a_walk_and_an_act_are_asked_for():
         press(user, "Act")
 
     walk = {"walk": {"steps": 6, "amplitude": 0.5}}
-    assert shown(script).calls[-3:] == [("step",), ("try_move", walk), ("try_move", {"act": {"name": "crouch"}})]
+    assert shown(script).calls[-3:] == [
+        ("step",),
+        ("try_move", walk),
+        ("try_move", {"act": {"name": "crouch"}}),
+    ]
 
 
 def test_a_walk_of_half_a_step_is_refused():
@@ -394,7 +425,9 @@ def test_a_loop_is_explained_by_a_picture():
     async def script(user, session):
         answer = Future()
         answer.set_result("<svg><text>ankles</text></svg>")
-        session.loop_picture = lambda name, language: session.calls.append(("loop_picture", name)) or answer
+        session.loop_picture = lambda name, language: (
+            session.calls.append(("loop_picture", name)) or answer
+        )
         press_that(user, "How it works: keep the balance")
         await heard()
         await user.should_see("arms, hips and at last a step bring it back")
@@ -406,7 +439,13 @@ def test_a_loop_is_explained_by_a_picture():
     assert ("loop_picture", "balance") in shown(script).calls
 
 
-STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
+STORED = [
+    MOVE,
+    {"walk": {"steps": 4, "amplitude": 0.5}},
+    {"act": "bow"},
+    {"attach": "box"},
+    {"wait": 2.0},
+]
 
 
 def lines(user):
@@ -418,14 +457,22 @@ def lines(user):
 
 def test_stored_moves_are_told_put_in_order_and_deleted():
     async def script(user, session):
-        told = ["left shoulder: arm forward 30°, right hip: leg forward 20° in 1.5 s", "walk 4 steps (amplitude 0.5)"]
+        told = [
+            "left shoulder: arm forward 30°, right hip: leg forward 20° in 1.5 s",
+            "walk 4 steps (amplitude 0.5)",
+        ]
         told += ["bow", "take box", "stand still for 2 s"]
         assert lines(user) == [f"{number}. {text}" for number, text in enumerate(told, 1)]
         press_that(user, "Earlier: 3.")
         press_that(user, "Later: 4.")
         press_that(user, "Delete: 1.")
         await heard()
-        assert lines(user) == ["1. bow", "2. walk 4 steps (amplitude 0.5)", "3. stand still for 2 s", "4. take box"]
+        assert lines(user) == [
+            "1. bow",
+            "2. walk 4 steps (amplitude 0.5)",
+            "3. stand still for 2 s",
+            "4. take box",
+        ]
         press_that(user, "Earlier: 1.")  # it is the first
         press_that(user, "Later: 4.")
         await heard()
@@ -444,13 +491,21 @@ def test_a_stored_move_is_edited_and_its_limits_hold():
         assert shoulder.error == "from \N{MINUS SIGN}90° to 180°"
         give(user, shoulder, 45.0)
         press_that(user, "Delete: right hip: leg forward")
-        give(user, next(iter(user.find(kind=ui.select, content="One more joint").elements)), "left_knee")
+        give(
+            user,
+            next(iter(user.find(kind=ui.select, content="One more joint").elements)),
+            "left_knee",
+        )
         give(user, called(user, ui.number, "left knee: shank backward")[-1], 15.0)
         give(user, called(user, ui.number, "Duration")[-1], 2.0)
         press(user, "Save")
 
     session = shown(script, LegsSession(moves=STORED))
-    assert session.calls[-1] == ("edit", 0, {"target_deg": {"HomIF": 45.0, "left_knee": 15.0}, "duration": 2.0})
+    assert session.calls[-1] == (
+        "edit",
+        0,
+        {"target_deg": {"HomIF": 45.0, "left_knee": 15.0}, "duration": 2.0},
+    )
 
 
 def test_a_stored_walk_keeps_what_the_form_does_not_show():
@@ -475,7 +530,11 @@ def test_what_no_form_asks_for_is_edited_as_the_file_has_it():
         assert text.error
         assert "edit" not in [call[0] for call in session.calls]
         give(user, text, "repeat: 2")
-        give(user, max(user.find(kind=ui.select, content="Act").elements, key=lambda element: element.id), "wave")
+        give(
+            user,
+            max(user.find(kind=ui.select, content="Act").elements, key=lambda element: element.id),
+            "wave",
+        )
         press(user, "Save")
         await heard()
         press_that(user, "Edit: 1.")
@@ -513,7 +572,9 @@ def test_a_loop_that_cannot_be_switched_now_stays_as_it_is():
         (guard,) = user.find(kind=ui.switch, content="arms against a fall").elements
         give(user, guard, True)
         assert not guard.value
-        session.told("description", description=described() | {"loops": [{"name": "guard", "on": True}]})
+        session.told(
+            "description", description=described() | {"loops": [{"name": "guard", "on": True}]}
+        )
         await heard()
         (guard,) = user.find(kind=ui.switch, content="arms against a fall").elements
         assert guard.value
@@ -524,9 +585,18 @@ def test_a_loop_that_cannot_be_switched_now_stays_as_it_is():
 
 def test_the_page_is_spanish_where_that_is_asked_for():
     async def script(user, session):
-        for text in ("1. Articulaciones y ángulos", "2. Probar", "3. Añadir", "4. Simular", "Resetear"):
+        for text in (
+            "1. Articulaciones y ángulos",
+            "2. Probar",
+            "3. Añadir",
+            "4. Simular",
+            "Resetear",
+        ):
             await user.should_see(text)
-        assert lines(user)[0] == "1. hombro izquierdo: brazo adelante 30°, cadera derecha: pierna adelante 20° en 1,5 s"
+        assert (
+            lines(user)[0]
+            == "1. hombro izquierdo: brazo adelante 30°, cadera derecha: pierna adelante 20° en 1,5 s"
+        )
 
     shown(script, LegsSession(moves=STORED), "es")
 
@@ -541,7 +611,9 @@ def test_another_robot_has_its_own_joints_and_one_without_legs_none():
         await heard()
         assert field(user, "rear left knee")
         assert called(user, ui.number, "left elbow") == []
-        session.told("description", description={**described("irb120"), "loops": []}, robot="irb120")
+        session.told(
+            "description", description={**described("irb120"), "loops": []}, robot="irb120"
+        )
         await heard()
         await user.should_see("Nothing with legs is loaded.")
 
@@ -550,7 +622,9 @@ def test_another_robot_has_its_own_joints_and_one_without_legs_none():
 
 def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
     async def script(user, session):
-        session.run.history["position"].extend((number / 20, [radians(number)] * 18) for number in range(3))
+        session.run.history["position"].extend(
+            (number / 20, [radians(number)] * 18) for number in range(3)
+        )
         give(user, next(iter(user.find(ui.expansion).elements)), True)
         await heard(0.5)
         charts = user.find(ui.echart).elements
@@ -560,7 +634,9 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         assert rows[2][1:] == pytest.approx([2.0] * 6)  # degrees
         assert position.options["series"][0]["name"] == "right shoulder: arm forward"
         before = np.array([0.0, 0.1]), np.full((2, 18), radians(30.0))
-        session.run.ended.append(EndedRun(4, "program", 0.0, 0.1, "completed", {"position": before}, Moments()))
+        session.run.ended.append(
+            EndedRun(4, "program", 0.0, 0.1, "completed", {"position": before}, Moments())
+        )
         session.told("phase")
         await heard(0.5)
         choices = {one.props.get("label", ""): one for one in user.find(ui.select).elements}
@@ -596,7 +672,9 @@ def test_a_joint_that_does_not_come_to_where_it_should_says_why():
     session = LegsSession()
     axes = [axis["name"] for axis in session.description["robots"]["humanoid"]["axes"]]
     elbow, knee = axes.index("left_elbow"), axes.index("right_knee")
-    session.description["signals"].append({"name": "torque", "unit": "N·m", "title": "torque", "columns": axes})
+    session.description["signals"].append(
+        {"name": "torque", "unit": "N·m", "title": "torque", "columns": axes}
+    )
     session.run.watch(("reference", "position", "torque"))
     asked, done, torque = [0.0] * 18, [0.0] * 18, [0.0] * 18
     asked[elbow], done[elbow], torque[elbow] = radians(90), radians(33), -3.0
@@ -607,12 +685,20 @@ def test_a_joint_that_does_not_come_to_where_it_should_says_why():
         session.run.take(1.0, None, {"reference": asked, "position": done, "torque": torque})
         session.told("phase", "tick")
         await heard(0.1)
-        shown = {label.text: label.classes for label in user.find(ui.label).elements if "pendant-off" in label.classes}
+        shown = {
+            label.text: label.classes
+            for label in user.find(ui.label).elements
+            if "pendant-off" in label.classes
+        }
         assert {text: {"red", "amber"} & {*classes} for text, classes in shown.items() if text} == {
             "at 33°: at its limit of 3 N·m": {"red"},
             "at 57°: its gains hold it 3° off, with 1.25 of 3 N·m": {"amber"},
         }
-        ticks = [one for one in user.find(ui.element).elements if "pendant-tick" in one.classes and seen(one)]
+        ticks = [
+            one
+            for one in user.find(ui.element).elements
+            if "pendant-tick" in one.classes and seen(one)
+        ]
         assert len(ticks) == 18
         session.told("phase", "tick", phase="running")
         await heard(0.1)
@@ -628,7 +714,9 @@ def test_moves_are_told_in_words():
             "attach": {"piece": "box", "tool": "right_hand", "pose": [0] * 6}
         },
         "leave box (it stays where it is)": {"release": {"piece": "box", "fixed": True}},
-        "walk 2 steps (sideways, step time 0.4)": {"walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}},
+        "walk 2 steps (sideways, step time 0.4)": {
+            "walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}
+        },
         "the station's own motion for 5 s": {"play": 5.0},
         "MoveL [[0, 0, 0.5]]": {"move_l": {"targets": [[0, 0, 0.5]]}},
         "Go (ahead 0.2 m/s, duration 3 s)": {"go": {"ahead": 0.2, "duration": 3.0}},

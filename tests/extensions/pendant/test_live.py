@@ -58,10 +58,16 @@ class Pendant:
                 if all(news[key] == value for key, value in what.items()):
                     return news
             time.sleep(0.005)
-        raise AssertionError(f"no {kind} with {what}: {[news for news in self.news if news['news'] != 'view'][-5:]}")
+        raise AssertionError(
+            f"no {kind} with {what}: {[news for news in self.news if news['news'] != 'view'][-5:]}"
+        )
 
     def signals(self, folder: Path) -> np.ndarray:
-        return np.loadtxt(self.ask("save", what="signals", file=str(folder / "signals.csv")), delimiter=",", skiprows=1)
+        return np.loadtxt(
+            self.ask("save", what="signals", file=str(folder / "signals.csv")),
+            delimiter=",",
+            skiprows=1,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -86,11 +92,15 @@ def test_it_tells_what_can_be_taught(shared: Pendant) -> None:
     assert elbow["unit"] == "deg"
     assert elbow["low"] < 0 < elbow["high"]
     assert "bow" in robot["acts"]
-    assert {"position", "torque", "base_pose"} <= {signal["name"] for signal in shared.station["signals"]}
+    assert {"position", "torque", "base_pose"} <= {
+        signal["name"] for signal in shared.station["signals"]
+    }
 
 
 @pytest.mark.long
-def test_a_run_with_changes_is_that_of_the_program_that_was_noted(humanoid: Pendant, tmp_path: Path) -> None:
+def test_a_run_with_changes_is_that_of_the_program_that_was_noted(
+    humanoid: Pendant, tmp_path: Path
+) -> None:
     """A gain, a push and a drag while it runs: a program with what was told gives the same signals."""
     humanoid.ask("watch", signals=["position"])
     humanoid.ask("pace", factor=2.0)
@@ -105,7 +115,11 @@ def test_a_run_with_changes_is_that_of_the_program_that_was_noted(humanoid: Pend
     assert done.result(WAIT)["ending"] == "completed"
     assert len(humanoid.told("tick")) == 40
     changes = [news["change"] for news in humanoid.told("noted")]
-    assert [next(key for key in change if key != "time") for change in changes] == ["set", "push", "drag"]
+    assert [next(key for key in change if key != "time") for change in changes] == [
+        "set",
+        "push",
+        "drag",
+    ]
     robot = LeggedRobot("humanoid_dynamic")
     robot.run(Program.model_validate({"moves": [ELBOW, {"wait": 1.5}], "changes": changes}))
     np.testing.assert_array_equal(humanoid.signals(tmp_path)[:, 1:], robot.result().values)
@@ -121,11 +135,15 @@ def test_going_back_and_on_again_changes_nothing(humanoid: Pendant, tmp_path: Pa
     np.testing.assert_array_equal(humanoid.signals(tmp_path), signals)
 
 
-def test_a_change_before_one_that_the_program_has_stands_before_it(humanoid: Pendant, tmp_path: Path) -> None:
+def test_a_change_before_one_that_the_program_has_stands_before_it(
+    humanoid: Pendant, tmp_path: Path
+) -> None:
     """The later one counts from its time on; gone back to before both, the run goes on as it went."""
     later = {"time": 0.6, "set": {"servo.kp": 200}}
     humanoid.ask("pace", factor=0.5)
-    done = humanoid.live.call("play", program=yaml.safe_dump({"moves": [{"wait": 1.0}], "changes": [later]}))
+    done = humanoid.live.call(
+        "play", program=yaml.safe_dump({"moves": [{"wait": 1.0}], "changes": [later]})
+    )
     humanoid.until("tick", time=0.1)
     humanoid.ask("change", settings={"servo.kp": 300})
     humanoid.until("noted")
@@ -136,7 +154,9 @@ def test_a_change_before_one_that_the_program_has_stands_before_it(humanoid: Pen
     humanoid.ask("go_on")
     np.testing.assert_array_equal(humanoid.signals(tmp_path), signals)
     robot = LeggedRobot("humanoid_dynamic")
-    robot.run(Program.model_validate({"moves": [{"wait": 1.0}], "changes": [later, noted["change"]]}))
+    robot.run(
+        Program.model_validate({"moves": [{"wait": 1.0}], "changes": [later, noted["change"]]})
+    )
     np.testing.assert_array_equal(signals[:, 1:], robot.result().values)
 
 

@@ -47,7 +47,13 @@ class TakeOld(Move):
 def test_a_move_without_words_has_a_form_of_its_keys():
     labels = labels_of(Polish)
     assert labels.title == "Polish piece"
-    assert labels.form == {"piece": "pieces", "pressure": None, "passes": None, "pattern": None, "dry": None}
+    assert labels.form == {
+        "piece": "pieces",
+        "pressure": None,
+        "passes": None,
+        "pattern": None,
+        "dry": None,
+    }
     fields = move_fields(Polish, labels.form, {"passes": 5})
     assert [field.kind for field in fields] == ["text", "number", "number", "choice", "switch"]
     assert fields[2].value == 5

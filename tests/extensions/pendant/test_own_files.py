@@ -41,7 +41,8 @@ def test_a_station_goes_before_its_robot_and_a_robot_before_its_meshes(tmp_path)
 
 
 @pytest.mark.parametrize(
-    "name", ["../../out.urdf", "/etc/out.urdf", "..\\..\\out.urdf", "a/../../out.urdf", ".. /out.urdf"]
+    "name",
+    ["../../out.urdf", "/etc/out.urdf", "..\\..\\out.urdf", "a/../../out.urdf", ".. /out.urdf"],
 )
 def test_no_name_leads_out_of_the_folder(tmp_path, name):
     for files in ({name: b"x"}, {"a.zip": archive({name: b"x"})}):
@@ -79,7 +80,9 @@ def test_a_file_in_thousands_of_folders_is_refused(tmp_path):
         refused_in_a_line(files, tmp_path, "is in 3000 folders; it must be in at most 50 folders")
 
 
-@pytest.mark.parametrize("name", [f"{'n' * 300}.urdf", "/".join(["n" * 190] * 10) + "/arm.urdf", "ñ" * 120 + ".urdf"])
+@pytest.mark.parametrize(
+    "name", [f"{'n' * 300}.urdf", "/".join(["n" * 190] * 10) + "/arm.urdf", "ñ" * 120 + ".urdf"]
+)
 def test_names_that_no_disk_takes_are_refused(tmp_path, name):
     for files in ({"arm.zip": archive({name: b"<robot/>"})}, {name: b"<robot/>"}):
         refused_in_a_line(files, tmp_path, "at most 200 bytes each, 1000 together")
@@ -92,7 +95,11 @@ def test_half_a_surrogate_in_a_name_is_refused(tmp_path, name):
 
 def test_tens_of_thousands_of_entries_are_refused_at_once(tmp_path):
     packed = archive({f"{number}.txt": b"" for number in range(20_000)} | {"arm.urdf": b"<robot/>"})
-    refused_in_a_line({"arm.zip": packed}, tmp_path, "too many files; it must be an archive of at most 10000 files")
+    refused_in_a_line(
+        {"arm.zip": packed},
+        tmp_path,
+        "too many files; it must be an archive of at most 10000 files",
+    )
 
 
 def test_a_damaged_archive_is_refused_whatever_byte_is_wrong(tmp_path):
@@ -117,8 +124,12 @@ def test_what_the_import_did_is_told(tmp_path):
     session = Session.open(file, tmp_path, live=CountingRun)
     report = report_of(session.book.model.urdf_path)
     session.close()
-    assert str(report).startswith("double_pendulum.urdf was imported. Its file leaves these things open")
-    (lost,) = (remark for remark in report.remarks if "'base.obj' there is no such file" in remark.text)
+    assert str(report).startswith(
+        "double_pendulum.urdf was imported. Its file leaves these things open"
+    )
+    (lost,) = (
+        remark for remark in report.remarks if "'base.obj' there is no such file" in remark.text
+    )
     assert lost.severity == "warning", "the base is not shown"
     assert {remark.severity for remark in report.remarks} == {"note", "warning"}
     assert report_of(source) is None
@@ -132,8 +143,14 @@ def test_what_the_import_did_is_told(tmp_path):
     ("content", "said"),
     [
         ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
-        ("<robot name='a'><link name='b'/></robot>", "a.urdf: no tiene ninguna articulación que se mueva"),
-        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únalos"),
+        (
+            "<robot name='a'><link name='b'/></robot>",
+            "a.urdf: no tiene ninguna articulación que se mueva",
+        ),
+        (
+            "<robot name='a'><link name='b'/><link name='c'/></robot>",
+            "a.urdf: tiene 2 eslabones raíz (b, c); únalos",
+        ),
         ("nothing", "a.urdf: no es XML: syntax error"),
     ],
 )

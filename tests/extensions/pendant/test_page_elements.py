@@ -14,7 +14,13 @@ from simrob_drake.extensions.pendant.describe import description
 from simrob_drake.extensions.pendant.form import move_fields
 from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.extensions.pendant.pages import gallery, legs
-from simrob_drake.extensions.pendant.pages.elements import KEYS, NumberField, limit_text, page_keys, set_keys
+from simrob_drake.extensions.pendant.pages.elements import (
+    KEYS,
+    NumberField,
+    limit_text,
+    page_keys,
+    set_keys,
+)
 from simrob_drake.extensions.pendant.pages.move_forms import offers
 from simrob_drake.extensions.pendant.pages.words import MINUS, Phrases, languages, texts_of, words
 from simrob_drake.programs.arm import Workcell
@@ -117,7 +123,9 @@ def test_every_form_has_words_in_each_language_and_units_for_its_numbers():
     for key, kind in KINDS.items():
         fields = move_fields(kind, labels_of(kind).form, {})
         numbers = [field for field in fields if field.kind == "number"]
-        assert [field.key for field in numbers if not field.unit and field.key not in WITHOUT_UNIT] == []
+        assert [
+            field.key for field in numbers if not field.unit and field.key not in WITHOUT_UNIT
+        ] == []
         for language in languages():
             texts = texts_of(language)
             names = [field.key for field in fields if field.key not in ("name", "target_deg")]
@@ -143,13 +151,19 @@ def test_each_icon_of_the_page_has_one_meaning():
         legs.build(session, t)
         meanings = defaultdict(set)
         for element in list(ui.context.client.elements.values()):
-            if isinstance(element, ui.button) and element.props.get("icon") and element.props.get("aria-label"):
+            if (
+                isinstance(element, ui.button)
+                and element.props.get("icon")
+                and element.props.get("aria-label")
+            ):
                 meanings[element.props["icon"]].add(element.props["aria-label"].partition(":")[0])
         return meanings
 
     meanings = on_page(build)
     assert {"undo", "redo", "keyboard_tab"} <= meanings.keys()
-    assert {icon: texts for icon, texts in meanings.items() if len(texts - same.get(icon, set())) > 1} == {}
+    assert {
+        icon: texts for icon, texts in meanings.items() if len(texts - same.get(icon, set())) > 1
+    } == {}
 
 
 # Limits
@@ -167,7 +181,9 @@ def test_each_icon_of_the_page_has_one_meaning():
         (float("inf"), "°", True, ""),
     ],
 )
-def test_limits_are_rounded_inward_and_have_no_more_digits_than_are_read(value, unit, is_upper, text):
+def test_limits_are_rounded_inward_and_have_no_more_digits_than_are_read(
+    value, unit, is_upper, text
+):
     """An arm's limits had three digits behind the point."""
     assert limit_text(words("en"), value, unit, is_upper=is_upper) == text
 
@@ -183,7 +199,9 @@ def test_numbers_have_the_decimal_sign_of_the_language():
 
 def test_a_limit_as_it_is_shown_can_be_entered():
     def build():
-        field = NumberField(words("en"), "Joint 1", 0.0, low=-171.88733853924697, high=171.88733853924697, unit="°")
+        field = NumberField(
+            words("en"), "Joint 1", 0.0, low=-171.88733853924697, high=171.88733853924697, unit="°"
+        )
         return [field.problem(value) for value in (171.8, -171.8, 172.0)]
 
     assert on_page(build) == [None, None, f"from {MINUS}171.8° to 171.8°"]

@@ -9,7 +9,11 @@ from legs_session import LegsSession
 from nicegui import ui
 from nicegui.testing import user_simulation
 
-from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline, durations_of, position_in
+from simrob_drake.extensions.pendant.pages.move_list import (
+    ProgramTimeline,
+    durations_of,
+    position_in,
+)
 from simrob_drake.extensions.pendant.pages.words import words
 from simrob_drake.programs.moves.kinds import check_move
 
@@ -32,19 +36,26 @@ def test_durations_are_those_of_the_last_run_up_to_the_first_other_move():
     assert durations_of(moves, ()) == [2.0, 0.0, None]
     assert durations_of(moves, ran) == pytest.approx([2.05, 0.0, 3.6])
     assert durations_of(moves[:1], ran) == [2.05]
-    assert durations_of(moves[1:], ran) == [0.0, None], "another program, which begins with another move"
-    assert durations_of(moves, done((ELBOW, 0.7))) == [0.7, 0.0, None], "one that fell in the first move"
+    assert durations_of(moves[1:], ran) == [0.0, None], (
+        "another program, which begins with another move"
+    )
+    assert durations_of(moves, done((ELBOW, 0.7))) == [0.7, 0.0, None], (
+        "one that fell in the first move"
+    )
 
 
 def test_two_joint_moves_that_are_one_run_have_a_block_each():
-    moves = [check_move({"target_deg": {"left_elbow": angle}, "duration": 1.0}) for angle in (30.0, 0.0)]
+    moves = [
+        check_move({"target_deg": {"left_elbow": angle}, "duration": 1.0}) for angle in (30.0, 0.0)
+    ]
     durations = durations_of(moves, done(*((move.entry(), 1.0) for move in moves)))
     assert durations == [1.0, 1.0]
     assert position_in(1.4, durations) == (1, pytest.approx(0.4))
 
 
 @pytest.mark.parametrize(
-    ("time", "place"), [(0.0, (0, 0.0)), (1.5, (0, 0.75)), (2.0, (2, 0.0)), (3.0, (2, 0.25)), (6.0, None)]
+    ("time", "place"),
+    [(0.0, (0, 0.0)), (1.5, (0, 0.75)), (2.0, (2, 0.0)), (3.0, (2, 0.25)), (6.0, None)],
 )
 def test_a_run_is_in_the_move_that_takes_its_time(time, place):
     assert position_in(time, [2.0, 0.0, 4.0]) == place
@@ -79,19 +90,33 @@ def test_blocks_show_where_the_run_is_and_lead_back_to_where_they_began():
             session.told("phase")
             await asyncio.sleep(0.05)
             with user:
-                blocks = [one for one in ui.context.client.elements.values() if "pendant-block" in one.classes]
+                blocks = [
+                    one
+                    for one in ui.context.client.elements.values()
+                    if "pendant-block" in one.classes
+                ]
             assert [one.style["flex-grow"] for one in blocks] == ["2.000", "3.500", "2.000"]
             assert blocks[2].style["--at"] == "50.0%"
             timeline = blocks[0].parent_slot.parent
             (drop,) = [one for one in timeline._event_listeners.values() if one.type == "drop"]
             timeline._handle_event({"listener_id": drop.id, "args": [2, 0]})
-            assert [move.entry() for move in session.program.moves] == [ELBOW, ELBOW, check_move(WALK).entry()]
-            (down,) = [one for one in timeline._event_listeners.values() if one.type == "pointerdown"]
+            assert [move.entry() for move in session.program.moves] == [
+                ELBOW,
+                ELBOW,
+                check_move(WALK).entry(),
+            ]
+            (down,) = [
+                one for one in timeline._event_listeners.values() if one.type == "pointerdown"
+            ]
             for seconds, duration in ((3.1234, 3.1), (-1.0, 0.05)):
                 timeline._handle_event({"listener_id": down.id, "args": [0, seconds]})
                 assert session.program.moves[0].entry() == {**ELBOW, "duration": duration}
             with user:
-                edges = [one for one in ui.context.client.elements.values() if "pendant-edge" in one.classes]
+                edges = [
+                    one
+                    for one in ui.context.client.elements.values()
+                    if "pendant-edge" in one.classes
+                ]
             assert len(edges) == 2, "a walk takes as long as its steps"
 
     asyncio.run(run())

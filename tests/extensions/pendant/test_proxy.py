@@ -31,7 +31,9 @@ def served():
         patch.setattr(shell, "TABS", {"station": lambda *_: None})
         patch.setenv(PROXY_TOKEN, TOKEN)
         opened = StubSession, [{"type": "delete", "path": "/x"}]
-        with serving(lambda subject, _: opened[0](subject, drawn=opened[1]), root_path=PREFIX) as served:
+        with serving(
+            lambda subject, _: opened[0](subject, drawn=opened[1]), root_path=PREFIX
+        ) as served:
             yield served
 
 
@@ -89,7 +91,9 @@ def test_a_proxy_that_lets_in_its_user_shows_page_view_and_socket_under_its_path
         assert PREFIX * 2 not in page
         files = set(re.findall(rf'(?:src|href)="{PREFIX}(/[^"]+\.(?:js|css))"', page))
         assert files
-        assert not re.findall(r'(?:src|href)="/(?!user/ana/simrob/)', page)  # nothing beside the proxy's path
+        assert not re.findall(
+            r'(?:src|href)="/(?!user/ana/simrob/)', page
+        )  # nothing beside the proxy's path
         assert asked(port, sorted(files)[0])[0] == 200
         assert asked(port, "/view/")[0] == 200
         assert "data: " in asked(port, "/view/events?after=0", read=False)[1]
@@ -97,7 +101,9 @@ def test_a_proxy_that_lets_in_its_user_shows_page_view_and_socket_under_its_path
 
 
 def test_others_are_refused_and_an_address_of_the_terminal_lets_one_in(served):
-    with proxy(served.port) as port:  # one that says nothing of who it lets in, or another user of the computer
+    with proxy(
+        served.port
+    ) as port:  # one that says nothing of who it lets in, or another user of the computer
         assert asked(port, "/")[0] == 403
         assert asked(port, "/", **{"X-Simrob-Token": ""})[0] == 403
         assert asked(port, "/", **{"X-Simrob-Token": TOKEN[:-1]})[0] == 403
@@ -108,10 +114,15 @@ def test_others_are_refused_and_an_address_of_the_terminal_lets_one_in(served):
         assert asked(port, told.removeprefix(PREFIX))[0] == 403  # once
     with proxy(served.port, f"X-Simrob-Token: {TOKEN}") as port:
         assert asked(port, "/view/", Origin="https://evil.example")[0] == 403
-        assert asked(port, f"/{SOCKET}", read=False, Origin="https://evil.example", **UPGRADE)[0] == 403
+        assert (
+            asked(port, f"/{SOCKET}", read=False, Origin="https://evil.example", **UPGRADE)[0]
+            == 403
+        )
 
 
-@pytest.mark.parametrize("path", ["", "/", "simrob", "/a b", "/../x?y", "ftp://hub/x", "//", "/x\r\ny"])
+@pytest.mark.parametrize(
+    "path", ["", "/", "simrob", "/a b", "/../x?y", "ftp://hub/x", "//", "/x\r\ny"]
+)
 def test_what_is_no_path_is_refused(path):
     with pytest.raises(InvalidParameter, match="--root-path"):
         Guard(None, 8100, path)

@@ -17,7 +17,12 @@ def test_a_push_towards_a_side_moves_the_robot_there(station, word):
     assert sorted(words.values()) == ["ahead", "back", "down", "left", "right", "up"]
     (side,) = (side for side, known in words.items() if known == word)
     mass = cell.model.plant.CalcTotalMass(cell.model.plant.CreateDefaultContext())
-    push = {"force": (4.0 * mass * SIDES[side]).tolist(), "start": 0.0, "duration": 0.1, "at": "robot"}
+    push = {
+        "force": (4.0 * mass * SIDES[side]).tolist(),
+        "start": 0.0,
+        "duration": 0.1,
+        "at": "robot",
+    }
     moved = locomotion(simulate(station, duration=0.12, pushes={"push": push}))
     expected = {"ahead": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}[word]
     assert np.array([moved.ahead, moved.drift]) @ expected > 0.9 * moved.distance > 0.0

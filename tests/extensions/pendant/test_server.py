@@ -29,8 +29,15 @@ LOOPBACK = re.compile(r"[0-9A-F]{6}7F")  # 127.x.x.x, the last byte first
 
 def started(folder, browser, *options, subject="irb120"):
     command = [sys.executable, "-m", "simrob_drake.cli", "teach", subject, "--folder", str(folder)]
-    own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3]), "COLUMNS": "200", "BROWSER": f"{browser} %s"}
-    return subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=own)
+    own = {
+        **os.environ,
+        "PYTHONPATH": str(Path(__file__).parents[3]),
+        "COLUMNS": "200",
+        "BROWSER": f"{browser} %s",
+    }
+    return subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=own
+    )
 
 
 def browser_in(folder):
@@ -60,7 +67,9 @@ def ended(process, how=signal.SIGINT):
 def family(pid):
     """Return a process and all that it has started."""
     children = [
-        int(child) for task in (PROC / str(pid) / "task").iterdir() for child in _read(task / "children").split()
+        int(child)
+        for task in (PROC / str(pid) / "task").iterdir()
+        for child in _read(task / "children").split()
     ]
     return {pid}.union(*map(family, children))
 
@@ -71,8 +80,16 @@ def listening(pids):
     for pid in pids:
         with contextlib.suppress(OSError):  # it has ended, or has just closed one
             sockets |= {os.readlink(handle) for handle in (PROC / str(pid) / "fd").iterdir()}
-    rows = [row.split() for table in ("tcp", "tcp6") for row in _read(PROC / "net" / table).splitlines()[1:]]
-    return {tuple(row[1].split(":")) for row in rows if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets}
+    rows = [
+        row.split()
+        for table in ("tcp", "tcp6")
+        for row in _read(PROC / "net" / table).splitlines()[1:]
+    ]
+    return {
+        tuple(row[1].split(":"))
+        for row in rows
+        if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets
+    }
 
 
 def _read(file):
@@ -125,7 +142,9 @@ def check_opened(called, folder, address):
     assert leads.startswith(address.partition("?")[0])
     assert leads != address
     for status in (200, 403):
-        with closing(http.client.HTTPConnection("127.0.0.1", urlsplit(leads).port, timeout=10)) as line:
+        with closing(
+            http.client.HTTPConnection("127.0.0.1", urlsplit(leads).port, timeout=10)
+        ) as line:
             line.request("GET", leads.partition(f":{urlsplit(leads).port}")[2])
             assert line.getresponse().status == status
     assert not file.exists()
@@ -137,7 +156,10 @@ def test_a_browser_that_does_not_come_leaves_nothing_behind(tmp_path):
         assert uri == file.as_uri()
         assert '0; url=http://127.0.0.1:1/&quot;x/?token=y"' in file.read_text()
     assert not list(tmp_path.iterdir())
-    with pytest.raises(OutputError, match="cannot be written"), leading_to("http://x", tmp_path / "gone"):
+    with (
+        pytest.raises(OutputError, match="cannot be written"),
+        leading_to("http://x", tmp_path / "gone"),
+    ):
         pass
 
 
@@ -158,7 +180,8 @@ def test_the_first_free_port_is_taken_and_one_asked_for_or_none():
         assert first.getsockname()[0] == second.getsockname()[0] == "127.0.0.1"
         first.listen()
         with pytest.raises(
-            OutputError, match=f"port {first.getsockname()[1]} is taken; choose another one with --port"
+            OutputError,
+            match=f"port {first.getsockname()[1]} is taken; choose another one with --port",
         ):
             bound(first.getsockname()[1])
 
@@ -173,7 +196,12 @@ def test_a_taken_port_or_a_bad_subject_or_language_is_one_line(tmp_path, capsys)
             (["irb120", "--language", "fr"], "'fr'"),
             (["irb120", "--port", "70000"], "65535"),
         ]:
-            assert run_command(["teach", *options, "--no-browser", "--folder", str(tmp_path / "taught")]) == 2
+            assert (
+                run_command(
+                    ["teach", *options, "--no-browser", "--folder", str(tmp_path / "taught")]
+                )
+                == 2
+            )
             (line,) = capsys.readouterr().err.splitlines()
             assert told in line
 
@@ -181,4 +209,6 @@ def test_a_taken_port_or_a_bad_subject_or_language_is_one_line(tmp_path, capsys)
 def test_without_the_extra_one_line_names_it(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "nicegui", None)
     assert run_command(["teach", "irb120"]) == 2
-    assert 'the teach pendant needs the extra gui: pip install "nicegui>=' in capsys.readouterr().err
+    assert (
+        'the teach pendant needs the extra gui: pip install "nicegui>=' in capsys.readouterr().err
+    )

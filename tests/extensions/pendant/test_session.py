@@ -61,7 +61,9 @@ def teach(tmp_path):
 
 def test_the_program_that_a_station_carries_is_taught_first(teach, tmp_path):
     station = tmp_path / "yobotics_program.yaml"
-    station.write_text(yaml.safe_dump({"robot": {"model": "yobotics"}, "program": {"moves": [{"wait": 0.5}]}}))
+    station.write_text(
+        yaml.safe_dump({"robot": {"model": "yobotics"}, "program": {"moves": [{"wait": 0.5}]}})
+    )
     session = teach(str(station))
     assert [move.key for move in session.book.program.moves] == ["wait"]
     session.book.remove(0)
@@ -92,7 +94,9 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     session = teach()
     assert tried(session, ELBOW, 1.5) is not None
     assert tried(session, {"HomIF": 40}) is not None
-    assert session.book.pending == ({"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},)
+    assert session.book.pending == (
+        {"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},
+    )
     first, back, both = session.worker.asked("do", "rewind")
     assert first == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.5}]})
     assert back == ("rewind", {"time": 0.0})
@@ -100,9 +104,13 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     assert not session.book.program.moves
     assert session.add()
     assert not session.book.pending
-    assert [move.target_deg for move in session.book.program.moves] == [{"left_elbow": 30.0, "HomIF": 40.0}]
+    assert [move.target_deg for move in session.book.program.moves] == [
+        {"left_elbow": 30.0, "HomIF": 40.0}
+    ]
     assert tried(session, KNEE) is not None  # the next one begins behind it
-    assert session.worker.asked("do", "rewind")[3:] == [("do", {"moves": list(session.book.pending)})]
+    assert session.worker.asked("do", "rewind")[3:] == [
+        ("do", {"moves": list(session.book.pending)})
+    ]
     assert session.run.time == 2.5
 
 
@@ -189,7 +197,9 @@ def test_a_move_in_which_the_robot_falls_is_kept_and_can_be_looked_at(teach):
     session.add()
     session.worker.held = True
     falling(session, session.test({"HomIF": 110.0, "HomDF": 110.0}), 1.0)
-    assert [move["target_deg"] for move in session.book.pending] == [{"HomIF": 110.0, "HomDF": 110.0}]
+    assert [move["target_deg"] for move in session.book.pending] == [
+        {"HomIF": 110.0, "HomDF": 110.0}
+    ]
     assert session.message.wrong
     assert (session.run.time, session.run.reach) == (1.8, 1.8)
     session.rewind(1.5)
@@ -237,7 +247,10 @@ def test_what_fell_gives_way_to_what_is_tried_instead(teach):
     assert [move["walk"]["amplitude"] for move in session.book.pending[1:]] == [1.5]
     session.test(KNEE)
     session.hear()
-    assert [list(move["target_deg"]) for move in session.book.pending] == [["left_elbow"], ["left_knee"]]
+    assert [list(move["target_deg"]) for move in session.book.pending] == [
+        ["left_elbow"],
+        ["left_knee"],
+    ]
     assert session.worker.asked("do")[-1][1]["moves"] == [session.book.pending[1]]
     session.worker.finish()
     session.hear()
@@ -306,7 +319,10 @@ def test_a_run_can_be_looked_at_when_its_process_has_died(teach):
     assert (session.run.time, session.run.reach, session.run.lost) == (0.0, 0.0, False)
     session.test(ELBOW, 1.0)
     session.hear()
-    assert session.worker.asked("do")[-1] == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.0}]})
+    assert session.worker.asked("do")[-1] == (
+        "do",
+        {"moves": [{"target_deg": ELBOW, "duration": 1.0}]},
+    )
 
 
 def test_of_a_run_whose_process_died_there_is_what_was_watched(teach):
@@ -365,7 +381,12 @@ def test_what_is_asked_for_while_something_runs(teach):
     second = session.test(KNEE)  # goes with the first: that is ended
     session.hear()
     session.hear()
-    assert [name for name, _ in session.worker.asked("do", "stop", "rewind")] == ["do", "stop", "rewind", "do"]
+    assert [name for name, _ in session.worker.asked("do", "stop", "rewind")] == [
+        "do",
+        "stop",
+        "rewind",
+        "do",
+    ]
     assert first.done()
     later = session.try_move({"walk": {"steps": 2}})  # does not: it waits
     assert session.message.key == "waits"
@@ -402,7 +423,10 @@ def test_reset_erases_all_and_undo_brings_it_back(teach):
 @pytest.mark.parametrize(
     ("target", "told"),
     [
-        ({"left_elbow": 300}, "left_elbow would be at 300 deg, 170 deg beyond its limit of 130 deg"),
+        (
+            {"left_elbow": 300},
+            "left_elbow would be at 300 deg, 170 deg beyond its limit of 130 deg",
+        ),
         ({"left_elbo": 3}, "did you mean 'left_elbow'?"),
         ({"left_elbow": float("nan")}, "must be a finite number"),
         ({"left_elbow": "3"}, "must be a finite number"),
@@ -453,7 +477,10 @@ def test_wrong_input_is_told_and_changes_nothing(teach, asked, told):
 
 
 def test_no_such_subject(tmp_path):
-    for subject, told in [("humanoyd", "did you mean 'humanoid'?"), ("a.urdf", "there is no such file")]:
+    for subject, told in [
+        ("humanoyd", "did you mean 'humanoid'?"),
+        ("a.urdf", "there is no such file"),
+    ]:
         with pytest.raises(SimrobError, match=told.replace("?", r"\?")):
             Session.open(subject, tmp_path, live=CountingRun)
 
@@ -466,7 +493,9 @@ OPERATIONS = {
     "add": lambda s, n: s.add(),
     "discard": lambda s, n: heard(s, s.discard()),
     "act": lambda s, n: heard(s, s.try_move({"act": "bow"})),
-    "insert": lambda s, n: s.book.insert(min(n, len(s.book.program.moves)), {"target_deg": {"left_knee": n}}),
+    "insert": lambda s, n: s.book.insert(
+        min(n, len(s.book.program.moves)), {"target_deg": {"left_knee": n}}
+    ),
     "edit": lambda s, n: s.book.edit(-1, {"target_deg": {"HomIF": n}}),
     "remove": lambda s, n: s.book.remove(0),
     "move": lambda s, n: s.book.move_entry(0, len(s.book.program.moves) - 1),
@@ -489,7 +518,9 @@ def state(session):
 def test_all_that_is_done_is_in_the_file_and_can_be_undone(tmp_path_factory, operations):
     folder = tmp_path_factory.mktemp("taught")
     live = []
-    session = Taught.open("humanoid", folder, live=lambda tell: live.append(CountingRun(tell)) or live[-1])
+    session = Taught.open(
+        "humanoid", folder, live=lambda tell: live.append(CountingRun(tell)) or live[-1]
+    )
     session.runs = live
     session.hear()
     states = [state(session)]
@@ -824,7 +855,9 @@ def test_robots_of_one_station_have_programs_of_their_own_and_arms_share_one(tea
         session = teach("two_irb120", robot=robot)
         assert session.message.key == ""
         assert len(session.book.program.moves) == number
-        assert session.book.insert(number, {"move_abs_j": {"targets_deg": [0, 0, 0, 0, 0, 0], "robot": robot}})
+        assert session.book.insert(
+            number, {"move_abs_j": {"targets_deg": [0, 0, 0, 0, 0, 0], "robot": robot}}
+        )
         assert session.book.file.name == "program.yaml"
 
 
@@ -981,7 +1014,10 @@ def test_rapid_tests_wait_for_the_way_back(teach, monkeypatch):
         session.hear()
     assert first.done()
     assert second.done()
-    assert [moves["moves"][0]["target_deg"] for _, moves in session.worker.asked("do")] == [ELBOW, {"left_elbow": 10.0}]
+    assert [moves["moves"][0]["target_deg"] for _, moves in session.worker.asked("do")] == [
+        ELBOW,
+        {"left_elbow": 10.0},
+    ]
     assert (session.phase, session.run.time) == ("idle", 1.0)
 
 
@@ -1034,7 +1070,10 @@ def test_a_killed_run_is_started_again(teach):
     assert asked.result() is None
     assert state(session) == before  # and what was being tested is still there
     assert on_disk(session).moves == session.book.program.moves
-    assert session.worker.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
+    assert session.worker.asked("pace", "watch") == [
+        ("pace", {"factor": 2.0}),
+        ("watch", {"signals": ["position"]}),
+    ]
     session.hear()
     assert session.phase == "idle"
     session.runs[0].tick(77.0)  # what an old run still tells
@@ -1132,7 +1171,10 @@ def test_tabs_watch_what_each_wants(teach):
 def test_news_of_another_thread_are_handed_over(tmp_path):
     handed, runs = [], []
     session = Session.open(
-        "humanoid", tmp_path, live=lambda tell: runs.append(CountingRun(tell)) or runs[0], hand_over=handed.append
+        "humanoid",
+        tmp_path,
+        live=lambda tell: runs.append(CountingRun(tell)) or runs[0],
+        hand_over=handed.append,
     )
     while handed:
         handed.pop(0)()
@@ -1197,7 +1239,10 @@ def test_loops_are_switched(teach):
     assert loops["height"] is False
     assert loops["balance"] is False
     assert session.setup.switch_loop("height", True)
-    assert session.book.config.controllers["height"] == load_station("humanoid_height").controllers["height"]
+    assert (
+        session.book.config.controllers["height"]
+        == load_station("humanoid_height").controllers["height"]
+    )
     session.hear()
     assert {"name": "height", "on": True} in session.description["loops"]
     assert session.setup.switch_loop("height", False)

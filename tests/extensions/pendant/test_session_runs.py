@@ -32,7 +32,9 @@ def teach(tmp_path):
         for before in opened:
             before.close()
         runs = []
-        session = Session.open(subject, tmp_path, live=lambda tell: runs.append(BenchRun(tell)) or runs[0], **how)
+        session = Session.open(
+            subject, tmp_path, live=lambda tell: runs.append(BenchRun(tell)) or runs[0], **how
+        )
         session.hear()
         opened.append(session)
         return session, runs[0]
@@ -77,7 +79,10 @@ def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
     session.add()
     held = {"at": "trunk", "point": [0, 0, 0.1]}
     run.at = {
-        0.1: [("change", {"settings": {"servo.kp": 90.0}}), ("push", {"at": "trunk", "force": [5, 0, 0]})],
+        0.1: [
+            ("change", {"settings": {"servo.kp": 90.0}}),
+            ("push", {"at": "trunk", "force": [5, 0, 0]}),
+        ],
         0.2: [("drag", {**held, "target": [0.05, 0, 0.5]})],
     }
     assert heard(session, session.simulate())["ending"] == "completed"
@@ -95,16 +100,23 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     session.hear()
     held = {"at": "trunk", "point": [0, 0, 0.1]}
     run.at = {
-        0.1: [("change", {"settings": {"servo.kp": 90.0}}), ("push", {"at": "trunk", "force": [5, 0, 0]})],
+        0.1: [
+            ("change", {"settings": {"servo.kp": 90.0}}),
+            ("push", {"at": "trunk", "force": [5, 0, 0]}),
+        ],
         0.2: [("drag", {**held, "target": [0.05, 0, 0.5]})],
         0.3: [("drag", {**held, "target": [0.08, 0, 0.5]})],
         0.4: [("drag", {**held, "target": None})],
     }
     assert heard(session, session.simulate())["ending"] == "completed"
-    assert [len(change.drag.targets) if change.drag else 0 for change in session.book.program.changes] == [0, 0, 4]
+    assert [
+        len(change.drag.targets) if change.drag else 0 for change in session.book.program.changes
+    ] == [0, 0, 4]
     page = table(heard(session, session.exports.csv()))
     check_script(session, page)
-    assert heard(session, session.simulate())["ending"] == "completed"  # again, and nobody touches it
+    assert (
+        heard(session, session.simulate())["ending"] == "completed"
+    )  # again, and nobody touches it
     assert np.array_equal(table(heard(session, session.exports.csv()))[1], page[1])
     assert Program.load(session.book.file).changes == session.book.program.changes
     unchanged = session.book.program.model_copy(update={"changes": ()})
@@ -134,19 +146,38 @@ def test_the_script_of_a_station_with_a_block_of_ones_own_takes_its_file_along(t
     with ZipFile(packed) as files:
         files.extractall(tmp_path / "elsewhere")
     (file,) = (tmp_path / "elsewhere").rglob("*-station.yaml")
-    assert load_station(file, allow_code=True).controllers["mine"].block("mine").get_output_port().size() == 1
+    assert (
+        load_station(file, allow_code=True)
+        .controllers["mine"]
+        .block("mine")
+        .get_output_port()
+        .size()
+        == 1
+    )
 
 
 @pytest.mark.long
 def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
     monkeypatch.setattr(run_pacer, "PATIENCE", 60.0)
     session, run = teach("roid1")
-    ahead, turning = {"ahead": 0.1, "sideways": 0, "turn_deg": 0}, {"ahead": 0.1, "sideways": 0, "turn_deg": 15}
-    run.at = {0.2: [("steer", ahead)], 0.6: [("steer", turning)], 1.0: [("steer", ahead)], 1.8: [("stop", {})]}
+    ahead, turning = (
+        {"ahead": 0.1, "sideways": 0, "turn_deg": 0},
+        {"ahead": 0.1, "sideways": 0, "turn_deg": 15},
+    )
+    run.at = {
+        0.2: [("steer", ahead)],
+        0.6: [("steer", turning)],
+        1.0: [("steer", ahead)],
+        1.8: [("stop", {})],
+    }
     assert heard(session, session.driving.begin("tab"))["ending"] == "stopped"
     (walk,), (change,) = session.book.pending, session.book.changes
     assert walk == {"go": {"duration": 1.8}}
-    assert change.drive.commands == ((0.0, 0.1, 0.0, 0.0), (0.4, 0.1, 0.0, 15.0), (0.8, 0.1, 0.0, 0.0))
+    assert change.drive.commands == (
+        (0.0, 0.1, 0.0, 0.0),
+        (0.4, 0.1, 0.0, 15.0),
+        (0.8, 0.1, 0.0, 0.0),
+    )
     page = table(heard(session, session.exports.csv()))
     session.add()
     assert heard(session, session.simulate())["ending"] == "completed"
@@ -166,13 +197,17 @@ def test_a_walk_that_nobody_holds_on_to_stands(teach, monkeypatch):
 
 
 @pytest.mark.long
-def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):
+def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(
+    teach, monkeypatch
+):
     monkeypatch.setattr(pace, "_PATIENCE", 0.0)
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
     monkeypatch.setattr(pace, "_OFTEN", 0.0)
     session, _ = teach("irb120_dynamic")
     told = []
-    session.listen(lambda topic: topic == "message" and told.append((session.phase, str(session.message))))
+    session.listen(
+        lambda topic: topic == "message" and told.append((session.phase, str(session.message)))
+    )
     heard(session, session.test({"joint_1": 20}, 0.5))
     (during, slow), (_, ended) = told
     assert during == "running"
@@ -227,7 +262,9 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     number = next(n for n, branch in enumerate(found) if branch["usable"])
     assert heard(session, session.arm.choose_branch(number)) is not None
     reached = heard(session, session.arm.where("world"))
-    np.testing.assert_allclose(reached["pose"][:3], session.book.targets["p1"]["pose"][:3], atol=1e-5)
+    np.testing.assert_allclose(
+        reached["pose"][:3], session.book.targets["p1"]["pose"][:3], atol=1e-5
+    )
     heard(session, session.arm.tool("gripper"))
     heard(session, session.arm.teach_target("grip"))
     assert session.arm.add_line("move_j", "grip")
@@ -236,12 +273,16 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert heard(session, session.arm.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
     shown = []
-    forget = session.listen_to_view(lambda subject, commands: shown.append(commands) if subject == "ghosts" else None)
+    forget = session.listen_to_view(
+        lambda subject, commands: shown.append(commands) if subject == "ghosts" else None
+    )
     assert heard(session, session.arm.branches())
     assert session.arm.ghosts
     for step in (0, 1, -1):  # one ghost at a time, and none before the first
         heard(session, session.arm.show_branch((session.arm.shown_ghost or 0) + step))
-        paths = {command["path"].split("/")[3] for command in shown[-1] if command["type"] == "copy"}
+        paths = {
+            command["path"].split("/")[3] for command in shown[-1] if command["type"] == "copy"
+        }
         assert paths == {"0"}
     assert session.arm.shown_ghost == 0
     heard(session, session.arm.show_branch(-1))
@@ -280,7 +321,8 @@ def test_code_that_a_station_names_runs_where_its_user_allows_it(teach, tmp_path
 def test_the_command_passes_on_what_its_user_allows(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "simrob_drake.extensions.pendant.server.serve", lambda *_, **how: asked.append(how["allow_code"])
+        "simrob_drake.extensions.pendant.server.serve",
+        lambda *_, **how: asked.append(how["allow_code"]),
     )
     for more in ([], ["--allow-code"]):
         assert run_command(["teach", "irb120", "--folder", str(tmp_path), *more]) == 0
@@ -292,7 +334,10 @@ def test_a_piece_is_taken_and_left(teach):
     session, _ = teach("humanoid_box")
     pose = [0, 0, -0.1, 0, 0, 0]
     assert (
-        heard(session, session.try_move({"attach": {"piece": "parcel", "tool": "right_hand", "pose": pose}}))["ending"]
+        heard(
+            session,
+            session.try_move({"attach": {"piece": "parcel", "tool": "right_hand", "pose": pose}}),
+        )["ending"]
         == "completed"
     )
     assert heard(session, session.test({"right_elbow": 20}, 0.2))["ending"] == "completed"
@@ -309,7 +354,9 @@ def forward(session, run, tool):
     cell = run._bench.cell
     own, model = cell.robot(session.book.robot), cell.model
     model.place_robots({session.book.robot: cell.reference(session.book.robot)})
-    place = model.pose(own.root).inverse() @ model.pose(model.mount(session.book.robot, own.model.tools[tool]))
+    place = model.pose(own.root).inverse() @ model.pose(
+        model.mount(session.book.robot, own.model.tools[tool])
+    )
     facing = np.deg2rad(load_gaits(own.model).facing_deg)
     return float(np.array([np.cos(facing), np.sin(facing), 0]) @ place.translation())
 
@@ -334,7 +381,9 @@ def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
         assert abs(moved["right_hand"]) < 1e-9, robot
         assert abs(moved["left_foot"]) < 1e-9, robot
         asked = np.rad2deg(run._bench.cell.reference(session.book.robot))
-        reached = heard(session, run.call("posture"))  # the humanoid of MATLAB follows with a lag of 1 s
+        reached = heard(
+            session, run.call("posture")
+        )  # the humanoid of MATLAB follows with a lag of 1 s
         for alias in ("HomIF", "CadDF"):
             number = session.book.model.axis_index(alias)
             assert asked[number] == pytest.approx(30, abs=1e-9), robot
@@ -405,7 +454,11 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
 @pytest.mark.long
 def test_a_run_that_diverges_is_scrubbed(teach):
     session, _ = teach("irb120_dynamic")
-    for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():
+    for key, value in {
+        "solver.scheme": "explicit_euler",
+        "solver.max_step": 0.01,
+        "servo.torque_limit": 1e12,
+    }.items():
         assert session.setup.set(key, value)
         session.hear()
     heard(session, session.test({"joint_1": 20.0}, 0.5))
@@ -435,12 +488,19 @@ def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
     first, second = session.run.compared, session.run.ended[-1]
     columns_of = {signal["name"]: signal["columns"] for signal in session.description["signals"]}
     for ended in (first, second):
-        assert (ended.kind, ended.begun, ended.reached, ended.ending) == ("program", 0.0, 0.4, "completed")
+        assert (ended.kind, ended.begun, ended.reached, ended.ending) == (
+            "program",
+            0.0,
+            0.4,
+            "completed",
+        )
         csv = tables[ended.number]
         for name, columns in columns_of.items():
             times, values = ended.signals[name]
             np.testing.assert_allclose(times, csv["time"], atol=1e-9)
-            np.testing.assert_allclose(values, np.array([csv[column] for column in columns]).T, rtol=1e-5, atol=1e-6)
+            np.testing.assert_allclose(
+                values, np.array([csv[column] for column in columns]).T, rtol=1e-5, atol=1e-6
+            )
     assert abs(first.signals["position"][1] - second.signals["position"][1]).max() > 1e-3
     assert first.history("position")[-1][0] == pytest.approx(0.4)
     assert first.history("no such") == []
@@ -457,11 +517,15 @@ def test_a_ghost_does_not_hide_a_robot_that_stands_where_the_run_before_began(te
     session.book.insert(0, {"target_deg": {"left_elbow": 30}, "duration": 0.4})
     heard(session, session.simulate())
     told = []
-    session.listen_to_view(lambda kind, commands: told.append(commands) if kind == "compared" else None)
+    session.listen_to_view(
+        lambda kind, commands: told.append(commands) if kind == "compared" else None
+    )
     assert session.setup.set("servo.kp", 300.0)
     session.hear()
     assert session.run.compared is session.run.ended[0], "its curves stay in the plots"
-    assert [command["type"] for commands in told for command in commands if command["type"] != "delete"] == []
+    assert [
+        command["type"] for commands in told for command in commands if command["type"] != "delete"
+    ] == []
     heard(session, session.simulate())
     assert {command["type"] for command in told[-1]} == {"copy", "set_transform"}
 
@@ -534,7 +598,9 @@ def test_what_fell_stands_in_the_list_from_where_it_began(teach):
     assert fell.reached == session.run.reach
     times, base = fell.signals["base_pose"]
     assert times[0] == 0.2
-    assert fell.reached == pytest.approx(times[-1]), "though the monitor was seen at the end of a step"
+    assert fell.reached == pytest.approx(times[-1]), (
+        "though the monitor was seen at the end of a step"
+    )
     np.testing.assert_allclose(fell.moments.at(fell.reached)[4:7], base[-1, :3], atol=1e-3)
     assert base[-1, 2] < base[0, 2] - 0.05
 
@@ -546,7 +612,10 @@ def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(te
     session.watch(("reference", "position", "torque"))
     assert heard(session, session.client.ask("torque_limits")) == [150, 150, 100, 30, 30, 15]
     run.at = {0.5: [("change", {"settings": {"servo.torque_limit": {"joint_2": 5.0}}})]}
-    heard(session, session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}))
+    heard(
+        session,
+        session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}),
+    )
     limits = heard(session, session.client.ask("torque_limits"))
     assert limits[1] == 5.0
     assert abs(session.run.values["torque"][1]) == pytest.approx(5.0, rel=0.001)
@@ -555,10 +624,18 @@ def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(te
     asked, done = (dict(zip(session.book.model.axes, values, strict=True)) for values in signals)
     torque = session.run.values["torque"]
     told = [
-        shortfall(axis, asked[axis["name"]], done[axis["name"]], torque=torque[number], limit=limits[number])
+        shortfall(
+            axis,
+            asked[axis["name"]],
+            done[axis["name"]],
+            torque=torque[number],
+            limit=limits[number],
+        )
         for number, axis in enumerate(axes)
     ]
-    assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
+    assert [
+        axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"
+    ] == ["joint_2"]
     assert told[1].off > 2.0, "it has sunk"
 
 
@@ -569,7 +646,10 @@ def test_a_run_reports_when_each_move_began_though_joint_moves_are_one_run(teach
         session.add()
     ended = heard(session, session.simulate())
     assert [(move["begin"], move["end"]) for move in ended["moves"]] == [(0.0, 1.0), (1.0, 2.0)]
-    assert [move["entry"]["target_deg"] for move in ended["moves"]] == [{"left_elbow": 30.0}, {"left_elbow": 0.0}]
+    assert [move["entry"]["target_deg"] for move in ended["moves"]] == [
+        {"left_elbow": 30.0},
+        {"left_elbow": 0.0},
+    ]
 
 
 @pytest.mark.long

@@ -45,7 +45,9 @@ def opened(subject, robot=None, **more):
 @pytest.fixture(autouse=True)
 def bare_tabs(monkeypatch):
     """The tabs have tests of their own."""
-    monkeypatch.setattr(shell, "TABS", {name: lambda *_: None for name in ("legs", "arm", "station")})
+    monkeypatch.setattr(
+        shell, "TABS", {name: lambda *_: None for name in ("legs", "arm", "station")}
+    )
 
 
 def visit(scenario, pendant=None, *, webgl=True):
@@ -79,7 +81,11 @@ def elements(user, **properties):
     """Return the elements of the page whose properties are so."""
     with user:
         found = ElementFilter(local_scope=False)
-        return [one for one in found if all(one.props.get(name) == value for name, value in properties.items())]
+        return [
+            one
+            for one in found
+            if all(one.props.get(name) == value for name, value in properties.items())
+        ]
 
 
 async def until(condition):
@@ -111,22 +117,32 @@ def test_the_languages_say_the_same_things():
 
 def test_a_fall_is_told_in_spanish():
     render = words("es").render
-    fall = message("parts.fell_leaning", "{who} fell: it leans by more than {tilt:g} deg", who="robot", tilt=45)
+    fall = message(
+        "parts.fell_leaning", "{who} fell: it leans by more than {tilt:g} deg", who="robot", tilt=45
+    )
     at_time = message("mujoco.reason_at_time", "{why}, at {time:.4g} s", why=fall, time=2.561)
-    stop = message("results.stopped_by", "stopped by {monitor}: {reason}", monitor="fall", reason=at_time)
+    stop = message(
+        "results.stopped_by", "stopped by {monitor}: {reason}", monitor="fall", reason=at_time
+    )
     assert render(stop) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2,561 s"
     assert words("en").render(stop) == str(stop)
 
 
-@pytest.mark.parametrize("name", ["irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking"])
+@pytest.mark.parametrize(
+    "name", ["irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking"]
+)
 def test_checks_of_a_station_are_told_in_spanish(name):
     render = words("es").render
     found = [one for one in check_station(load_station(name)) if "[" not in one.text]
     assert len(found) > 2
     assert [one.text for one in found if render(one.text) == one.text] == []
-    assert [one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject] == []
+    assert [
+        one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject
+    ] == []
     english = re.compile(r"\b(the|of|at|is|are|and|not|its|by)\b")
-    told = [re.sub(r"\(.*\)", "", render(one.text)) for one in found]  # the source of a motor's values is a name
+    told = [
+        re.sub(r"\(.*\)", "", render(one.text)) for one in found
+    ]  # the source of a motor's values is a name
     assert [text for text in told if english.search(text)] == []
 
 
@@ -135,10 +151,14 @@ def test_verdicts_are_shown_in_spanish():
     render = words("es").render
     for criterion in CRITERIA:
         value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
-        measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
+        measure = Measure(
+            criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,)
+        )
         for text in (measure.row.criterion, measure.warning):
             assert render(text) != text
-            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", render(text)), render(text)
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", render(text)), render(
+                text
+            )
 
 
 def test_every_notice_of_a_session_has_its_words():
@@ -179,7 +199,12 @@ def test_the_robots_are_shown_and_the_loaded_one_is_marked():
         pictures = {shown_name(one): one.props["aria-pressed"] for one in buttons}
         assert pictures.keys() == set(robot_names())
         assert [name for name, pressed in pictures.items() if pressed == "true"] == ["humanoid"]
-        assert list(pictures)[:4] == ["humanoid", "roid1", "yobotics", "zjudancer"]  # those with legs first
+        assert list(pictures)[:4] == [
+            "humanoid",
+            "roid1",
+            "yobotics",
+            "zjudancer",
+        ]  # those with legs first
 
     visit(scenario)
 
@@ -189,7 +214,11 @@ def test_another_robot_takes_the_place_of_the_loaded_one():
     first = pendant.session
 
     async def scenario(user, pendant):
-        (picture,) = (one for one in elements(user) if "pendant-robot" in one.classes and shown_name(one) == "irb120")
+        (picture,) = (
+            one
+            for one in elements(user)
+            if "pendant-robot" in one.classes and shown_name(one) == "irb120"
+        )
         UserInteraction(user, {picture}, None).trigger("click")
         assert first.closed
         assert pendant.session.subject == "irb120"
@@ -214,13 +243,21 @@ def test_of_several_robots_one_is_taught():
     def two(subject, robot=None):
         session = opened(subject, robot or "left", station="two_arms")
         kinds = {"left": "arm", "right": "legs"}
-        session.told(description={"robots": {name: {"model": "irb120", "kind": kinds[name]} for name in kinds}})
+        session.told(
+            description={
+                "robots": {name: {"model": "irb120", "kind": kinds[name]} for name in kinds}
+            }
+        )
         return session
 
     async def scenario(user, pendant):
         first = pendant.session
         with user:
-            choice = next(one for one in ElementFilter(kind=ui.select, local_scope=False) if one.value == "left")
+            choice = next(
+                one
+                for one in ElementFilter(kind=ui.select, local_scope=False)
+                if one.value == "left"
+            )
         assert choice.options == ["left", "right"]
         choice.set_value("right")
         assert first.closed  # before: two do not teach in one folder
@@ -233,9 +270,15 @@ def test_the_tab_of_its_kind_comes_to_the_front():
     async def scenario(user, pendant):
         with user:
             (tabs,) = ElementFilter(kind=ui.tabs, local_scope=False)
-            heads = {one.props["name"]: one for one in ElementFilter(kind=ui.tab, local_scope=False)}
+            heads = {
+                one.props["name"]: one for one in ElementFilter(kind=ui.tab, local_scope=False)
+            }
         assert tabs.value == "legs"
-        assert {name: head.visible for name, head in heads.items()} == {"legs": True, "arm": False, "station": True}
+        assert {name: head.visible for name, head in heads.items()} == {
+            "legs": True,
+            "arm": False,
+            "station": True,
+        }
         tabs.set_value("station")
         await heard(pendant.session, "description")
         assert tabs.value == "station"  # as its user wants
@@ -253,13 +296,22 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         assert [one.enabled for one in (play, tick, stop, start)] == [True, True, False, False]
         press(user, play)
         await heard(session, "phase", phase="running")
-        assert (play.props["icon"], play.props["aria-label"], tick.enabled) == ("pause", EN["run.pause"], False)
+        assert (play.props["icon"], play.props["aria-label"], tick.enabled) == (
+            "pause",
+            EN["run.pause"],
+            False,
+        )
         await heard(session, "tick", time=1.25, reach=1.25, ratio=0.8)
         await user.should_see("1.25 of 1.25 s")
         await user.should_see("0.8 × the clock")  # below the time: the bar does not become wider
         press(user, play)
         await heard(session, "phase", phase="paused")
-        assert [play.props["icon"], *(one.enabled for one in (tick, stop, start))] == ["play_arrow", True, True, True]
+        assert [play.props["icon"], *(one.enabled for one in (tick, stop, start))] == [
+            "play_arrow",
+            True,
+            True,
+            True,
+        ]
         press(user, tick)
         press(user, start)
         await heard(session, "phase", "tick", phase="idle", time=0.0, rewound=True)
@@ -270,9 +322,21 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         press(user, stop)
         await heard(session, "phase", phase="idle")
         press(user, tick)
-        await heard(session, "phase", "tick", phase="idle", time=0.1)  # what came next was discarded
+        await heard(
+            session, "phase", "tick", phase="idle", time=0.1
+        )  # what came next was discarded
         press(user, play)
-        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "pause", "simulate"]
+        asked = [
+            "simulate",
+            "pause",
+            "one_tick",
+            "rewind",
+            "go_on",
+            "stop",
+            "simulate",
+            "pause",
+            "simulate",
+        ]
         assert [name for name, *_ in session.calls] == asked
         await heard(session, "program", pending=({"target_deg": {}},))
         assert not play.enabled
@@ -314,7 +378,9 @@ def test_a_pace_that_is_shown_is_not_asked_for_again():
 
     async def scenario(user, pendant):
         session = pendant.session
-        (pace,) = (one for one in elements(user) if isinstance(one, ui.select) and "max" in one.options)
+        (pace,) = (
+            one for one in elements(user) if isinstance(one, ui.select) and "max" in one.options
+        )
         await heard(session, "phase", pace=0.25)
         assert (pace.value, session.calls) == ("0.25", [])
         pace.set_value("max")
@@ -329,11 +395,15 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
     async def scenario(user, pendant):
         await heard(pendant.session, "message", message=Notice("exported", {"file": "a.csv"}))
         await user.should_see("Se ha escrito a.csv")
-        await heard(pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True))
+        await heard(
+            pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True)
+        )
         (place,) = elements(user, role="status")
         (line,) = place.default_slot.children
         assert "pendant-failure" in line.classes
-        assert [one.text for one in line.default_slot.children if isinstance(one, ui.label)] == ["kp is -1"]
+        assert [one.text for one in line.default_slot.children if isinstance(one, ui.label)] == [
+            "kp is -1"
+        ]
 
     visit(scenario, pendant)
 
@@ -343,14 +413,20 @@ def severities(user):
     (place,) = elements(user, role="status")
     found = []
     for line in place.default_slot.children:
-        severity = [name for name in ("success", "note", "warning", "failure") if f"pendant-{name}" in line.classes]
+        severity = [
+            name
+            for name in ("success", "note", "warning", "failure")
+            if f"pendant-{name}" in line.classes
+        ]
         texts = [one.text for one in line.default_slot.children if isinstance(one, ui.label)]
         if severity and texts:
             found.append((*severity, *texts))
     return found
 
 
-SAGS = Remedy("the servos sag under gravity: turn on gravity feedforward", "servo.feedforward", "gravity")
+SAGS = Remedy(
+    "the servos sag under gravity: turn on gravity feedforward", "servo.feedforward", "gravity"
+)
 ROWS = (
     CriterionRow("warning", "final error", "1.2 deg", "1 deg", "joint_2"),
     CriterionRow("success", "peak torque", "30 N·m", "200 N·m", "joint_2"),
@@ -377,7 +453,9 @@ def test_each_line_of_a_verdict_has_the_colour_of_its_severity():
         assert fold.value, "unfolded, since a bound is exceeded"
         rows = [one for one in elements(user) if one.tag == "tr"]
         assert [len(row.default_slot.children) for row in rows] == [5, 5, 5]
-        assert [next(iter({"pendant-warning", "pendant-success"} & {*row.classes}), "") for row in rows] == [
+        assert [
+            next(iter({"pendant-warning", "pendant-success"} & {*row.classes}), "") for row in rows
+        ] == [
             *("", "pendant-warning", "pendant-success"),
         ]
         fell = Notice.of_remarks([Remark("failure", "stopped by fall")])
@@ -398,7 +476,11 @@ def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
         await heard(pendant.session, "message", message=Notice.of_remarks(remarks, ROWS))
         await user.should_see("The servos sag under gravity: turn on gravity feedforward")
         await user.should_see("Carry less")
-        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        (apply,) = (
+            one
+            for one in elements(user)
+            if isinstance(one, ui.button) and one.text.startswith("Apply")
+        )
         assert apply.text == "Apply: servo.feedforward = gravity"
         await heard(pendant.session, "phase", phase="running")
         assert not apply.enabled, "the station is loaded anew by it"
@@ -407,8 +489,16 @@ def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
         assert ("set_all", {"servo.feedforward": "gravity"}) in pendant.session.calls
 
         contact = Remedy("turn contact on", "contact", {}, further=(("solver.kind", "discrete"),))
-        await heard(pendant.session, "message", message=Notice.of_remarks([remarks[0], Remark("warning", "", contact)]))
-        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        await heard(
+            pendant.session,
+            "message",
+            message=Notice.of_remarks([remarks[0], Remark("warning", "", contact)]),
+        )
+        (apply,) = (
+            one
+            for one in elements(user)
+            if isinstance(one, ui.button) and one.text.startswith("Apply")
+        )
         assert apply.text.endswith(", solver.kind = discrete")
         press(user, apply)
         assert ("set_all", {"contact": {}, "solver.kind": "discrete"}) in pendant.session.calls
@@ -429,15 +519,24 @@ def test_a_verdict_is_marked_as_old_once_a_run_begins_or_the_station_changes():
     async def scenario(user, pendant):
         session = pendant.session
         session.run.ended.append(EndedRun(7, "program", 0.0, 1.0, "completed", {}, Moments()))
-        await heard(session, "message", message=Notice.of_remarks([Remark("success", "all within bounds")], ROWS[1:]))
+        await heard(
+            session,
+            "message",
+            message=Notice.of_remarks([Remark("success", "all within bounds")], ROWS[1:]),
+        )
         assert (is_old(user), marks(user)) == (False, [])
         await heard(session, "phase", phase="running")
-        assert (is_old(user), marks(user)) == (True, ["Verdict on run 7, from before what is shown now"])
+        assert (is_old(user), marks(user)) == (
+            True,
+            ["Verdict on run 7, from before what is shown now"],
+        )
         await heard(session, "phase", phase="idle")
         assert not is_old(user)
         await heard(session, "description", settings={"servo.kp": 500})
         assert (is_old(user), len(marks(user))) == (True, 1)
-        await heard(session, "message", message=Notice.of_remarks([Remark("success", "again")], ROWS[1:]))
+        await heard(
+            session, "message", message=Notice.of_remarks([Remark("success", "again")], ROWS[1:])
+        )
         assert not is_old(user)
 
     visit(scenario)
@@ -447,7 +546,10 @@ def test_the_button_of_a_remedy_is_below_its_sentence():
     """Beside the sentence it left a narrow column for it."""
 
     async def scenario(user, pendant):
-        remarks = [Remark("warning", "ran to its end"), Remark("warning", "joint_2 ended 1.2 deg off", SAGS)]
+        remarks = [
+            Remark("warning", "ran to its end"),
+            Remark("warning", "joint_2 ended 1.2 deg off", SAGS),
+        ]
         await heard(pendant.session, "message", message=Notice.of_remarks(remarks, ROWS))
         (row,) = (one for one in elements(user) if "pendant-remedy-button" in one.classes)
         (apply,) = row.default_slot.children
@@ -538,7 +640,9 @@ def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
             await heard(pendant.session, "phase", phase=phase)
         assert drawn == [2.0]
         (image,) = elements(user, alt=EN["shell.view"])
-        assert image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
+        assert (
+            image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
+        )
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Exports, "film_strip", strip, raising=False)

@@ -29,7 +29,9 @@ RAIL = {"unit": "m", "low": 0.0, "high": 0.5}
     ],
 )
 def test_a_joint_that_is_not_where_it_should_be_has_a_reason(asked, done, how, level, reason):
-    assert shortfall(JOINT, asked, done, **how) == Shortfall(pytest.approx(done - asked), level, reason)
+    assert shortfall(JOINT, asked, done, **how) == Shortfall(
+        pytest.approx(done - asked), level, reason
+    )
 
 
 def test_prismatic_axes_count_in_metres():

@@ -16,7 +16,12 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.extensions.pendant.pages import station
-from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture, labels_of, with_buttons, with_values
+from simrob_drake.extensions.pendant.pages.block_picture import (
+    BlockPicture,
+    labels_of,
+    with_buttons,
+    with_values,
+)
 from simrob_drake.extensions.pendant.pages.station import in_brief
 from simrob_drake.extensions.pendant.pages.words import Notice, texts_of, value_text, words
 from simrob_drake.programs.timeline import Change
@@ -26,7 +31,12 @@ from simrob_drake.stations.schema import station_schema
 
 SVG = station_svg(load_station("irb120_dynamic"), live=True)
 SIGNALS = [
-    {"name": name, "unit": unit, "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
+    {
+        "name": name,
+        "unit": unit,
+        "title": name,
+        "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)],
+    }
     for name, unit in (("reference", "rad"), ("position", "rad"), ("torque", "N·m"))
 ]
 
@@ -75,11 +85,15 @@ class Station(StubSession):
 
     def picture(self, folded, language):
         self.drawn += 1
-        return given(station_svg(load_station("irb120_dynamic"), live=True, folded=folded) if folded else SVG)
+        return given(
+            station_svg(load_station("irb120_dynamic"), live=True, folded=folded) if folded else SVG
+        )
 
     def check(self):
         findings = [("ok", "contact", "nothing penetrates"), ("warning", "base", "it tips over")]
-        return given([dict(zip(("level", "subject", "text"), finding, strict=True)) for finding in findings])
+        return given(
+            [dict(zip(("level", "subject", "text"), finding, strict=True)) for finding in findings]
+        )
 
 
 @asynccontextmanager
@@ -245,7 +259,9 @@ def test_the_servos_fold_into_one_block_and_unfold():
         (picture,) = user.find(kind=ui.html).elements
 
         async def press(icon):
-            (found,) = (one for one in user.find(kind=ui.button).elements if one.props.get("icon") == icon)
+            (found,) = (
+                one for one in user.find(kind=ui.button).elements if one.props.get("icon") == icon
+            )
             UserInteraction(user, {found}, None).click()
             await settled(0.5)
             return blocks()
@@ -255,7 +271,9 @@ def test_the_servos_fold_into_one_block_and_unfold():
 
         before = blocks()
         everything = await press("unfold_less")
-        assert sum(name.startswith("folded ") for name in everything) == 1, "all: those of one block stay as they are"
+        assert sum(name.startswith("folded ") for name in everything) == 1, (
+            "all: those of one block stay as they are"
+        )
         assert await press("unfold_more") == before
         user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
         folded = await press("unfold_less")
@@ -263,7 +281,10 @@ def test_the_servos_fold_into_one_block_and_unfold():
         assert servos
         assert folded == before - servos | {"folded joint_2.pd"}
         assert "servos (" in picture.content
-        assert 'data-block="folded joint_2.pd" tabindex="0" role="button" aria-pressed="true"' in picture.content
+        assert (
+            'data-block="folded joint_2.pd" tabindex="0" role="button" aria-pressed="true"'
+            in picture.content
+        )
         sliders = {one.props["aria-label"] for one in user.find(kind=ui.slider).elements}
         assert sliders == {"servo.kp", "servo.kd"}
         await user.should_see("The sliders change all joints.")
@@ -283,7 +304,9 @@ def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
 
     async def scenario(user, session):
         session.run.watch(["position", "torque"])
-        session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
+        session.run.take(
+            0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]}
+        )
         await settled(0.6)
         assert told[wire("torque", "plant")] == "max -37.2 N·m"
         assert told[wire("joint_2.pd", "joint_2.saturation")] == "2"
@@ -297,7 +320,10 @@ def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
 
 
 def test_a_value_in_brief():
-    pose = {"unit": "m", "columns": [f"base.{one}" for one in ("x", "y", "z", "qw", "qx", "qy", "qz")]}
+    pose = {
+        "unit": "m",
+        "columns": [f"base.{one}" for one in ("x", "y", "z", "qw", "qx", "qy", "qz")],
+    }
     assert in_brief([0.123, 0, 1, 1, 0, 0, 0], pose) == "0.12 0.00 1.00 m"
     assert in_brief([-3e-5], {"unit": "m", "columns": ["gap"]}) == "0 m"
     assert in_brief([2.0], {"unit": "", "columns": ["foot"]}) == "2"
@@ -310,7 +336,9 @@ def test_what_was_changed_while_it_ran_is_marked():
         assert 'class="node changed"' not in picture.content
         session.told("program", changes=(Change(time=1.35, set={"servo.kp": 500}),))
         await settled(0.1)
-        assert picture.content.count('class="node changed"') == len({f"joint_{n}.pd" for n in range(1, 7)})
+        assert picture.content.count('class="node changed"') == len(
+            {f"joint_{n}.pd" for n in range(1, 7)}
+        )
         user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
         await settled(0.1)
         await user.should_see("at 1.35 s: servo.kp = 500")
@@ -348,8 +376,15 @@ def test_what_a_check_finds_and_what_ended_a_run_are_told():
     async def scenario(user, session):
         await user.should_see("base: it tips over")
         await user.should_see("En orden (1)")
-        ending = {"ending": "monitor", "time": 0.0, "reached": 1.35, "message": "fall: the base is at 0.1 m"}
-        session.told("message", message=Notice(fills={"text": ending["message"]}, wrong=True), ending=ending)
+        ending = {
+            "ending": "monitor",
+            "time": 0.0,
+            "reached": 1.35,
+            "message": "fall: the base is at 0.1 m",
+        }
+        session.told(
+            "message", message=Notice(fills={"text": ending["message"]}, wrong=True), ending=ending
+        )
         await settled(0.2)
         await user.should_see("1,35 s: fall: the base is at 0.1 m")
 
@@ -381,7 +416,9 @@ def test_an_empty_field_shows_what_holds_below_its_name():
         (element,) = user.find(content="servo.torque_limit", kind=ui.input).elements
         assert element.value == ""
         assert element.props["placeholder"] == "not given"
-        assert "stack-label" in element.props  # else the name of the key stands where the value should be
+        assert (
+            "stack-label" in element.props
+        )  # else the name of the key stands where the value should be
 
     on_page(scenario)
 
@@ -412,7 +449,10 @@ def test_the_blocks_of_a_picture_are_buttons():
 
 def test_a_picture_opens_as_wide_as_its_place_and_never_too_small_to_be_read():
     drawn = with_buttons(SVG)
-    assert '<svg style="--own: 1316px; min-width: calc(0.6 * 1316px); max-width: calc(2 * 1316px)" ' in drawn
+    assert (
+        '<svg style="--own: 1316px; min-width: calc(0.6 * 1316px); max-width: calc(2 * 1316px)" '
+        in drawn
+    )
     largest = max(float(size) for size in re.findall(r'font-size="(\d+)"', SVG))
     assert 0.6 * largest >= 7.0
 
@@ -422,12 +462,16 @@ def test_values_stay_on_the_wires_when_a_block_or_a_wire_is_chosen():
 
     async def scenario(user, session):
         session.run.watch(["position", "torque"])
-        session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
+        session.run.take(
+            0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]}
+        )
         await settled(0.6)
         for chosen in (["", number], ["plant", ""], ["", wire("joint_2.pd", "joint_2.saturation")]):
             user.find(kind=ui.html).trigger("click", chosen)
             await settled(0.1)
-            (drawn,) = (one.content for one in user.find(kind=ui.html).elements if "<svg" in one.content)
+            (drawn,) = (
+                one.content for one in user.find(kind=ui.html).elements if "<svg" in one.content
+            )
             assert re.search(rf'data-value="{number}"[^>]*>max -37.2 N·m</text>', drawn)
 
     on_page(scenario)
@@ -439,7 +483,9 @@ def test_values_are_written_as_texts():
 
 
 def test_both_languages_have_the_words():
-    english, spanish = ({k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es"))
+    english, spanish = (
+        {k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es")
+    )
     assert english == spanish
 
 
@@ -447,21 +493,32 @@ def test_plots_of_a_joint_have_its_reference_its_limit_and_the_moment_that_is_sh
     async def scenario(user, session):
         times = (0.0, 0.5, 1.0)
         for name, end in (("reference", 0.5), ("position", 0.4), ("torque", 90.0)):
-            session.run.history[name] = [(time, [0.0, end * time, 0.0, 0.0, 0.0, 0.0]) for time in times]
+            session.run.history[name] = [
+                (time, [0.0, end * time, 0.0, 0.0, 0.0, 0.0]) for time in times
+            ]
         session.run.time = 0.5
         user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
         await settled(0.8)
-        charts = {chart.props["aria-label"]: chart.options for chart in user.find(kind=ui.echart).elements}
+        charts = {
+            chart.props["aria-label"]: chart.options for chart in user.find(kind=ui.echart).elements
+        }
         position, torque = charts["position"], charts["torque"]
         assert [one["lineStyle"]["type"] for one in position["series"]] == ["solid", "dashed"]
         ends = [source["source"][-1] for source in position["dataset"]]
-        assert ends == [pytest.approx([1.0, math.degrees(0.4)]), pytest.approx([1.0, math.degrees(0.5)])]
+        assert ends == [
+            pytest.approx([1.0, math.degrees(0.4)]),
+            pytest.approx([1.0, math.degrees(0.5)]),
+        ]
         assert torque["dataset"][1]["source"] == [[0.0, 200.0], [1.0, 200.0]]
         assert torque["series"][1]["lineStyle"]["type"] == "dotted"
-        assert {plot["series"][0]["markLine"]["data"][0]["xAxis"] for plot in (position, torque)} == {0.5}
+        assert {
+            plot["series"][0]["markLine"]["data"][0]["xAxis"] for plot in (position, torque)
+        } == {0.5}
         await user.should_see("joint 2 (± 200)")
 
     session = Station()
     session.phase = "idle"
-    session.client.ask = lambda method, **_: given([200.0] * 6 if method == "torque_limits" else None)
+    session.client.ask = lambda method, **_: given(
+        [200.0] * 6 if method == "torque_limits" else None
+    )
     on_page(scenario, session)

@@ -33,7 +33,9 @@ def session(tmp_path):
 
     def open_(subject):
         runs = []
-        session = Session.open(subject, tmp_path, live=lambda tell: runs.append(BenchRun(tell)) or runs[0])
+        session = Session.open(
+            subject, tmp_path, live=lambda tell: runs.append(BenchRun(tell)) or runs[0]
+        )
         session.hear()
         session.set_pace(None)
         opened.append(session)
@@ -52,7 +54,11 @@ def test_a_lesson_is_in_both_languages_and_of_what_there_is(tour):
         progress = TourProgress(tour)
         progress.go(number)
         assert progress.subject in {*station_names(), *robot_names()}
-        station = progress.subject if progress.subject in station_names() else f"{progress.subject}_dynamic"
+        station = (
+            progress.subject
+            if progress.subject in station_names()
+            else f"{progress.subject}_dynamic"
+        )
         for key in (check.key for check in step.checks if check.key):
             load_station(station, {key: 5})  # a key that it has
 
@@ -95,23 +101,42 @@ def test_an_arm_moves(session):
 
 @pytest.mark.long
 def test_a_controller_does_away_with_an_error(session):
-    stiff, integral = [("servo.kp", 4000)], [("servo.kp", 1000), ("servo.kd", 50), ("servo.ki", 2000)]
+    stiff, integral = (
+        [("servo.kp", 4000)],
+        [("servo.kp", 1000), ("servo.kd", 50), ("servo.ki", 2000)],
+    )
     follow(LESSONS[1], session, ["play"], [*stiff, "play"], [*integral, "play"])
 
 
 @pytest.mark.long
 def test_contact_and_force(session):
     hard = [("monitors.stop", None), ("monitors.hard", {"kind": "force_limit", "limit": 40})]
-    follow(LESSONS[2], session, ["play"], [("contact.stiffness", 20000), "play"], ["play"], [*hard, "play"])
+    follow(
+        LESSONS[2],
+        session,
+        ["play"],
+        [("contact.stiffness", 20000), "play"],
+        ["play"],
+        [*hard, "play"],
+    )
 
 
 @pytest.mark.parametrize(
     ("content", "why"),
     [
         ("title: {en: x}\nsubject: irb120", "steps"),
-        ("title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{}]}]", "one of ended, key"),
-        ("title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{ended: a, moves: 1}]}]", "one of ended"),
-        ("title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{signal: q}]}]", "needs an axis"),
+        (
+            "title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{}]}]",
+            "one of ended, key",
+        ),
+        (
+            "title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{ended: a, moves: 1}]}]",
+            "one of ended",
+        ),
+        (
+            "title: {en: x}\nsubject: irb120\nsteps: [{text: {en: y}, checks: [{signal: q}]}]",
+            "needs an axis",
+        ),
         ("[", "is not YAML"),
     ],
 )
@@ -123,11 +148,16 @@ def test_a_damaged_lesson_of_a_teacher_is_refused_by_its_name(tmp_path, content,
 
 def test_a_push_counts_although_another_one_was_deleted():
     """The changes were counted: with one deleted in the step, its new push was none."""
-    old, new = (Change(time=time, push=PushNow(force=(60.0, 0.0, 0.0), duration=0.1)) for time in (0.05, 0.5))
+    old, new = (
+        Change(time=time, push=PushNow(force=(60.0, 0.0, 0.0), duration=0.1))
+        for time in (0.05, 0.5)
+    )
     session = StubSession("humanoid")
     session.book.changes = (old,)
     step = {"text": {"en": "Push it."}, "checks": [{"pushed": True}]}
-    progress = TourProgress(Tour.model_validate({"title": {"en": "Mine"}, "subject": "humanoid", "steps": [step]}))
+    progress = TourProgress(
+        Tour.model_validate({"title": {"en": "Mine"}, "subject": "humanoid", "steps": [step]})
+    )
     assert not progress.look(session), "it was pushed before the step"
     session.book.changes = ()
     assert not progress.look(session)
@@ -139,7 +169,9 @@ def test_a_look_at_a_signal_counts_from_the_begin_of_the_step():
     session = StubSession("irb120")
     session.inspected.append("torque")
     step = {"text": {"en": "Look."}, "checks": [{"inspected": "torque"}]}
-    progress = TourProgress(Tour.model_validate({"title": {"en": "Mine"}, "subject": "irb120", "steps": [step]}))
+    progress = TourProgress(
+        Tour.model_validate({"title": {"en": "Mine"}, "subject": "irb120", "steps": [step]})
+    )
     assert not progress.look(session), "it was looked at before the step"
     session.inspected.append("position")
     assert not progress.look(session)
@@ -160,13 +192,22 @@ def test_the_page_of_a_lesson_is_there_in_both_languages(tour):
 
 
 def test_links_to_other_files_become_text():
-    text = "![a plot](plot.png)\n\nSee [the page](../page.md#part) and [Drake](https://drake.mit.edu)."
+    text = (
+        "![a plot](plot.png)\n\nSee [the page](../page.md#part) and [Drake](https://drake.mit.edu)."
+    )
     assert plain_links(text) == "See the page and [Drake](https://drake.mit.edu)."
 
 
 def test_a_lesson_is_shown_step_by_step(tmp_path):
-    step = {"text": {"en": "Push it.", "es": "Empuja."}, "checks": [{"pushed": True}, {"ended": "fall"}]}
-    mine = {"title": {"en": "My lesson"}, "subject": "humanoid", "steps": [step, {"text": {"en": "That was it."}}]}
+    step = {
+        "text": {"en": "Push it.", "es": "Empuja."},
+        "checks": [{"pushed": True}, {"ended": "fall"}],
+    }
+    mine = {
+        "title": {"en": "My lesson"},
+        "subject": "humanoid",
+        "steps": [step, {"text": {"en": "That was it."}}],
+    }
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(mine))
 
     async def run():
@@ -175,21 +216,28 @@ def test_a_lesson_is_shown_step_by_step(tmp_path):
         async with user_simulation(root=lambda: shell.build(pendant)) as user:
             await user.open("/")
             await asyncio.sleep(0.05)
-            *_, mine = (one for one in user.client.elements.values() if isinstance(one, ui.menu_item))
+            *_, mine = (
+                one for one in user.client.elements.values() if isinstance(one, ui.menu_item)
+            )
             UserInteraction(user, {mine}, None).click()
             await asyncio.sleep(0.1)
             await user.should_see("My lesson · step 1 of 2")
             await user.should_see("Push it.")
             await user.should_see("Not done yet.")
             session.told("program", changes=(type("Change", (), {"push": True, "set": None}),))
-            session.told("message", ending={"ending": "monitor", "stopped_by": "fall", "time": 1.0, "message": "fell"})
+            session.told(
+                "message",
+                ending={"ending": "monitor", "stopped_by": "fall", "time": 1.0, "message": "fell"},
+            )
             await asyncio.sleep(0.1)
             await user.should_see("Done.")
             user.find("Next", kind=ui.button).click()
             await asyncio.sleep(0.1)
             await user.should_see("That was it.")
             *_, end = (
-                one for one in user.find("End the lesson", kind=ui.button).elements if isinstance(one, ui.button)
+                one
+                for one in user.find("End the lesson", kind=ui.button).elements
+                if isinstance(one, ui.button)
             )
             UserInteraction(user, {end}, None).click()
             await asyncio.sleep(0.1)

@@ -53,7 +53,9 @@ def postures(program: Program) -> np.ndarray:
     for time in np.linspace(0, ends[-1] - 1e-6, 200):
         row = int(np.searchsorted(ends, time, side="right")) - 1
         plan = plans[row]
-        rows.append(plan.postures(np.array([time - ends[row]]))[0] if isinstance(plan, Plan) else plan)
+        rows.append(
+            plan.postures(np.array([time - ends[row]]))[0] if isinstance(plan, Plan) else plan
+        )
     return np.array(rows)
 
 
@@ -91,15 +93,27 @@ def test_quaternions_and_configurations_are_read_by_others():
     np.testing.assert_allclose(np.linalg.norm(wxyz, axis=1), 1.0, atol=1e-11)
     np.testing.assert_allclose(targets["p10"][:3], [350, -100, 400])
     turned = Rotation.from_quat(targets["p50"][3:7], scalar_first=True)
-    np.testing.assert_allclose(turned.as_matrix(), Rotation.from_euler("ZYX", [3.0, 0.1, 3.1]).as_matrix(), atol=1e-11)
+    np.testing.assert_allclose(
+        turned.as_matrix(), Rotation.from_euler("ZYX", [3.0, 0.1, 3.1]).as_matrix(), atol=1e-11
+    )
     cell, found = Workcell(STATION), {}
-    moves = [line.split()[1].split(",")[0] for line in text.splitlines() if re.match(r" +Move[JL] ", line)]
+    moves = [
+        line.split()[1].split(",")[0]
+        for line in text.splitlines()
+        if re.match(r" +Move[JL] ", line)
+    ]
     for number in (2, 3, 5, 7, 9, 10):  # moves of the tool; only the last of joined ones rests
         cell.rehearse(PROGRAM.model_copy(update={"moves": PROGRAM.moves[: number + 1]}))
         q = cell.reference("robot")
         found[number] = [quadrant(q[0]), quadrant(q[3]), quadrant(q[5]), sides(q)]
         cell = Workcell(STATION)
-    named = dict(zip((2, 3, 5, 7, 9, 10), (moves[0], moves[3], moves[4], moves[5], moves[7], moves[8]), strict=True))
+    named = dict(
+        zip(
+            (2, 3, 5, 7, 9, 10),
+            (moves[0], moves[3], moves[4], moves[5], moves[7], moves[8]),
+            strict=True,
+        )
+    )
     assert {number: targets[name][7:11] for number, name in named.items()} == found
 
 
@@ -114,7 +128,8 @@ def test_the_module_says_how_each_move_is_done():
 
 def test_pieces_are_signals_with_their_table(tmp_path):
     station = bare_station(
-        "irb120", {"pieces.part": {"model": "pencil", "parent": "world", "pose": [0.374, 0, 0.2, 0, 0, 0]}}
+        "irb120",
+        {"pieces.part": {"model": "pencil", "parent": "world", "pose": [0.374, 0, 0.2, 0, 0, 0]}},
     )
     program = Program.of_text("""
 moves:
@@ -128,7 +143,9 @@ moves:
     (tmp_path / "Test.mod").write_text(text)
     (tmp_path / "io.yaml").write_text(table)
     back = import_rapid(tmp_path / "Test.mod", station, signals=tmp_path / "io.yaml")
-    assert [move.entry() for move in back.program.moves[1::2]] == [move.entry() for move in program.moves[1::2]]
+    assert [move.entry() for move in back.program.moves[1::2]] == [
+        move.entry() for move in program.moves[1::2]
+    ]
 
 
 def test_urscript_has_poses_in_the_base_and_rotation_vectors():
@@ -140,8 +157,12 @@ def test_urscript_has_poses_in_the_base_and_rotation_vectors():
     lined = re.search(r"movel\(p\[(.*?)\], a=2, v=0.2, r=0.01\)", text)
     values = [float(value) for value in lined[1].split(",")]
     np.testing.assert_allclose(values[:3], [0.35, -0.1, 0.35], atol=1e-9)
-    pose = Rotation.from_euler("ZYX", [0.1, 0, 0]) * Rotation.from_euler("ZYX", DOWN)  # turned with the work object
-    np.testing.assert_allclose(Rotation.from_rotvec(values[3:]).as_matrix(), pose.as_matrix(), atol=1e-9)
+    pose = Rotation.from_euler("ZYX", [0.1, 0, 0]) * Rotation.from_euler(
+        "ZYX", DOWN
+    )  # turned with the work object
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(values[3:]).as_matrix(), pose.as_matrix(), atol=1e-9
+    )
     ended = [float(value) for value in re.findall(r"movej\(\[(.*?)\], t=2\)", text)[0].split(",")]
     np.testing.assert_allclose(ended, postures(PROGRAM)[-1], atol=1e-8)
 
@@ -168,13 +189,18 @@ def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
     (tmp_path / "station.yaml").write_text("mode: kinematic\nrobot: {model: irb120}\n")
     short = "moves: [{move_abs_j: {targets_deg: [0, 0, 0, 0, 90, 0], duration: 1}}, {wait: 0.1}]"
     Program.of_text(short).on("station.yaml").save(tmp_path / "program.yaml")
-    assert run_command(["export", "program.yaml", "--rapid", "Out.mod", "--urscript", "out.script"]) == 0
+    assert (
+        run_command(["export", "program.yaml", "--rapid", "Out.mod", "--urscript", "out.script"])
+        == 0
+    )
     assert run_command(["import", "Out.mod", "--robot", "irb120", "--out", "back.yaml"]) == 0
     assert "program back.yaml" in " ".join(capsys.readouterr().out.split())
     assert Program.load("back.yaml").station == "back_station.yaml"
     run = ["run", "Out.mod", "--robot", "irb120", "--no-recording", "--out"]
     assert run_command([*run, "one"]) == 0
-    (tmp_path / "Out.mod").write_text((tmp_path / "Out.mod").read_text().replace("WaitTime", "WaitTym"))
+    (tmp_path / "Out.mod").write_text(
+        (tmp_path / "Out.mod").read_text().replace("WaitTime", "WaitTym")
+    )
     assert run_command(["import", "Out.mod", "--robot", "irb120", "--out", "lost.yaml"]) == 4
     assert run_command([*run, "two"]) == 2
     told = capsys.readouterr()
@@ -187,7 +213,11 @@ def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
 
 def test_the_example_of_the_page_is_done(tmp_path):
     page = (Path(__file__).parents[3] / "docs/rapid.md").read_text()
-    module = next(block for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL) if block.startswith("MODULE"))
+    module = next(
+        block
+        for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+        if block.startswith("MODULE")
+    )
     (tmp_path / "Pick.mod").write_text(module)
     table = "signals: {doGrip: {does: {1: []}}, diPart: {is: {0: 0, 2.5: 1}}}"
     (tmp_path / "io.yaml").write_text(table)
@@ -201,7 +231,10 @@ def test_the_example_of_the_page_is_done(tmp_path):
     [
         (["run", "A.mod"], "--robot is missing; it must be who does it"),
         (["run", "A.mod", "--robot", "irb120"], "A.mod: line 1: there is no PROC main()"),
-        (["run", "irb120_kinematic", "--robot", "irb120"], "--robot: it belongs to RAPID modules; leave it out"),
+        (
+            ["run", "irb120_kinematic", "--robot", "irb120"],
+            "--robot: it belongs to RAPID modules; leave it out",
+        ),
         (["import", "none.mod", "--robot", "irb120"], "none.mod: No such file"),
         (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is no program"),
         (["export", "irb120_kinematic"], "or --sdf or --mjcf, or --rapid or --urscript"),

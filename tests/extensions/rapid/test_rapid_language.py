@@ -12,7 +12,9 @@ def module(main: str, more: str = "") -> str:
     return f"MODULE Test\n{more}\nPROC main()\n{main}\nENDPROC\nENDMODULE\n"
 
 
-def told(main: str, more: str = "", cycles: int = 1, inputs: dict[str, float] | None = None) -> list[object]:
+def told(
+    main: str, more: str = "", cycles: int = 1, inputs: dict[str, float] | None = None
+) -> list[object]:
     """Return what a main procedure gives to its instruction Tell."""
     found = []
     instructions = {"tell": lambda call: found.append(call.value(0))}
@@ -22,7 +24,9 @@ def told(main: str, more: str = "", cycles: int = 1, inputs: dict[str, float] | 
 
 
 def interpreter(main: str, more: str = "", cycles: int = 1) -> Interpreter:
-    done = Interpreter(modules_of(module(main, more), "Test.mod"), {}, {}, lambda name: None, cycles)
+    done = Interpreter(
+        modules_of(module(main, more), "Test.mod"), {}, {}, lambda name: None, cycles
+    )
     done.run()
     return done
 
@@ -110,7 +114,11 @@ def test_records_and_arrays_are_copied_and_changed_by_part():
     Tell ValToStr(other);
     Tell grid{2,3}+Dim(grid,2);
     """
-    assert told(main, "RECORD pair num name; pos at; ENDRECORD") == ["[1,[1,2,3]]", "[1,[1,7,3]]", 10.0]
+    assert told(main, "RECORD pair num name; pos at; ENDRECORD") == [
+        "[1,[1,2,3]]",
+        "[1,[1,7,3]]",
+        10.0,
+    ]
 
 
 def test_an_endless_loop_is_done_as_often_as_asked_and_told():
@@ -134,17 +142,29 @@ def test_inputs_that_no_data_hides_are_read_by_name():
         ("Tell p.z.x;", "VAR pos p;", "line 4: a num has no component 'x'"),
         ("Tell a{3};", "VAR num a{2};", "line 4: there is no element 3 of 2"),
         ("VAR pos p:=[1,2];", "", "line 4: an aggregate of 2 where a pos has 3 components"),
-        ("Sub;", "PROC Sub() Sub; ENDPROC", "line 2: Sub is called 40 deep: it calls itself without an end"),
+        (
+            "Sub;",
+            "PROC Sub() Sub; ENDPROC",
+            "line 2: Sub is called 40 deep: it calls itself without an end",
+        ),
         ("Sub 1,2;", "PROC Sub(num a) ENDPROC", "line 4: Sub with 2 arguments, of 1 that it has,"),
         ("Sub 1\\on;", "PROC Sub(num a\\switch off) ENDPROC", "line 4: Sub has no option 'on'"),
         ("Tell Low();", "FUNC num Low() ENDFUNC", "line 4: FUNC Low ends without RETURN"),
         ("GOTO there;", "", "there is no label 'there' in main"),
         ("VAR strange x;", "", "line 4: the type strange is not known"),
-        ("Tell a;", "CONST num a:=b; CONST num b:=a;", "line 2: data whose value depends on itself"),
+        (
+            "Tell a;",
+            "CONST num a:=b; CONST num b:=a;",
+            "line 2: data whose value depends on itself",
+        ),
         ("a{1}:=1;", "VAR num a{100000,100000};", "line 2: an array of 100000×100000 elements"),
         ("reg1:=" + "-" * 5000 + "1;", "", "is nested too deeply"),
         ("VAR r x;", "RECORD r r x; ENDRECORD", "is nested too deeply"),
-        ('VAR string s:="a"; FOR i FROM 1 TO 40 DO s:=s+s; ENDFOR', "", "line 4: a string of more than 1000 letters"),
+        (
+            'VAR string s:="a"; FOR i FROM 1 TO 40 DO s:=s+s; ENDFOR',
+            "",
+            "line 4: a string of more than 1000 letters",
+        ),
         ("WHILE 1=1 DO ENDWHILE", "", "line 4: a loop that does not end within 1000 rounds"),
     ],
 )
@@ -160,14 +180,20 @@ def test_what_cannot_be_is_refused_with_its_line(main, more, message, monkeypatc
 def test_statements_that_are_none_are_left_out_and_named():
     faulty = module("VAR num i:=1;\n i := := 2;\n Tell i;")
     (read,) = modules_of(faulty, "Test.mod")
-    assert [str(fault) for fault in read.faults] == ["Test.mod: line 5: ':= 2;' is not understood here"]
+    assert [str(fault) for fault in read.faults] == [
+        "Test.mod: line 5: ':= 2;' is not understood here"
+    ]
 
 
 def test_what_no_module_declares_leaves_its_statement_out_and_is_told():
     main = "Tell regg1+1;\nIF Qqqq()=1 Tell 2;\nIF 1=1 THEN\n qqqq:=3; Tell 4;\nENDIF\nTell 5;"
     found = []
     done = Interpreter(
-        modules_of(module(main), "Test.mod"), {"tell": lambda call: found.append(call.value(0))}, {}, {}.get, 1
+        modules_of(module(main), "Test.mod"),
+        {"tell": lambda call: found.append(call.value(0))},
+        {},
+        {}.get,
+        1,
     )
     done.run()
     assert found == [4.0, 5.0]
@@ -181,7 +207,9 @@ def test_what_no_module_declares_leaves_its_statement_out_and_is_told():
 def test_what_depends_on_what_was_left_out_is_left_out_and_told():
     main = "p:=[1,2,3];\np.x:=qqqq;\nTell p;\nTell Low();\np:=[4,5,6];\nTell p.y;"
     found = []
-    modules = modules_of(module(main, "VAR pos p;\nFUNC num Low() RETURN qqqq; ENDFUNC"), "Test.mod")
+    modules = modules_of(
+        module(main, "VAR pos p;\nFUNC num Low() RETURN qqqq; ENDFUNC"), "Test.mod"
+    )
     done = Interpreter(modules, {"tell": lambda call: found.append(call.value(0))}, {}, {}.get, 1)
     done.run()
     assert found == [5.0]
@@ -189,7 +217,9 @@ def test_what_depends_on_what_was_left_out_is_left_out_and_told():
 
 
 def test_a_loop_that_waits_for_what_was_left_out_is_left_and_told():
-    done = interpreter("VAR bool more:=TRUE;\nWHILE more DO\n more:=Qqqq();\n reg1:=reg1+1; more:=TRUE;\nENDWHILE")
+    done = interpreter(
+        "VAR bool more:=TRUE;\nWHILE more DO\n more:=Qqqq();\n reg1:=reg1+1; more:=TRUE;\nENDWHILE"
+    )
     assert [(remark.line, remark.text) for remark in done.remarks] == [
         (6, "there is no function 'Qqqq'; left out"),
         (5, "a loop that does not end within 100 rounds is left: see what is lost"),
@@ -230,7 +260,9 @@ def test_data_that_begins_with_what_nobody_declares_is_told_each_time_it_is_aske
 
 def test_what_stands_after_the_module_is_named_once():
     (read,) = modules_of(module("Tell 1;") + "MoveL a;\nMoveL b;\n" * 30, "Test.mod")
-    assert [(fault.line, fault.text) for fault in read.faults] == [(7, "'MoveL a;' is not understood here")]
+    assert [(fault.line, fault.text) for fault in read.faults] == [
+        (7, "'MoveL a;' is not understood here")
+    ]
 
 
 def test_a_module_may_be_called_by_a_number():
@@ -241,16 +273,24 @@ def test_a_module_may_be_called_by_a_number():
 def test_the_only_procedure_that_nothing_calls_is_the_program():
     text = "MODULE A PROC go() Sub; Tell 3; ENDPROC PROC Sub() Tell 2; ENDPROC ENDMODULE"
     found = []
-    done = Interpreter(modules_of(text, "A.mod"), {"tell": lambda call: found.append(call.value(0))}, {}, {}.get, 1)
+    done = Interpreter(
+        modules_of(text, "A.mod"), {"tell": lambda call: found.append(call.value(0))}, {}, {}.get, 1
+    )
     done.run()
     assert found == [2.0, 3.0]
-    assert [(remark.text, remark.lost) for remark in done.remarks] == [("there is no PROC main(): go() is done", False)]
+    assert [(remark.text, remark.lost) for remark in done.remarks] == [
+        ("there is no PROC main(): go() is done", False)
+    ]
     two = "MODULE A PROC a() ENDPROC PROC b() ENDPROC PROC c(num d) ENDPROC ENDMODULE"
-    with pytest.raises(RapidError, match=r"there is no PROC main\(\), but a\(\), b\(\): call one in a main"):
+    with pytest.raises(
+        RapidError, match=r"there is no PROC main\(\), but a\(\), b\(\): call one in a main"
+    ):
         Interpreter(modules_of(two, "A.mod"), {}, {}, {}.get, 1).run()
 
 
-@pytest.mark.parametrize(("text", "line"), [("MODULE A PROC main()", 1), ("305.2", 1), ("\nMoveL p,v1;", 2), ("", 1)])
+@pytest.mark.parametrize(
+    ("text", "line"), [("MODULE A PROC main()", 1), ("305.2", 1), ("\nMoveL p,v1;", 2), ("", 1)]
+)
 def test_what_is_no_module_is_refused(text, line):
     with pytest.raises(RapidError, match=rf"^A.mod: line {line}: "):
         modules_of(text, "A.mod")
@@ -263,7 +303,10 @@ def test_a_program_without_main_is_refused():
 
 def test_all_that_every_program_knows_is_as_its_types_say():
     names = [
-        str(item.children[0]) for node in predefined().declarations if node.data == "data" for item in node.children[3:]
+        str(item.children[0])
+        for node in predefined().declarations
+        if node.data == "data"
+        for item in node.children[3:]
     ]
     assert {"v5", "v7000", "vmax", "fine", "z0", "z200", "tool0", "wobj0", "load0"} <= set(names)
     assert len(told("\n".join(f"Tell {name};" for name in names))) == len(names)
@@ -281,8 +324,12 @@ FIRST_FAULTS = {
     BODY.format(" MoveJ p1,v100,z10,tool0\n MoveL p2,v100,z10,tool0;"): (
         "3: a ';' is missing after 'MoveJ p1,v100,z10,tool0'"
     ),
-    BODY.format(" MoveJ p1,v1\n ! a comment; and more\n MoveL p2,v1;"): "3: a ';' is missing after 'MoveJ p1,v1'",
-    BODY.format(" WHILE TRUE DO\n a;\n b;"): "3: the WHILE of line 3 has no ENDWHILE before 'ENDPROC' in line 6",
+    BODY.format(
+        " MoveJ p1,v1\n ! a comment; and more\n MoveL p2,v1;"
+    ): "3: a ';' is missing after 'MoveJ p1,v1'",
+    BODY.format(
+        " WHILE TRUE DO\n a;\n b;"
+    ): "3: the WHILE of line 3 has no ENDWHILE before 'ENDPROC' in line 6",
     BODY.format(" IF a=1 THEN\n a;\n FOR i FROM 1 TO 3 DO\n b;\n ENDIF"): (
         "5: the FOR of line 5 has no ENDFOR before 'ENDIF' in line 7"
     ),
@@ -304,13 +351,17 @@ def test_the_first_fault_comes_first_with_what_was_expected(text, first):
 
 
 def test_a_module_without_an_end_is_refused_with_its_line():
-    with pytest.raises(RapidError, match="line 1: the MODULE of line 1 has no ENDMODULE before the end of the file"):
+    with pytest.raises(
+        RapidError, match="line 1: the MODULE of line 1 has no ENDMODULE before the end of the file"
+    ):
         modules_of("MODULE T\nPROC main()\n a;\nENDPROC\n", "T.mod")
 
 
 def test_a_module_of_tens_of_thousands_of_moves_is_refused_at_once():
     move = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n"
     began = time.process_time()
-    with pytest.raises(RapidError, match="has 20000 statements, more than 10000: split it into modules"):
+    with pytest.raises(
+        RapidError, match="has 20000 statements, more than 10000: split it into modules"
+    ):
         modules_of(f"MODULE M\nPROC main()\n{20_000 * move}ENDPROC\nENDMODULE\n", "M.mod")
     assert time.process_time() - began < 1

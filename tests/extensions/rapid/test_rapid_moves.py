@@ -5,7 +5,11 @@ import pytest
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.frames import transform_from_xyz_quaternion
-from simrob_drake.extensions.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.extensions.rapid.configuration import (
+    configuration,
+    has_configuration,
+    postures_like,
+)
 from simrob_drake.extensions.rapid.importing import Imported, import_rapid
 from simrob_drake.extensions.rapid.syntax import RapidError
 from simrob_drake.extensions.rapid.values import robtarget_of, texted
@@ -50,7 +54,9 @@ def test_a_target_is_where_controllers_have_it(done):
     chain = Chain.of_robot(load_robot("irb120"))
     manual = transform_from_xyz_quaternion([0.374, 0, 0.63, 0.5**0.5, 0, 0.5**0.5, 0])
     np.testing.assert_allclose(chain.forward(np.zeros(6))[0], manual.GetAsMatrix4(), atol=1e-6)
-    moved = done(f"MoveAbsJ jHome,v500,fine,tool0; MoveJ [[374,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v500,fine,tool0;")
+    moved = done(
+        f"MoveAbsJ jHome,v500,fine,tool0; MoveJ [[374,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v500,fine,tool0;"
+    )
     pose = chain.forward(end_of(moved))[0]
     np.testing.assert_allclose(pose[:3, 3], [0.374, 0, 0.5], atol=1e-9)
     np.testing.assert_allclose(pose[:3, :3], np.diag([-1.0, 1.0, -1.0]), atol=1e-9)
@@ -59,7 +65,9 @@ def test_a_target_is_where_controllers_have_it(done):
 def test_tools_and_work_objects_count(done):
     moved = done(r"MoveJ pA,v500,fine,tPen\WObj:=wTable;")
     pose = Chain.of_robot(load_robot("irb120")).forward(end_of(moved))[0]
-    np.testing.assert_allclose(pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9)  # the flange is 100 mm above the tool
+    np.testing.assert_allclose(
+        pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9
+    )  # the flange is 100 mm above the tool
 
 
 @pytest.mark.long
@@ -84,7 +92,9 @@ def test_moves_joined_by_zones_are_one_and_each_kind_is_its_own(done):
 
 
 def test_a_zone_between_moves_of_other_kinds_is_told_to_be_a_rest(done):
-    moved = done(r"MoveJ pA,v500,z10,tPen\WObj:=wTable; MoveL Offs(pA,0,0,-50),v200,fine,tPen\WObj:=wTable;")
+    moved = done(
+        r"MoveJ pA,v500,z10,tPen\WObj:=wTable; MoveL Offs(pA,0,0,-50),v200,fine,tPen\WObj:=wTable;"
+    )
     assert "rests at its target" in str(moved.remarks[0])
     assert not moved.lost
 
@@ -123,13 +133,20 @@ def test_configurations_tell_all_postures_for_a_pose_apart():
         found, _ = postures_like(chain, pose, np.zeros(6), wanted)
         assert len(found) == 1
         np.testing.assert_allclose(found[0], posture, atol=1e-6)
-        for axis, quadrants, count in ((1, 1, 1), (2, -1, 1), (1, 2, 0)):  # a neighbour stands for a quadrant
+        for axis, quadrants, count in (
+            (1, 1, 1),
+            (2, -1, 1),
+            (1, 2, 0),
+        ):  # a neighbour stands for a quadrant
             asked = [*wanted]
             asked[axis] += quadrants
             near = postures_like(chain, pose, np.zeros(6), asked)[0]
             assert len(near) == count
             np.testing.assert_allclose(near, np.reshape([posture] * count, (-1, 6)), atol=1e-6)
-        every = [configuration(chain, row)[3] for row in branches(chain, pose[np.newaxis], np.zeros(6))[0]]
+        every = [
+            configuration(chain, row)[3]
+            for row in branches(chain, pose[np.newaxis], np.zeros(6))[0]
+        ]
         assert len(set(every)) == len(every)
         seen.add(wanted[3])
     assert seen == set(range(8))
@@ -141,11 +158,15 @@ def test_the_configuration_chooses_the_posture(done):
     near = np.array([0.3, 0.2, 0.1, 0.8, 0.9, 0.5])
     flipped = near * [1, 1, 1, 1, -1, 1] - [0, 0, 0, np.pi, 0, np.pi]
     for posture, kind in ((near, "move_j"), (flipped, "move_abs_j")):
-        target = robtarget_of(RigidTransform(chain.forward(posture)[0]), configuration(chain, posture))
+        target = robtarget_of(
+            RigidTransform(chain.forward(posture)[0]), configuration(chain, posture)
+        )
         moved = done(f"MoveJ {texted(target)},v200,fine,tool0;")
         np.testing.assert_allclose(end_of(moved), posture, atol=1e-8)
         assert moved.program.moves[-1].key == kind
-        assert ["written as move_abs_j" in str(remark) for remark in moved.remarks] == [True] * (posture is flipped)
+        assert ["written as move_abs_j" in str(remark) for remark in moved.remarks] == [True] * (
+            posture is flipped
+        )
         np.testing.assert_allclose(
             end_of(done(f"ConfJ\\Off; MoveJ {texted(target)},v200,fine,tool0;")), near, atol=1e-8
         )
@@ -158,9 +179,18 @@ def test_the_configuration_chooses_the_posture(done):
             f"MoveJ [[374,0,500],[0,0,1,0],[1,1,1,3],{FREE}],v200,fine,tool0;",
             "configuration [1, 1, 1, 3], which has only",
         ),
-        (f"MoveJ [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "target cannot be reached"),
-        (f"MoveL [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "cannot be reached: out of reach"),
-        (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200 deg, beyond its limits"),
+        (
+            f"MoveJ [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;",
+            "target cannot be reached",
+        ),
+        (
+            f"MoveL [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;",
+            "cannot be reached: out of reach",
+        ),
+        (
+            f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;",
+            "joint_1 would be at 200 deg, beyond its limits",
+        ),
         (
             'MoveJ pA,v200,fine,tPen\\WObj:=[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
             "a work object that",
@@ -173,7 +203,9 @@ def test_a_move_that_the_robot_cannot_make_is_left_out_and_the_program_goes_on(d
     assert [remark.line for remark in moved.lost] == [5 + DATA.count("\n")]
     assert message in moved.lost[0].text
     assert moved.lost[0].text.endswith("left out")
-    turns = [np.rad2deg(move.targets[0]) for move in moved.program.moves if hasattr(move, "targets")]
+    turns = [
+        np.rad2deg(move.targets[0]) for move in moved.program.moves if hasattr(move, "targets")
+    ]
     assert turns == pytest.approx([0, 20])
 
 
@@ -193,7 +225,9 @@ def test_a_first_line_from_nowhere_goes_by_the_axes(done, monkeypatch):
     target = f"[[15,455,96],[0.5129,-0.1998,0.8271,-0.1140],[1,-1,1,0],{FREE}]"
     low = f"MoveL {target},v200,fine,tool0;"
     moved, plain = done(low), done(low.replace("MoveL", "MoveJ"))
-    assert [remark.text.partition(",")[0] for remark in moved.remarks if not remark.lost][:1] == ["is the first move"]
+    assert [remark.text.partition(",")[0] for remark in moved.remarks if not remark.lost][:1] == [
+        "is the first move"
+    ]
     np.testing.assert_allclose(end_of(moved), end_of(plain), atol=1e-9)
     again = done(f"MoveAbsJ jHome,v500,fine,tool0;\n{low}")
     assert not [remark for remark in again.remarks if "first move" in remark.text]
@@ -202,7 +236,10 @@ def test_a_first_line_from_nowhere_goes_by_the_axes(done, monkeypatch):
 @pytest.mark.parametrize(
     ("main", "message"),
     [
-        (f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "an orient of four zeros"),
+        (
+            f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;",
+            "an orient of four zeros",
+        ),
         ("MoveAbsJ jHome,v200,fine;", "MoveAbsJ with 3 arguments"),
         ("MoveAbsJ jHome,200,fine,tool0;", "a num where a speeddata is asked for"),
         ("MoveAbsJ jHome,[0,0,0,0],fine,tool0;", "a speeddata without a speed of the tool"),
@@ -226,11 +263,25 @@ def test_what_is_not_known_is_left_out_and_named(done):
 
 
 def test_what_a_controller_would_do_and_is_not_done_is_told_with_its_line(done):
-    lines = ["Stop;", "EOffsOn;", "SingArea\\Wrist;", "SingArea\\Off;", "WorldAccLim\\On:=3;", "TPErase;", "StartMove;"]
+    lines = [
+        "Stop;",
+        "EOffsOn;",
+        "SingArea\\Wrist;",
+        "SingArea\\Off;",
+        "WorldAccLim\\On:=3;",
+        "TPErase;",
+        "StartMove;",
+    ]
     moved = done("\n".join([*lines, "MoveAbsJ jHome,v500,fine,tool0;"]))
     first = 4 + DATA.count("\n")
     remarks = [(remark.line - first, remark.text.partition(" ")[0]) for remark in moved.remarks]
-    assert remarks == [(0, "Stop"), (1, "EOffsOn"), (2, "SingArea"), (4, "WorldAccLim"), (6, "StartMove")]
+    assert remarks == [
+        (0, "Stop"),
+        (1, "EOffsOn"),
+        (2, "SingArea"),
+        (4, "WorldAccLim"),
+        (6, "StartMove"),
+    ]
     assert "until somebody goes on" in moved.remarks[0].text
     assert not moved.lost
 
@@ -239,7 +290,9 @@ def test_what_a_controller_would_do_and_is_not_done_is_told_with_its_line(done):
 def test_waiting_for_the_robot_ends_a_zone(done, between, targets):
     first, *rest = (f"MoveL Offs(pA,0,0,{height}),v200,{zone},tPen\\WObj:=wTable;" for height, zone in
                     ((-20, "z10"), (-40, "z10"), (-60, "fine")))  # fmt: skip
-    moved = done("\n".join(["ConfL\\Off;", "MoveJ pA,v500,fine,tPen\\WObj:=wTable;", first, between, *rest]))
+    moved = done(
+        "\n".join(["ConfL\\Off;", "MoveJ pA,v500,fine,tPen\\WObj:=wTable;", first, between, *rest])
+    )
     assert len(np.reshape(moved.program.moves[-1].targets, (-1, 6))) == targets
 
 
@@ -300,7 +353,9 @@ FLANGE_DOWN = "[0, 0.7071068, 0, 0.7071068], [0,0,0,0], [9E9,9E9,9E9,9E9,9E9,9E9
 
 
 @pytest.mark.parametrize("instruction", ["MoveJ", "MoveL"])
-@pytest.mark.parametrize(("place", "is_hinted"), [("0.3, 0.1, 0.4", True), ("3000, 100, 400", False)])
+@pytest.mark.parametrize(
+    ("place", "is_hinted"), [("0.3, 0.1, 0.4", True), ("3000, 100, 400", False)]
+)
 def test_a_target_in_metres_that_is_not_reached_gets_a_hint(done, instruction, place, is_hinted):
     moved = done(
         f"MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n"
@@ -313,5 +368,7 @@ def test_a_target_in_metres_that_is_not_reached_gets_a_hint(done, instruction, p
 def test_a_target_in_millimetres_near_its_frame_gets_no_hint(done):
     """Places of up to 2 mm from a work object are right where the robot reaches them."""
     wobj = 'PERS wobjdata bench:=[FALSE,TRUE,"",[[400,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
-    moved = done(f"ConfJ\\Off;\nMoveJ [[0,1,0.5],{FLANGE_DOWN}],v100,fine,tool0\\WObj:=bench;", wobj)
+    moved = done(
+        f"ConfJ\\Off;\nMoveJ [[0,1,0.5],{FLANGE_DOWN}],v100,fine,tool0\\WObj:=bench;", wobj
+    )
     assert not [remark for remark in moved.remarks if "metres" in remark.text]

@@ -65,7 +65,9 @@ def test_a_program_that_has_all_it_names_reads_no_other(task):
     text = MAIN.replace("tPen", "tool0").replace("  Down;\n", "")
     (task / "PROGMOD" / "Main.mod").write_text(text)
     assert [
-        remark for remark in import_rapid(task / "PROGMOD" / "Main.mod", STATION).remarks if "near" in str(remark)
+        remark
+        for remark in import_rapid(task / "PROGMOD" / "Main.mod", STATION).remarks
+        if "near" in str(remark)
     ] == []
 
 

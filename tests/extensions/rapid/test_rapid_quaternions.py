@@ -59,19 +59,32 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("quaternion", "norm"), WRONG.items())
-def test_a_norm_far_from_1_is_a_loss_with_its_line(tmp_path: Path, quaternion: str, norm: str) -> None:
+def test_a_norm_far_from_1_is_a_loss_with_its_line(
+    tmp_path: Path, quaternion: str, norm: str
+) -> None:
     # A turn that the arm can reach is not the point here: the target may be left out, too.
     program = imported(tmp_path, f"CONST robtarget pA:={target(quaternion)};")
     (remark, *_) = program.lost
     assert remark.line == 5
-    assert f"of pA.rot has a norm of {norm}; it must be 1 within 0.001; it is normalised here" in remark.text
+    assert (
+        f"of pA.rot has a norm of {norm}; it must be 1 within 0.001; it is normalised here"
+        in remark.text
+    )
 
 
 @pytest.mark.parametrize(
     ("data", "moves", "name"),
     [
-        (f"PERS tooldata t1:={tool('[0.9,0,0,0]')};", f"MoveJ {target(DOWN)},v500,fine,t1;", "t1.tframe.rot"),
-        (f"PERS tooldata t1:={tool(load='[0,0,0,0]')};", f"MoveJ {target(DOWN)},v500,fine,t1;", "t1.tload.aom"),
+        (
+            f"PERS tooldata t1:={tool('[0.9,0,0,0]')};",
+            f"MoveJ {target(DOWN)},v500,fine,t1;",
+            "t1.tframe.rot",
+        ),
+        (
+            f"PERS tooldata t1:={tool(load='[0,0,0,0]')};",
+            f"MoveJ {target(DOWN)},v500,fine,t1;",
+            "t1.tload.aom",
+        ),
         (
             f"PERS wobjdata w1:={work_object(user='[1.1,0,0,0]')};",
             rf"MoveJ {target(DOWN)},v500,fine,tool0\WObj:=w1;",
@@ -84,14 +97,22 @@ def test_a_norm_far_from_1_is_a_loss_with_its_line(tmp_path: Path, quaternion: s
         ),
         ("PERS loaddata l1:=[1,[0,0,1],[1,1,0,0],0,0,0];", "GripLoad l1;", "l1.aom"),
         (f"VAR robtarget p:={target(DOWN)};", "p.rot.q3:=0.5; MoveJ p,v500,fine,tool0;", "p.rot"),
-        (f"VAR robtarget p:={target(DOWN)};", "p.rot:=[0,0,0.5,0]; MoveJ Offs(p,0,0,-10),v500,fine,tool0;", "p.rot"),
+        (
+            f"VAR robtarget p:={target(DOWN)};",
+            "p.rot:=[0,0,0.5,0]; MoveJ Offs(p,0,0,-10),v500,fine,tool0;",
+            "p.rot",
+        ),
         ("VAR pose p:=[[0,0,0],[0.9,0,0,0]]; VAR pose o;", "o:=PoseInv(p);", "p.rot"),
         ("", f"MoveJ {target('[0,0,0.9,0]')},v500,fine,tool0;", "rot"),
     ],
 )
-def test_every_kind_of_data_is_looked_at_where_it_is_used(tmp_path: Path, data: str, moves: str, name: str) -> None:
+def test_every_kind_of_data_is_looked_at_where_it_is_used(
+    tmp_path: Path, data: str, moves: str, name: str
+) -> None:
     program = imported(tmp_path, data, moves)
-    assert [remark for remark in program.lost if f"of {name} has a norm of" in remark.text], program.remarks
+    assert [remark for remark in program.lost if f"of {name} has a norm of" in remark.text], (
+        program.remarks
+    )
 
 
 def test_a_small_deviation_is_normalised_and_noted(tmp_path: Path) -> None:
@@ -102,7 +123,9 @@ def test_a_small_deviation_is_normalised_and_noted(tmp_path: Path) -> None:
     np.testing.assert_allclose(turn_at_end(program), np.diag([-1.0, 1.0, -1.0]), atol=1e-9)
 
 
-@pytest.mark.parametrize("quaternion", [DOWN, "[0.0001,0,1,0]", "[0.7071,0,0.7071,0]", "[-0.5,0.5,-0.5,0.5]"])
+@pytest.mark.parametrize(
+    "quaternion", [DOWN, "[0.0001,0,1,0]", "[0.7071,0,0.7071,0]", "[-0.5,0.5,-0.5,0.5]"]
+)
 def test_decimals_are_no_deviation(tmp_path: Path, quaternion: str) -> None:
     program = imported(tmp_path, f"CONST robtarget pA:={target(quaternion)};")
     assert not [remark for remark in program.remarks if "norm" in remark.text]

@@ -34,7 +34,9 @@ def done(tmp_path):
     """Return what imports a program of a main procedure, with a table of signals."""
 
     def imported(main: str, table: str = TABLE, station: object = STATION) -> Imported:
-        (tmp_path / "Test.mod").write_text(f"MODULE Test\nPROC main()\n{main}\nENDPROC\nENDMODULE\n")
+        (tmp_path / "Test.mod").write_text(
+            f"MODULE Test\nPROC main()\n{main}\nENDPROC\nENDMODULE\n"
+        )
         (tmp_path / "io.yaml").write_text(table)
         return import_rapid(tmp_path / "Test.mod", station, signals=tmp_path / "io.yaml")
 
@@ -44,10 +46,20 @@ def done(tmp_path):
 def test_a_signal_of_which_nothing_is_known_is_named_once(done):
     asked = [f"IF TestDI({name}) WaitTime 1;" for name in ("diA", "DIA", "diB")]
     moved = done("\n".join(["WaitTime 1;", *asked, "Set doC;", "Reset doC;"]))
-    named = [(remark.line, remark.text.partition(",")[0].partition(":")[0]) for remark in moved.remarks]
+    named = [
+        (remark.line, remark.text.partition(",")[0].partition(":")[0]) for remark in moved.remarks
+    ]
     unknown = "nothing is known of the"
-    assert done("WaitTime 1;\nIF diQ=1 WaitTime 1;").lost[0].text.endswith("name it in a table, --io; left out")
-    assert named == [(4, f"{unknown} input diA"), (6, f"{unknown} input diB"), (7, f"{unknown} output doC")]
+    assert (
+        done("WaitTime 1;\nIF diQ=1 WaitTime 1;")
+        .lost[0]
+        .text.endswith("name it in a table, --io; left out")
+    )
+    assert named == [
+        (4, f"{unknown} input diA"),
+        (6, f"{unknown} input diB"),
+        (7, f"{unknown} output doC"),
+    ]
 
 
 def keys(imported: Imported) -> list[str]:

@@ -33,13 +33,17 @@ def transform(pose: RigidTransform) -> str:
 def instance(uid: str, entity: str, pose=None, inner: str = "", **attributes: str) -> str:
     said = "".join(f' {key}="{value}"' for key, value in attributes.items())
     place = transform(pose or RigidTransform())
-    return f'<Instance name="{uid}" uid="{uid}" entityUid="{entity}"{said}>{place}{inner}</Instance>'
+    return (
+        f'<Instance name="{uid}" uid="{uid}" entityUid="{entity}"{said}>{place}{inner}</Instance>'
+    )
 
 
 def part(uid: str, *, mass=1.0, com=(0, 0, 0), inertia=(1, 1, 1, 0, 0, 0), file: str = "") -> str:
     weighs = f"<Mass>{mass}</Mass><CenterOfMass>{row(com)}</CenterOfMass><Inertia>{row(inertia)}</Inertia>"
     look = '<VisualProperties><Diffuse r="1" g="0.5" b="0" a="1"/></VisualProperties>'
-    geometry = f'<GeometryFile name="{file}" type="{Path(file).suffix[1:].upper()}"/>' if file else ""
+    geometry = (
+        f'<GeometryFile name="{file}" type="{Path(file).suffix[1:].upper()}"/>' if file else ""
+    )
     return (
         f'<Part name="{uid}" uid="{uid}"><ModelUnits mass="gram" length="millimeter"/>'
         f"<MassProperties>{weighs}</MassProperties>{geometry}{look}</Part>"
@@ -68,7 +72,15 @@ def constraint(kind: str, name: str, *ends) -> str:
 
 
 def write_cad(
-    file: Path, *, instances, parts, joints="", constraints="", assemblies="", mass="kilogram", length="meter"
+    file: Path,
+    *,
+    instances,
+    parts,
+    joints="",
+    constraints="",
+    assemblies="",
+    mass="kilogram",
+    length="meter",
 ) -> Path:
     ties = f"<Constraints>{constraints}</Constraints><Joints>{joints}</Joints>"
     content = {"instances": instances, "ties": ties, "assemblies": assemblies, "parts": parts}
@@ -79,7 +91,14 @@ def write_cad(
 def write_step_box(file: Path, size) -> Path:
     """Write a box from the origin to ``size`` [mm] as a STEP file of plane faces."""
     corners = [(x, y, z) for x in (0.0, size[0]) for y in (0.0, size[1]) for z in (0.0, size[2])]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # seen from outside
+    faces = [
+        (0, 1, 3, 2),
+        (4, 6, 7, 5),
+        (0, 4, 5, 1),
+        (2, 3, 7, 6),
+        (0, 2, 6, 4),
+        (1, 5, 7, 3),
+    ]  # seen from outside
     lines: list[str] = []
 
     def add(text: str) -> str:
@@ -101,7 +120,9 @@ def write_step_box(file: Path, size) -> Path:
                 length = float(np.linalg.norm(along))
                 vector = add(f"VECTOR('',{given('DIRECTION', along / length)},{length})")
                 line = add(f"LINE('',{points[start]},{vector})")
-                edges[start, end] = add(f"EDGE_CURVE('',{vertices[start]},{vertices[end]},{line},.T.)")
+                edges[start, end] = add(
+                    f"EDGE_CURVE('',{vertices[start]},{vertices[end]},{line},.T.)"
+                )
             forward = (start, end) in edges
             edge = edges[start, end] if forward else edges[end, start]
             loop.append(add(f"ORIENTED_EDGE('',*,*,{edge},.{'T' if forward else 'F'}.)"))
@@ -137,6 +158,16 @@ def write_step_box(file: Path, size) -> Path:
         "FILE_NAME('','',(''),(''),'','','');",
         "FILE_SCHEMA(('AUTOMOTIVE_DESIGN'));",
     ]
-    text = ["ISO-10303-21;", "HEADER;", *header, "ENDSEC;", "DATA;", *lines, "ENDSEC;", "END-ISO-10303-21;", ""]
+    text = [
+        "ISO-10303-21;",
+        "HEADER;",
+        *header,
+        "ENDSEC;",
+        "DATA;",
+        *lines,
+        "ENDSEC;",
+        "END-ISO-10303-21;",
+        "",
+    ]
     file.write_text("\n".join(text), encoding="utf-8")
     return file

@@ -31,7 +31,16 @@ class Level:
     first: int = 1
     _count: int = 0
 
-    def block(self, kind: str, name: str, *, mask: str = "", inner: str = "", ports: str = "", **parameters) -> str:
+    def block(
+        self,
+        kind: str,
+        name: str,
+        *,
+        mask: str = "",
+        inner: str = "",
+        ports: str = "",
+        **parameters,
+    ) -> str:
         """Add a block; one whose kind has a ``/`` is a link into a library. Return its SID."""
         self._count += 1
         sid = str(self.first + self._count - 1)
@@ -93,11 +102,16 @@ def write_model(
         archive.writestr("[Content_Types].xml", "<Types/>")
         archive.writestr("simulink/blockdiagram.xml", _DIAGRAM.format(kind=kind, workspace=code))
         archive.writestr("simulink/systems/system_root.xml", system)
-        archive.writestr("simulink/configSet0.xml", f'<ConfigSet><P Name="StopTime">{stop}</P></ConfigSet>')
+        archive.writestr(
+            "simulink/configSet0.xml", f'<ConfigSet><P Name="StopTime">{stop}</P></ConfigSet>'
+        )
         if stored:
             archive.writestr("simulink/modelWorkspace.mxarray", stored)
         for name, text in parts.items():
-            archive.writestr(f"simulink/{name}.xml" if name == "modelMask" else f"simulink/systems/{name}.xml", text)
+            archive.writestr(
+                f"simulink/{name}.xml" if name == "modelMask" else f"simulink/systems/{name}.xml",
+                text,
+            )
     return path
 
 
@@ -111,11 +125,15 @@ TO_PHYSICS = "nesl_utility/Simulink-PS\nConverter"
 FROM_PHYSICS = "nesl_utility/PS-Simulink Converter"
 
 
-def pendulum(path: Path, *, kp: str = "Kp", kw: str = "Kw", driven: bool = True, law: bool = True, **options) -> Path:
+def pendulum(
+    path: Path, *, kp: str = "Kp", kw: str = "Kw", driven: bool = True, law: bool = True, **options
+) -> Path:
     """A rod of 2 kg on a torque-driven joint about world -y: T = Kp (q_ref - q) - Kw w, in a masked subsystem."""
     arm = Level(first=100)
     world = arm.block(WORLD, "World")
-    gravity = arm.block(MECHANISM, "Gravity", GravityVector="[0 0 -9.81]", GravityVectorUnits="m/s^2")
+    gravity = arm.block(
+        MECHANISM, "Gravity", GravityVector="[0 0 -9.81]", GravityVectorUnits="m/s^2"
+    )
     base = arm.block(
         TRANSFORM, "Mount", TranslationMethod="StandardAxis", TranslationStandardOffset="50",
         TranslationStandardOffsetUnits="cm", TranslationStandardAxis="+Z", RotationMethod="AlignedAxes",
@@ -130,13 +148,17 @@ def pendulum(path: Path, *, kp: str = "Kp", kw: str = "Kw", driven: bool = True,
            "LowerLimitDampingUnits": "N*m/(deg/s)", "UpperLimitSpecify": "on", "UpperLimitBound": "100",
            "UpperLimitBoundUnits": "deg"},
     )  # fmt: skip
-    half = arm.block(TRANSFORM, "Half", TranslationMethod="Cartesian", TranslationCartesianOffset="[L/2 0 0]")
+    half = arm.block(
+        TRANSFORM, "Half", TranslationMethod="Cartesian", TranslationCartesianOffset="[L/2 0 0]"
+    )
     rod = arm.block(
         BRICK, "Rod", BrickDimensions="[L b b]", BrickDimensionsUnits="m", InertiaType="CalculateFromGeometry",
         BasedOnType="Mass", Mass="2", MassUnits="kg", GraphicDiffuseColor="[1 0 0]",
     )  # fmt: skip
     tip = arm.block("sm_lib/Frames and Transforms/Reference Frame", "Tip")
-    end = arm.block(TRANSFORM, "End", TranslationMethod="Cartesian", TranslationCartesianOffset="[L 0 0]")
+    end = arm.block(
+        TRANSFORM, "End", TranslationMethod="Cartesian", TranslationCartesianOffset="[L 0 0]"
+    )
     arm.connect(f"{world}#rconn:1", f"{gravity}#rconn:1", f"{base}#lconn:1")
     arm.connect(f"{base}#rconn:1", f"{joint}#lconn:1")
     arm.connect(f"{joint}#rconn:1", f"{half}#lconn:1", f"{end}#lconn:1")
@@ -154,7 +176,12 @@ def pendulum(path: Path, *, kp: str = "Kp", kw: str = "Kw", driven: bool = True,
         arm.wire(f"{out}#out:1", f"{port}#in:1")
     top = Level()
     wanted = top.block("Inport", "q_ref", PortDimensions="1")
-    plant = top.block("SubSystem", "Arm", mask=mask("b = L/10;", L="0.4", theta0="theta0"), inner='<System Ref="arm"/>')
+    plant = top.block(
+        "SubSystem",
+        "Arm",
+        mask=mask("b = L/10;", L="0.4", theta0="theta0"),
+        inner='<System Ref="arm"/>',
+    )
     error = top.block("Sum", "Error", Inputs="|+-")
     total = top.block("Sum", "Total", Inputs="|+-")
     gains = [top.block("Gain", "Stiffness", Gain=kp), top.block("Gain", "Damping", Gain=kw)]

@@ -51,7 +51,10 @@ def planes(kind="Coincident", normal=None, far=0.0):
         ([lines("Coincident", "line", "circle"), planes("Angle", X)], "Prismatic Joint"),
         ([planes(normal=X), planes(normal=Y)], "Prismatic Joint"),
         ([planes()], "Planar Joint"),
-        ([planes(), tie("Perpendicular", ("line", 0 * X, X), ("line", 0 * X, Y))], "Rectangular Joint"),
+        (
+            [planes(), tie("Perpendicular", ("line", 0 * X, X), ("line", 0 * X, Y))],
+            "Rectangular Joint",
+        ),
         ([planes("Parallel"), planes("Parallel", X)], "Cartesian Joint"),
         ([tie("Coincident", ("point", 0 * X), ("sphere", 0 * X))], "Spherical Joint"),
         ([lines(), planes(), planes("Angle", X)], "Weld Joint"),
@@ -88,7 +91,10 @@ def pendulum(tmp_path, **changes):
     trimesh.creation.box((20, 20, 400)).export(tmp_path / "rod.stl")
     rod = part("rod", mass=2000, com=(0, 0, -200), inertia=(3e7, 3e7, 2e5, 0, 0, 0), file="rod.stl")
     stand = instance("stand-1", "stand", RigidTransform([100, 0, 0]), grounded="true")
-    pivot = [(["stand-1"], RigidTransform(AXIS_Y, [0, 0, 500])), (["rod-1"], RigidTransform(AXIS_Y, [0, 0, 0]))]
+    pivot = [
+        (["stand-1"], RigidTransform(AXIS_Y, [0, 0, 500])),
+        (["rod-1"], RigidTransform(AXIS_Y, [0, 0, 0])),
+    ]
     content = {
         "instances": stand + instance("rod-1", "rod", turned), "parts": part("stand") + rod,
         "joints": joint("Revolute", "pivot", *pivot), "mass": "gram", "length": "millimeter",
@@ -118,7 +124,11 @@ def test_a_pendulum_of_joints_swings_as_its_figures_say(tmp_path):
     assert 'rgba="1' in text
 
 
-TURN_X, TURN_Y, TURN_Z = RotationMatrix.MakeXRotation, RotationMatrix.MakeYRotation, RotationMatrix.MakeZRotation
+TURN_X, TURN_Y, TURN_Z = (
+    RotationMatrix.MakeXRotation,
+    RotationMatrix.MakeYRotation,
+    RotationMatrix.MakeZRotation,
+)
 
 
 @pytest.mark.parametrize(
@@ -149,39 +159,57 @@ def test_joints_begin_where_the_assembly_is(tmp_path, kind, pose):
     poses = body_poses(tree, np.array([freedom.start for freedom in tree.freedoms]))
     body = tree.branches[-1].body
     assert (poses[body] @ body.solids[0].pose).IsNearlyEqualTo(place, 1e-9)
-    assert all(entry.kind == "approximated" and "ball joint" in entry.text for entry in model.report.entries)
+    assert all(
+        entry.kind == "approximated" and "ball joint" in entry.text
+        for entry in model.report.entries
+    )
 
 
 def test_constraints_make_the_same_pendulum(tmp_path):
     about = (["rod-1"], "cylinder", (0, 7, 0), (0, 1, 0))
     ties = constraint("Concentric", "pin", (["stand-1"], "cylinder", (0, 0, 500), (0, 1, 0)), about)
     ties += constraint(
-        "Coincident", "side", (["stand-1"], "plane", (0, 0, 9), (0, 1, 0)), (["rod-1"], "plane", (0, 0, 0), (0, -1, 0))
+        "Coincident",
+        "side",
+        (["stand-1"], "plane", (0, 0, 9), (0, 1, 0)),
+        (["rod-1"], "plane", (0, 0, 0), (0, -1, 0)),
     )
     file = pendulum(tmp_path, joints="", constraints=ties)
     result = simulate(import_simulink(file, tmp_path / "out").station, duration=0.5, progress=False)
-    angle = swing(result.times, np.deg2rad(30)) - np.deg2rad(30)  # the joint is at zero where the assembly is
+    angle = swing(result.times, np.deg2rad(30)) - np.deg2rad(
+        30
+    )  # the joint is at zero where the assembly is
     np.testing.assert_allclose(np.abs(result["q.pin"]), np.abs(angle), atol=1e-3)
 
 
 def test_assemblies_bring_their_joints_once_for_each_instance(tmp_path):
     """Two flexible arms on a rigid frame of two parts; what stands in an assembly is held by it."""
     pin = joint("Revolute", "pin", (["hub"], RigidTransform()), (["bar"], RigidTransform()))
-    inner = instance("hub", "block", grounded="true") + instance("bar", "block", RigidTransform([0, 0.5, 0]))
+    inner = instance("hub", "block", grounded="true") + instance(
+        "bar", "block", RigidTransform([0, 0.5, 0])
+    )
     frame = instance("a", "block") + instance("b", "block", RigidTransform([0, 0, 1]))
     arms = "".join(
         instance(f"arm{n}", "arm", RigidTransform([n, 0, 0]), inner, grounded="true") for n in (1, 2)
     )  # fmt: skip
     whole = instance("frame", "frame", None, frame, rigid="true")
-    weld = joint("Weld", "foot", (["frame", "a"], RigidTransform()), (["arm1", "hub"], RigidTransform()))
-    group = "".join(instance(f"g{n}", "block", RigidTransform([0, 0, 5 + n]), rigidGroup="G") for n in (1, 2))
+    weld = joint(
+        "Weld", "foot", (["frame", "a"], RigidTransform()), (["arm1", "hub"], RigidTransform())
+    )
+    group = "".join(
+        instance(f"g{n}", "block", RigidTransform([0, 0, 5 + n]), rigidGroup="G") for n in (1, 2)
+    )
     kinds = f'<Assembly uid="arm"><Joints>{pin}</Joints></Assembly><Assembly uid="frame"/>'
     content = {"parts": part("block"), "joints": weld, "assemblies": kinds}
     file = write_cad(tmp_path / "a.xml", instances=arms + whole + group, **content)
     model = read_simulink(file)
     assert [len(body.solids) for body in model.bodies.bodies if not body.grounded] == [2, 1, 1]
     assert len(model.world.solids) == 4  # both hubs, and the frame that is welded to one
-    assert sorted(link.joint.node.path for link in model.bodies.links) == ["arm1/pin", "arm2/pin", "g1 free"]
+    assert sorted(link.joint.node.path for link in model.bodies.links) == [
+        "arm1/pin",
+        "arm2/pin",
+        "g1 free",
+    ]
     result = simulate(import_simulink(file, tmp_path / "out").station, duration=0.5, progress=False)
     np.testing.assert_allclose(result.piece_pose("g1")[[0, -1], 2], [6, 6 - 9.80665 / 8], atol=1e-4)
 
@@ -192,7 +220,11 @@ def test_parts_that_are_joined_and_not_held_are_free_as_one(tmp_path):
     pin = joint("Revolute", "pin", (["one"], far), (["other"], RigidTransform()))
     file = write_cad(tmp_path / "a.xml", instances="".join(parts), joints=pin, parts=part("bar"))
     model = read_simulink(file)
-    assert sorted(link.joint.node.path for link in model.bodies.links) == ["alone free", "one free", "pin"]
+    assert sorted(link.joint.node.path for link in model.bodies.links) == [
+        "alone free",
+        "one free",
+        "pin",
+    ]
 
 
 @pytest.mark.long
@@ -203,12 +235,16 @@ def test_step_geometry_is_seen_in_its_own_units(tmp_path):
     imported = import_simulink(pendulum(tmp_path, parts=part("stand") + rod), tmp_path / "out")
     mesh = load_mesh(imported.station.parent / "swing" / "meshes" / "rod.obj")
     np.testing.assert_allclose(
-        [mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)], [[0] * 3, [0.02, 0.03, 0.04]], atol=1e-8
+        [mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)],
+        [[0] * 3, [0.02, 0.03, 0.04]],
+        atol=1e-8,
     )
     (robot,) = imported.files.robots.values()
     assert robot.mass == pytest.approx(0.024, rel=1e-6)
     (tmp_path / "rod.step").write_text("ISO-10303-21;\nHEADER;")
-    lost = import_simulink(pendulum(tmp_path, parts=part("stand") + rod), tmp_path / "bad").report.of("lost")
+    lost = import_simulink(
+        pendulum(tmp_path, parts=part("stand") + rod), tmp_path / "bad"
+    ).report.of("lost")
     assert ["rod.step, which holds no solid" in entry.text for entry in lost] == [True, False]
     assert lost[-1].element == "motion by forces"  # for it was the only one with a weight
 
@@ -223,7 +259,11 @@ def test_step_geometry_is_seen_in_its_own_units(tmp_path):
         ('length="millimeter"/>\n<Root', 'length="cubit"/>\n<Root', "units: length: 'cubit'"),
         ("<Mass>2000</Mass>", "<Mass>two</Mass>", "rod: Mass: is 'two'; it must be a number"),
         ('entityUid="rod"', 'entityUid="bar"', "rod-1: is an instance of 'bar'"),
-        ("<Uid>rod-1</Uid>", "<Uid>rod-2</Uid>", "pivot: joins 'rod-2', which is not in the assembly: stand-1, rod-1"),
+        (
+            "<Uid>rod-1</Uid>",
+            "<Uid>rod-2</Uid>",
+            "pivot: joins 'rod-2', which is not in the assembly: stand-1, rod-1",
+        ),
         ('uid="rod-1"', 'uid="stand-1"', "has the uid 'stand-1' of stand-1"),
         ("<Revolute ", "<Gearing ", "is not XML"),
         ("Revolute", "Gearing", "pivot: a joint Gearing is not known here; Weld, Revolute, "),
@@ -259,7 +299,9 @@ def test_constraints_without_a_joint_are_refused_by_name(tmp_path):
         (["rod-1"], "point", (0, 0, 0), (0, 0, 1)),
     )
     file = pendulum(tmp_path, joints="", constraints=ties)
-    with pytest.raises(InvalidModel, match=r"on table: its constraints \(on table\) leave freedoms"):
+    with pytest.raises(
+        InvalidModel, match=r"on table: its constraints \(on table\) leave freedoms"
+    ):
         import_simulink(file, tmp_path / "out")
     unknown = pendulum(tmp_path, joints="", constraints=ties.replace("Coincident", "Gear"))
     with pytest.raises(InvalidModel, match="a constraint Gear is not known here; Angle, "):
@@ -275,7 +317,9 @@ def test_the_command_line_takes_them(tmp_path, capsys, monkeypatch):
     assert "simrob run out/swing.yaml" in capsys.readouterr().out
     (tmp_path / "arm.xml").write_text("<robot name='a'><link name='b'/></robot>")
     run_command(["check", "arm.xml"])
-    assert "no joint that moves" in capsys.readouterr().err  # an XML file of another kind is a robot's
+    assert (
+        "no joint that moves" in capsys.readouterr().err
+    )  # an XML file of another kind is a robot's
 
 
 def test_a_pipe_is_no_export_and_is_not_waited_for(tmp_path):

@@ -26,7 +26,9 @@ def test_a_log_of_our_own_run_differs_by_nothing(run, tmp_path):
     _, differences = compare(load_station("double_pendulum"), logged)
     found = {difference.signal: difference.largest for difference in differences}
     assert {"q.joint_1", "tau.joint_2", "tcp.x"} <= set(found)
-    assert max(found[name] for name in ("q.joint_1", "q.joint_2")) < 1e-4  # the reference comes from a table
+    assert (
+        max(found[name] for name in ("q.joint_1", "q.joint_2")) < 1e-4
+    )  # the reference comes from a table
 
 
 def test_what_differs_is_told(run, tmp_path, capsys):
@@ -36,14 +38,18 @@ def test_what_differs_is_told(run, tmp_path, capsys):
     logged = read_log(tmp_path / "log.mat", {"yout.1": "q.joint_1"})
     _, (difference,) = compare(load_station("double_pendulum"), logged)
     assert difference.largest == pytest.approx(0.01, rel=1e-2)
-    assert difference.rms == pytest.approx(0.01 * np.sqrt(np.mean(np.sin(20 * run.times) ** 2)), rel=1e-6)
+    assert difference.rms == pytest.approx(
+        0.01 * np.sqrt(np.mean(np.sin(20 * run.times) ** 2)), rel=1e-6
+    )
     assert run_command(
         ["compare", "double_pendulum", "--with", str(tmp_path / "log.mat"), "--map", "yout.1=q.joint_1",
          "--out", str(tmp_path / "out")]
     ) == 0  # fmt: skip
     assert "q.joint_1" in capsys.readouterr().out
     assert (tmp_path / "out" / "q.joint_1.png").stat().st_size > 5000
-    signal, largest, *_ = (tmp_path / "out" / "differences.csv").read_text().splitlines()[1].split(",")
+    signal, largest, *_ = (
+        (tmp_path / "out" / "differences.csv").read_text().splitlines()[1].split(",")
+    )
     assert (signal, float(largest)) == ("q.joint_1", pytest.approx(difference.largest))
 
 
@@ -51,9 +57,21 @@ def test_what_differs_is_told(run, tmp_path, capsys):
 def test_a_comparison_is_replaced_with_force_only_and_tells_what_it_left_out(run, tmp_path, capsys):
     rows = np.column_stack([run.times, run["q.joint_1"], run.times])
     np.savetxt(
-        tmp_path / "a.csv", rows, delimiter=",", header="\ufefftime,q.joint_1,mine", comments="", encoding="utf-8"
+        tmp_path / "a.csv",
+        rows,
+        delimiter=",",
+        header="\ufefftime,q.joint_1,mine",
+        comments="",
+        encoding="utf-8",
     )
-    command = ["compare", "double_pendulum", "--with", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]
+    command = [
+        "compare",
+        "double_pendulum",
+        "--with",
+        str(tmp_path / "a.csv"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert run_command(command) == 0
     assert "not among the station's signals: mine" in capsys.readouterr().out
     assert run_command(command) == 2
@@ -77,8 +95,15 @@ def found_in(file, names=None):
 
 def test_structures_of_to_workspace_are_read(tmp_path):
     """By name or label, of a Scope with several signals, and without times of their own beside `tout`."""
-    plain = {"time": TIMED[:, None], "signals": {"values": ROWS, "label": "", "dimensions": 2.0}, "blockName": "m/To"}
-    named = {"time": TIMED[:, None], "signals": {"values": ROWS[:, :1], "label": "elbow", "dimensions": 1.0}}
+    plain = {
+        "time": TIMED[:, None],
+        "signals": {"values": ROWS, "label": "", "dimensions": 2.0},
+        "blockName": "m/To",
+    }
+    named = {
+        "time": TIMED[:, None],
+        "signals": {"values": ROWS[:, :1], "label": "elbow", "dimensions": 1.0},
+    }
     savemat(tmp_path / "a.mat", {"simout": plain, "other": named})
     assert found_in(tmp_path / "a.mat", {"elbow": "q.joint_1"}) == {
         "simout.1": [0, 2, 4, 6, 8], "simout.2": [1, 3, 5, 7, 9], "q.joint_1": [0, 2, 4, 6, 8],
@@ -86,7 +111,10 @@ def test_structures_of_to_workspace_are_read(tmp_path):
     kinds = [("values", object), ("label", object)]
     signals = np.array([(ROWS[:, :1], ""), (ROWS[:, 1:], "wrist")], dtype=kinds)
     bare = {"time": np.zeros((0, 0)), "signals": {"values": ROWS[:, 1:], "label": ""}}
-    savemat(tmp_path / "b.mat", {"scope": {"time": TIMED[:, None], "signals": signals}, "bare": bare, "tout": TIMED})
+    savemat(
+        tmp_path / "b.mat",
+        {"scope": {"time": TIMED[:, None], "signals": signals}, "bare": bare, "tout": TIMED},
+    )
     assert found_in(tmp_path / "b.mat") == {
         "scope.1": [0, 2, 4, 6, 8], "wrist": [1, 3, 5, 7, 9], "bare": [1, 3, 5, 7, 9],
     }  # fmt: skip
@@ -94,16 +122,33 @@ def test_structures_of_to_workspace_are_read(tmp_path):
 
 def test_signals_of_one_file_may_have_times_of_their_own(tmp_path, run):
     """Two To Workspace blocks of other rates, one of them in degrees: both are held against the same run."""
-    slow = {"time": run.times[::10, None], "signals": {"values": np.rad2deg(run["q.joint_1"][::10, None]), "label": ""}}
-    fast = {"time": run.times[:, None], "signals": {"values": run["v.joint_2"][:, None] + 0.5, "label": ""}}
+    slow = {
+        "time": run.times[::10, None],
+        "signals": {"values": np.rad2deg(run["q.joint_1"][::10, None]), "label": ""},
+    }
+    fast = {
+        "time": run.times[:, None],
+        "signals": {"values": run["v.joint_2"][:, None] + 0.5, "label": ""},
+    }
     savemat(tmp_path / "a.mat", {"out": {"slow": slow, "fast": fast}})
     logged = read_log(tmp_path / "a.mat", {"out.slow": "q.joint_1:deg", "out.fast": "v.joint_2"})
-    assert [len(signal.times) for signal in logged.values()] == [len(run.times[::10]), len(run.times)]
+    assert [len(signal.times) for signal in logged.values()] == [
+        len(run.times[::10]),
+        len(run.times),
+    ]
     _, differences = compare(load_station("double_pendulum"), logged)
     largest = {difference.signal: difference.largest for difference in differences}
-    assert largest == {"q.joint_1": pytest.approx(0, abs=1e-9), "v.joint_2": pytest.approx(0.5, abs=1e-9)}
-    with pytest.raises(InvalidParameter, match=r"--map is q.joint_1:kg; it must be of a unit like rad"):
-        compare(load_station("double_pendulum"), read_log(tmp_path / "a.mat", {"out.slow": "q.joint_1:kg"}))
+    assert largest == {
+        "q.joint_1": pytest.approx(0, abs=1e-9),
+        "v.joint_2": pytest.approx(0.5, abs=1e-9),
+    }
+    with pytest.raises(
+        InvalidParameter, match=r"--map is q.joint_1:kg; it must be of a unit like rad"
+    ):
+        compare(
+            load_station("double_pendulum"),
+            read_log(tmp_path / "a.mat", {"out.slow": "q.joint_1:kg"}),
+        )
 
 
 def test_matrices_with_their_times_are_read(tmp_path):
@@ -112,12 +157,17 @@ def test_matrices_with_their_times_are_read(tmp_path):
     assert found_in(tmp_path / "a.mat") == {"ans.1": [0, 2, 4, 6, 8], "ans.2": [1, 3, 5, 7, 9]}
     savemat(tmp_path / "b.mat", {"simin": np.column_stack([TIMED, ROWS[:, 1]])})
     assert found_in(tmp_path / "b.mat") == {"simin": [1, 3, 5, 7, 9]}
-    savemat(tmp_path / "c.mat", {"Time": TIMED, "Data": ROWS.T.reshape(2, 1, 5)})  # as of a timeseries
+    savemat(
+        tmp_path / "c.mat", {"Time": TIMED, "Data": ROWS.T.reshape(2, 1, 5)}
+    )  # as of a timeseries
     assert found_in(tmp_path / "c.mat") == {"Data.1": [0, 2, 4, 6, 8], "Data.2": [1, 3, 5, 7, 9]}
     cells = np.empty(2, dtype=object)
     cells[:] = [{"Time": TIMED, "Data": ROWS[:, 0]}, {"Time": TIMED, "Data": ROWS[:, 1]}]
     savemat(tmp_path / "d.mat", {"logsout": cells})
-    assert found_in(tmp_path / "d.mat") == {"logsout.1": [0, 2, 4, 6, 8], "logsout.2": [1, 3, 5, 7, 9]}
+    assert found_in(tmp_path / "d.mat") == {
+        "logsout.1": [0, 2, 4, 6, 8],
+        "logsout.2": [1, 3, 5, 7, 9],
+    }
 
 
 def test_of_samples_at_a_jump_the_last_counts(tmp_path):
@@ -134,7 +184,9 @@ def test_tables_with_semicolons_and_of_parquet(tmp_path):
     from pyarrow import parquet, table
 
     parquet.write_table(table({"time": TIMED, "elbow": ROWS[:, 0]}), tmp_path / "a.parquet")
-    assert found_in(tmp_path / "a.parquet", {"elbow": "q.joint_1"}) == {"q.joint_1": [0, 2, 4, 6, 8]}
+    assert found_in(tmp_path / "a.parquet", {"elbow": "q.joint_1"}) == {
+        "q.joint_1": [0, 2, 4, 6, 8]
+    }
     (tmp_path / "b.parquet").write_bytes(b"PAR1 and no more")
     with pytest.raises(InvalidParameter, match="a table of numbers"):
         read_log(tmp_path / "b.parquet", {})
@@ -147,9 +199,17 @@ def test_files_of_octave_are_read(tmp_path):
         " save('-v7', 'a.mat', 'simout'); ans = [simout.time'; simout.signals.values']; save('-v6', 'b.mat', 'ans');"
         " tout = simout.time; yout = simout.signals.values; save('-hdf5', 'c.mat', 'tout', 'yout');"
     )
-    subprocess.run(["octave-cli", "--no-init-file", "--quiet", "--eval", code], cwd=tmp_path, check=True, timeout=60)
+    subprocess.run(
+        ["octave-cli", "--no-init-file", "--quiet", "--eval", code],
+        cwd=tmp_path,
+        check=True,
+        timeout=60,
+    )
     for file, name in (("a.mat", "simout"), ("b.mat", "ans")):
-        assert found_in(tmp_path / file) == {f"{name}.1": [0, 2, 4, 6, 8], f"{name}.2": [1, 3, 5, 7, 9]}
+        assert found_in(tmp_path / file) == {
+            f"{name}.1": [0, 2, 4, 6, 8],
+            f"{name}.2": [1, 3, 5, 7, 9],
+        }
     with pytest.raises(InvalidParameter, match=r"c\.mat; it must be"):
         read_log(tmp_path / "c.mat", {})
 
@@ -157,7 +217,10 @@ def test_files_of_octave_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "lines"),
     [
-        ("timeseries", "tout = simout.Time; yout = squeeze(simout.Data); save -v7 log.mat tout yout"),
+        (
+            "timeseries",
+            "tout = simout.Time; yout = squeeze(simout.Data); save -v7 log.mat tout yout",
+        ),
         ("Simulink.SimulationData.Dataset", "s = simout{1}.Values; tout = s.Time"),
         ("Simulink.SimulationOutput", "tout = simout.tout; yout = simout.yout{1}.Values.Data"),
         ("timetable", "tout = seconds(simout.Properties.RowTimes)"),
@@ -173,7 +236,9 @@ def test_objects_that_only_matlab_reads_say_how_to_export_them(tmp_path, monkeyp
         {"simout": MatlabOpaque(np.array([("MCOS", kind, np.zeros((6, 1)))], dtype=fields))},
         {"None": MatlabOpaque(np.array([("simout", "MCOS", kind, np.zeros((6, 1)))], dtype=older))},
     ):
-        monkeypatch.setattr("simrob_drake.extensions.simulink.logs.contents_of_mat", lambda *_, found=objects: found)
+        monkeypatch.setattr(
+            "simrob_drake.extensions.simulink.logs.contents_of_mat", lambda *_, found=objects: found
+        )
         with pytest.raises(InvalidParameter, match=re.escape(lines)) as told:
             read_log(tmp_path / "a.mat", {})
         assert f"simout is a {kind}, which only MATLAB reads" in str(told.value)
@@ -208,7 +273,9 @@ def test_logs_that_cannot_be(tmp_path):
         compare(load_station("double_pendulum"), read_log(tmp_path / "b.mat", {"q": "q.joint_1"}))
     file.write_text("time,q.joint_1\n2,0\n3,0\n")
     stops = {"monitors.settled": {}, "reference": {"kind": "hold"}}
-    with pytest.raises(InvalidParameter, match="a log from 2 s on; it must be one that begins before"):
+    with pytest.raises(
+        InvalidParameter, match="a log from 2 s on; it must be one that begins before"
+    ):
         compare(load_station("double_pendulum", stops), read_log(file, {}))
     file.write_text("time,x\n0,2\n1,3\n")
     with pytest.raises(UnknownName, match="'y'"):

@@ -28,9 +28,13 @@ class Unit:
         from fmpy.simulation import instantiate_fmu
 
         self.heard, self._description = [], description
-        self._references = {variable.name: variable.valueReference for variable in description.modelVariables}
+        self._references = {
+            variable.name: variable.valueReference for variable in description.modelVariables
+        }
         logger = lambda *arguments: self.heard.append(arguments[-1].decode())  # noqa: E731
-        self.fmu = instantiate_fmu(folder, description, "CoSimulation", debug_logging=True, logger=logger)
+        self.fmu = instantiate_fmu(
+            folder, description, "CoSimulation", debug_logging=True, logger=logger
+        )
         self._real = "Float64" if description.fmiVersion == "3.0" else "Real"
         self.begin(**parameters)
 
@@ -44,10 +48,14 @@ class Unit:
 
     def set(self, **values):
         names = [name.replace("__", ".") for name in values]
-        getattr(self.fmu, f"set{self._real}")([self._references[name] for name in names], list(values.values()))
+        getattr(self.fmu, f"set{self._real}")(
+            [self._references[name] for name in names], list(values.values())
+        )
 
     def get(self, *names):
-        return np.array(getattr(self.fmu, f"get{self._real}")([self._references[name] for name in names]))
+        return np.array(
+            getattr(self.fmu, f"get{self._real}")([self._references[name] for name in names])
+        )
 
     def run(self, first, last):
         for step in range(first, last):
@@ -73,18 +81,28 @@ def test_the_description_is_valid_and_tells_units(tmp_path, version):
     from fmpy.validation import validate_fmu
 
     push = {"kind": "push", "at": "robot", "force": [1.0, 0.0, 0.0]}
-    file = write_fmu(load_station("double_pendulum", {"forces.push": push}), tmp_path / "a.fmu", version=version)
+    file = write_fmu(
+        load_station("double_pendulum", {"forces.push": push}), tmp_path / "a.fmu", version=version
+    )
     assert validate_fmu(str(file)) == []
     description = fmpy.read_model_description(str(file))
     assert description.fmiVersion == f"{version}.0"
-    told = {variable.name: (variable.causality, variable.unit) for variable in description.modelVariables}
+    told = {
+        variable.name: (variable.causality, variable.unit)
+        for variable in description.modelVariables
+    }
     assert told["reference.joint_2"] == ("input", "rad")
     assert told["torque.joint_2"] == ("output", "N.m")
     assert told["tcp_pose.x"] == ("output", "m")
     assert told["servo.kd.joint_1"] == ("parameter", "N.m.s/rad")
     assert told["forces.push.force[3]"] == ("parameter", "N")
     bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
-    assert (bases["N.m/rad"].kg, bases["N.m/rad"].m, bases["N.m/rad"].s, bases["N.m/rad"].rad) == (1, 2, -2, -1)
+    assert (bases["N.m/rad"].kg, bases["N.m/rad"].m, bases["N.m/rad"].s, bases["N.m/rad"].rad) == (
+        1,
+        2,
+        -2,
+        -1,
+    )
 
 
 def test_a_unit_holds_no_library_that_cannot_work(tmp_path):
@@ -106,9 +124,15 @@ def test_eight_stations(unit_of, tmp_path, name, version):
     """Valid; two instances of which one has less gravity; after a reset the first steps are as they were."""
     from fmpy.validation import validate_fmu
 
-    assert validate_fmu(str(write_fmu(load_station(name), tmp_path / "a.fmu", version=version))) == []
+    assert (
+        validate_fmu(str(write_fmu(load_station(name), tmp_path / "a.fmu", version=version))) == []
+    )
     made = unit_of(load_station(name), version)
-    watched = [v.name for v in made[1].modelVariables if v.causality == "output" and v.type in ("Real", "Float64")]
+    watched = [
+        v.name
+        for v in made[1].modelVariables
+        if v.causality == "output" and v.type in ("Real", "Float64")
+    ]
     one, light = Unit(*made), Unit(*made, gravity=1.0)
     rows = []
     for unit in (one, light, one):
@@ -127,7 +151,13 @@ def test_signals_are_those_of_simulate(unit_of):
     config = with_fixed_steps(load_station("double_pendulum"), STEP)
     unit = Unit(*unit_of(config))
     unit.set(reference__joint_1=0.9, reference__joint_2=0.3)
-    names = ["position.joint_1", "position.joint_2", "torque.joint_1", "velocity.joint_2", "tcp_pose.z"]
+    names = [
+        "position.joint_1",
+        "position.joint_2",
+        "torque.joint_1",
+        "velocity.joint_2",
+        "tcp_pose.z",
+    ]
     rows = [unit.get(*names)]
     for step in range(500):
         unit.run(step, step + 1)
@@ -151,9 +181,15 @@ def test_parameters_are_set_before_the_first_step(pendulum):
     assert list(weak.get("servo.kp.joint_1", "servo.kp.joint_2", "gravity")) == [40, 100, 5]
     weak.set(reference__joint_1=0.9)
     weak.run(0, 300)
-    config = load_station("double_pendulum", {"servo.kp.joint_1": 40, "gravity": 5, "sample_rate": 1000})
-    target = np.array([[0.0, 0.9, weak.get("reference.joint_2")[0]], [9.0, 0.9, weak.get("reference.joint_2")[0]]])
-    result = simulate(with_fixed_steps(config, STEP), reference=target, duration=0.3, progress=False)
+    config = load_station(
+        "double_pendulum", {"servo.kp.joint_1": 40, "gravity": 5, "sample_rate": 1000}
+    )
+    target = np.array(
+        [[0.0, 0.9, weak.get("reference.joint_2")[0]], [9.0, 0.9, weak.get("reference.joint_2")[0]]]
+    )
+    result = simulate(
+        with_fixed_steps(config, STEP), reference=target, duration=0.3, progress=False
+    )
     assert weak.get("position.joint_1")[0] == pytest.approx(result["q.joint_1"][-1], abs=1e-6)
     weak.fmu.reset()
     weak.begin()
@@ -192,12 +228,16 @@ def test_a_state_is_kept_and_put_back(pendulum):
     expected = unit.get("position.joint_1", "velocity.joint_2", "time")
     unit.fmu.setFMUState(state)
     unit.run(100, 200)
-    np.testing.assert_array_equal(unit.get("position.joint_1", "velocity.joint_2", "time"), expected)
+    np.testing.assert_array_equal(
+        unit.get("position.joint_1", "velocity.joint_2", "time"), expected
+    )
     other = Unit(*pendulum)  # with other parameters
     deserialize = getattr(other.fmu, "deSerializeFMUstate", None) or other.fmu.deserializeFMUState
     other.fmu.setFMUState(deserialize(kept, state))
     other.run(100, 200)
-    np.testing.assert_array_equal(other.get("position.joint_1", "velocity.joint_2", "time"), expected)
+    np.testing.assert_array_equal(
+        other.get("position.joint_1", "velocity.joint_2", "time"), expected
+    )
 
 
 def test_instances_do_not_touch_each_other(pendulum):
@@ -219,7 +259,9 @@ def test_instances_do_not_touch_each_other(pendulum):
 def test_a_step_that_cannot_be_is_told_in_words(unit_of):
     from fmpy.fmi1 import FMICallException
 
-    config = load_station("double_pendulum", {"monitors": {"settled": {"hold": 0.05, "speed_deg": 100}}})
+    config = load_station(
+        "double_pendulum", {"monitors": {"settled": {"hold": 0.05, "speed_deg": 100}}}
+    )
     unit = Unit(*unit_of(config))
     with pytest.raises(FMICallException):
         unit.run(0, 1000)
@@ -233,7 +275,10 @@ def test_an_input_that_is_no_number_fails_the_step_and_can_be_mended(pendulum):
     unit.set(reference__joint_1=float("nan"))
     with pytest.raises(FMICallException):
         unit.run(0, 1)
-    assert any("reference.joint_1 is nan; it must be a finite number [rad]" in words for words in unit.heard)
+    assert any(
+        "reference.joint_1 is nan; it must be a finite number [rad]" in words
+        for words in unit.heard
+    )
     unit.set(reference__joint_1=0.7)
     unit.run(0, 10)
     assert np.isfinite(unit.get("position.joint_1"))
@@ -252,7 +297,9 @@ def test_a_unit_carries_the_files_of_its_station(tmp_path):
     own = tmp_path / "own"
     own.mkdir()
     (own / "arm.urdf").write_text(ARM)
-    (own / "wedge.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    (own / "wedge.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    )
     (own / "table.csv").write_text("time,j\n0,0\n1,0.5\n")
     (own / "stone.yaml").write_text("mass: 0.3\nshapes: [{box: [0.1, 0.1, 0.1]}]\n")
     (own / "first.yaml").write_text("mode: dynamic\nrobot: {urdf: arm.urdf}\n")
@@ -271,7 +318,9 @@ def test_a_unit_carries_the_files_of_its_station(tmp_path):
     assert np.isfinite(unit.get("position.j"))
     names = ZipFile(file).namelist()
     for carried in ("arm.urdf", "table.csv", "stone.yaml", "start.json", ".obj"):
-        assert any(name.startswith("resources/files/") and name.endswith(carried) for name in names), carried
+        assert any(
+            name.startswith("resources/files/") and name.endswith(carried) for name in names
+        ), carried
 
 
 def test_what_cannot_be_written(tmp_path, capsys):
@@ -286,5 +335,7 @@ def test_what_cannot_be_written(tmp_path, capsys):
         with_fixed_steps(load_station("double_pendulum"), 0.0)
     with pytest.raises(InvalidParameter, match="servos that yield"):
         with_fixed_steps(load_station("irb120_cobot"), STEP)
-    assert run_command(["fmu", "double_pendulum", "--fmi", "1", "--out", str(tmp_path / "c.fmu")]) == 2
+    assert (
+        run_command(["fmu", "double_pendulum", "--fmi", "1", "--out", str(tmp_path / "c.fmu")]) == 2
+    )
     assert "--fmi is 1; it must be 2 or 3" in capsys.readouterr().err

@@ -59,7 +59,12 @@ def test_refusing_takes_no_memory():
         "    except NotUnderstood: print('refused')",
     ]
     done = subprocess.run(
-        [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, timeout=60, cwd=HERE, check=False
+        [sys.executable, "-c", "\n".join(lines)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=HERE,
+        check=False,
     )
     assert done.stdout.split() == ["refused"] * len(HOSTILE), done.stderr
 

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from simrob_drake.extensions.simulink.signals.arithmetic import applied, inverse
-from simrob_drake.extensions.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
+from simrob_drake.extensions.simulink.signals.forms import (
+    TIME,
+    Primitive,
+    blocks_in,
+    flat,
+    mapped,
+    signal,
+)
 from simrob_drake.extensions.simulink.signals.sources import orientation
 from simrob_drake.extensions.simulink.signals.translation import Translation, as_signal
 from simrob_drake.extensions.simulink.values.code import undefined
@@ -18,7 +25,9 @@ TIMES = np.linspace(0, 2, 81)
 def translated(code):
     functions = functions_of(code)
     (main, *_) = functions.values()
-    outputs = Translation({}, undefined, None, functions).called(main.name, [signal([TIME - 1.0]).reshape(1, 1)])
+    outputs = Translation({}, undefined, None, functions).called(
+        main.name, [signal([TIME - 1.0]).reshape(1, 1)]
+    )
     return over_time([value for output in outputs for value in flat(as_signal(output))], TIMES)
 
 
@@ -85,13 +94,19 @@ def test_code_is_what_it_computes(code, equation):
 @pytest.mark.parametrize(
     ("code", "told"),
     [
-        ("function y = f(u)\npersistent n\ny = u;", "persistent n, though nothing says its sample time"),
+        (
+            "function y = f(u)\npersistent n\ny = u;",
+            "persistent n, though nothing says its sample time",
+        ),
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
         ("function y = f(u)\ny = sin(u + 1i);", "complex numbers in a function"),
         ("function y = f(u)\ny = u + 1i;", "a complex number"),
-        ("function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';", "more than 30000 products"),
+        (
+            "function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';",
+            "more than 30000 products",
+        ),
         ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
     ],
 )
@@ -111,14 +126,21 @@ def test_a_loop_that_signals_decide_ends_after_twenty_rounds_at_the_latest():
 def test_a_rotation_is_inverted_by_its_transpose_and_a_matrix_that_only_starts_as_one_is_not():
     turn = orientation(object())
     cosine, sine = (applied(name, TIME) for name in ("cos", "sin"))
-    both = turn.dot(np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]], dtype=object))
+    both = turn.dot(
+        np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]], dtype=object)
+    )
     for rotation in (turn, turn.T, both):
-        assert all(one is other for one, other in zip(inverse(rotation).flat, rotation.T.flat, strict=True))
+        assert all(
+            one is other for one, other in zip(inverse(rotation).flat, rotation.T.flat, strict=True)
+        )
     grows = Primitive("integrator", {}, lambda: [TIME]).outputs[0]
     scale = np.array([[1.0 + grows, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], dtype=object)
     for other in (scale, mapped(lambda one: 2.0 * one, turn), turn + np.eye(3)):
         divisions = [
-            block for one in inverse(other).flat for block in blocks_in([one]) if "divides" in block.parameters
+            block
+            for one in inverse(other).flat
+            for block in blocks_in([one])
+            if "divides" in block.parameters
         ]
         assert divisions
 
@@ -130,8 +152,12 @@ def test_a_persistent_variable_is_what_it_was_at_the_last_sample():
         "if isempty(s) || u > 0.75\n s = 0;\nend\nolder = m(2);\nm = [u; m(1)];\ns = s + u;\ntotal = s;"
     )
     functions = functions_of(code)
-    outputs = Translation({}, undefined, None, functions, period=0.1).called("f", [signal([TIME]).reshape(1, 1)])
-    total, older = over_time([flat(np.asarray(one, dtype=object))[0] for one in outputs], TIMES + 1e-9)
+    outputs = Translation({}, undefined, None, functions, period=0.1).called(
+        "f", [signal([TIME]).reshape(1, 1)]
+    )
+    total, older = over_time(
+        [flat(np.asarray(one, dtype=object))[0] for one in outputs], TIMES + 1e-9
+    )
     s, m, expected = 0.0, [5.0, 0.0], []
     for sample in np.arange(21) * 0.1:
         s = 0.0 if sample > 0.75 else s

@@ -35,7 +35,11 @@ def turn(axis, degrees):
     return getattr(RotationMatrix, f"Make{axis}Rotation")(np.deg2rad(degrees)).matrix()
 
 
-ANGLES = {"RotationSequenceAngles": "[10 20 30]", "RotationSequenceAnglesUnits": "deg", "RotationSequence": "ZYX"}
+ANGLES = {
+    "RotationSequenceAngles": "[10 20 30]",
+    "RotationSequenceAnglesUnits": "deg",
+    "RotationSequence": "ZYX",
+}
 
 
 @pytest.mark.parametrize(
@@ -89,7 +93,9 @@ def test_rotations(parameters, expected):
     ],
 )  # fmt: skip
 def test_translations(parameters, expected):
-    np.testing.assert_allclose(rigid_transform(node(**parameters)).translation(), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        rigid_transform(node(**parameters)).translation(), expected, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,7 +105,11 @@ def test_translations(parameters, expected):
         {"TranslationMethod": "Magic"},
         {"RotationMethod": "RotationMatrix", "RotationMatrix": "[1 0 0; 0 1 0; 0 0 2]"},
         {"RotationMethod": "Quaternion", "Quaternion": "[0 0 0 0]"},
-        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]", "RotationAngle": "90"},
+        {
+            "RotationMethod": "ArbitraryAxis",
+            "RotationArbitraryAxis": "[0 0 0]",
+            "RotationAngle": "90",
+        },
         {"RotationMethod": "AlignedAxes", "FollAlignAxisA": "+Z", "FollAlignAxisB": "-Z"},
         {"RotationMethod": "RotationSequence", "RotationSequence": "XYQ"},
         {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2]"},
@@ -128,7 +138,9 @@ def test_primitives_weigh_what_their_formulas_say():
     ball = weight_of("Spherical Solid", SphereRadius="60", SphereRadiusUnits="mm", Density="1000")
     assert ball.mass == pytest.approx(0.904779, rel=1e-6)
     np.testing.assert_allclose(ball.inertia, np.eye(3) * 0.4 * ball.mass * 0.06**2)
-    rod = weight_of("Cylindrical Solid", CylinderRadius="0.1", CylinderLength="2", BasedOnType="Mass", Mass="3")
+    rod = weight_of(
+        "Cylindrical Solid", CylinderRadius="0.1", CylinderLength="2", BasedOnType="Mass", Mass="3"
+    )
     np.testing.assert_allclose(np.diag(rod.inertia), [3 * (0.03 + 4) / 12] * 2 + [3 * 0.01 / 2])
     egg = weight_of("Ellipsoidal Solid", EllipsoidRadii="[1 2 3]", BasedOnType="Mass", Mass="5")
     np.testing.assert_allclose(np.diag(egg.inertia), [13, 10, 5])
@@ -138,7 +150,11 @@ def test_primitives_weigh_what_their_formulas_say():
 
 def test_products_of_inertia_stand_as_simscape_orders_them():
     weight = weight_of(
-        "Inertia", InertiaType="Custom", Mass="1", MomentsOfInertia="[3 4 5]", ProductsOfInertia="[0.1 0.2 0.3]"
+        "Inertia",
+        InertiaType="Custom",
+        Mass="1",
+        MomentsOfInertia="[3 4 5]",
+        ProductsOfInertia="[0.1 0.2 0.3]",
     )
     np.testing.assert_array_equal(weight.inertia, [[3, 0.3, 0.2], [0.3, 4, 0.1], [0.2, 0.1, 5]])
 
@@ -149,7 +165,11 @@ L_SHAPE = "[0 0; 3 0; 3 1; 1 1; 1 2; 0 2]"
 def test_extrusions_weigh_as_their_closed_meshes():
     solid = read_solid(
         node(
-            "Extruded Solid", ExtrusionType="General", ExtrusionCrossSection=L_SHAPE, ExtrusionLength="0.5", Density="2"
+            "Extruded Solid",
+            ExtrusionType="General",
+            ExtrusionCrossSection=L_SHAPE,
+            ExtrusionLength="0.5",
+            Density="2",
         ),
         MeshFiles([]),
     )
@@ -160,9 +180,14 @@ def test_extrusions_weigh_as_their_closed_meshes():
     np.testing.assert_allclose(solid.weight.com, mesh.center_mass, atol=1e-9)
     np.testing.assert_allclose(solid.weight.inertia, mesh.moment_inertia, atol=1e-9)
     other_way = node(
-        "Extruded Solid", ExtrusionCrossSection="flipud(" + L_SHAPE + ")", ExtrusionLength="0.5", Density="2"
+        "Extruded Solid",
+        ExtrusionCrossSection="flipud(" + L_SHAPE + ")",
+        ExtrusionLength="0.5",
+        Density="2",
     )
-    np.testing.assert_allclose(read_solid(other_way, MeshFiles([])).weight.inertia, solid.weight.inertia, atol=1e-12)
+    np.testing.assert_allclose(
+        read_solid(other_way, MeshFiles([])).weight.inertia, solid.weight.inertia, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("angle", [360, 90])
@@ -218,13 +243,21 @@ def test_meshes_are_found_and_weighed_but_only_below_given_folders(tmp_path):
     box.export(tmp_path / "secret.stl")
     meshes = MeshFiles([tmp_path / "model"])
     solid = read_solid(
-        node("File Solid", ExtGeomFileName="C:\\work\\library\\part.stl", ExtGeomFileUnits="cm", Density="1000"), meshes
+        node(
+            "File Solid",
+            ExtGeomFileName="C:\\work\\library\\part.stl",
+            ExtGeomFileUnits="cm",
+            Density="1000",
+        ),
+        meshes,
     )
     assert solid.weight.mass == pytest.approx(6e-6 * 1000)
     with pytest.raises(InvalidModel, match="cannot be read"):
         read_solid(node("File Solid", ExtGeomFileName="../secret.stl"), meshes)
     (tmp_path / "model" / "cut.stl").write_bytes((tmp_path / "secret.stl").read_bytes()[:200])
-    with pytest.raises(InvalidModel, match=r"the mesh cut\.stl, which is cut off: of its 12 faces 2 are there"):
+    with pytest.raises(
+        InvalidModel, match=r"the mesh cut\.stl, which is cut off: of its 12 faces 2 are there"
+    ):
         read_solid(node("File Solid", ExtGeomFileName="cut.stl"), meshes)
 
 
@@ -232,7 +265,9 @@ def frame_xml(feature, primary="+Z", along="+Z"):
     source = "<Source>ReferenceFrame</Source><SourceDirection>{2}</SourceDirection>"
     axis = "<{0}><DefinedDirection>{1}</DefinedDirection>" + source + "</{0}>"
     axes = axis.format("PrimaryAxis", primary, along) + axis.format("SecondaryAxis", "+X", "+X")
-    origin = f"<Origin><Source>GeometricFeature</Source><FeatureName>{feature}</FeatureName></Origin>"
+    origin = (
+        f"<Origin><Source>GeometricFeature</Source><FeatureName>{feature}</FeatureName></Origin>"
+    )
     return f"<Frame><Id>F</Id><Value><Name>F</Name>{origin}{axes}</Value></Frame>"
 
 
@@ -242,8 +277,20 @@ def test_bodies_joined_at_frames_of_solids(tmp_path):
     world = level.block(WORLD, "World")
     joint = level.block(REVOLUTE, "Hinge")
     frames = "<Frames>" + frame_xml("-x surface") + frame_xml("+x surface") + "</Frames>"
-    one = level.block(BRICK, "One", BrickDimensions="[2 1 1]", SerializedFrames=frames, DoExposeReferenceFrame="off")
-    other = level.block(BRICK, "Other", BrickDimensions="[4 1 1]", SerializedFrames=frames, DoExposeReferenceFrame="on")
+    one = level.block(
+        BRICK,
+        "One",
+        BrickDimensions="[2 1 1]",
+        SerializedFrames=frames,
+        DoExposeReferenceFrame="off",
+    )
+    other = level.block(
+        BRICK,
+        "Other",
+        BrickDimensions="[4 1 1]",
+        SerializedFrames=frames,
+        DoExposeReferenceFrame="on",
+    )
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{one}#lconn:1")
     level.connect(f"{one}#rconn:1", f"{other}#lconn:1")
@@ -263,9 +310,14 @@ def mechanism():
     before = f"{blocks['world']}#rconn:1"
     for number in (1, 2):
         joint = level.block(REVOLUTE, f"Joint{number}")
-        rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]")
+        rod = level.block(
+            INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]"
+        )
         end = level.block(
-            TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+            TRANSFORM,
+            f"End{number}",
+            TranslationMethod="Cartesian",
+            TranslationCartesianOffset="[1 0 0]",
         )
         level.connect(before, f"{joint}#lconn:1")
         level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{end}#lconn:1")
@@ -277,18 +329,28 @@ def mechanism():
 def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
     level = Level()
     world = level.block(WORLD, "World")
-    start = {"PositionTargetSpecify": "on", "PositionTargetValue": "30", "PositionTargetValueUnits": "deg"}
+    start = {
+        "PositionTargetSpecify": "on",
+        "PositionTargetValue": "30",
+        "PositionTargetValueUnits": "deg",
+    }
     joint = level.block(REVOLUTE, "J", **start)
-    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]")
+    rod = level.block(
+        INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]"
+    )
     tip = level.block("sm_lib/Frames and Transforms/Reference Frame", "Tip")
-    off = level.block(TRANSFORM, "Off", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]")
+    off = level.block(
+        TRANSFORM, "Off", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+    )
     level.connect(f"{world}#rconn:1", f"{joint}#rconn:1")  # the world is its follower
     level.connect(f"{joint}#lconn:1", f"{rod}#rconn:1", f"{off}#lconn:1")
     level.connect(f"{off}#rconn:1", f"{tip}#rconn:1")
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     result = simulate(load_station(station, {"mode": "kinematic"}), duration=0.1, progress=False)
     angle = np.deg2rad(-30)
-    np.testing.assert_allclose(result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
+    np.testing.assert_allclose(
+        result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12
+    )
 
 
 def four_bar(closing=REVOLUTE, start="80", bars=3, asked=None, **parameters):
@@ -296,7 +358,9 @@ def four_bar(closing=REVOLUTE, start="80", bars=3, asked=None, **parameters):
     starts = {1: start, **(asked or {})}
     level = Level()
     world = level.block(WORLD, "World")
-    ground = level.block(TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]")
+    ground = level.block(
+        TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]"
+    )
     stand = level.block(
         TRANSFORM, "Stand", RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="90",
         RotationAngleUnits="deg",
@@ -308,9 +372,18 @@ def four_bar(closing=REVOLUTE, start="80", bars=3, asked=None, **parameters):
         given = {"PositionTargetSpecify": "on", "PositionTargetValueUnits": "deg"}
         given["PositionTargetValue"] = str(starts.get(number))
         joint = level.block(REVOLUTE, f"Joint{number}", **(given if number in starts else {}))
-        rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]", CenterOfMass="[0.5 0 0]")
+        rod = level.block(
+            INERTIA,
+            f"Rod{number}",
+            Mass="1",
+            MomentsOfInertia="[0.1 0.1 0.1]",
+            CenterOfMass="[0.5 0 0]",
+        )
         end = level.block(
-            TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+            TRANSFORM,
+            f"End{number}",
+            TranslationMethod="Cartesian",
+            TranslationCartesianOffset="[1 0 0]",
         )
         level.connect(before, f"{joint}#lconn:1")
         level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{end}#lconn:1")
@@ -321,14 +394,18 @@ def four_bar(closing=REVOLUTE, start="80", bars=3, asked=None, **parameters):
     return level
 
 
-@pytest.mark.parametrize(("first", "way"), [(80, 1), (80, -1), (-60, 1), (-60, -1), (100, 1), (100, -1)])
+@pytest.mark.parametrize(
+    ("first", "way"), [(80, 1), (80, -1), (-60, 1), (-60, -1), (100, 1), (100, -1)]
+)
 def test_a_loop_starts_on_the_side_that_its_joints_ask_for(tmp_path, first, way):
     """The second hinge, which asks for nothing, stands far from 0: bars 2 and 3 are equal sides over the rest."""
     rest = np.hypot(1.2 - np.cos(np.deg2rad(first)), np.sin(np.deg2rad(first)))
     bend = way * 2 * np.rad2deg(np.arccos(rest / 2))
     level = four_bar(start=str(first), asked={3: bend})
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
-    assert not [entry.text for entry in imported.report.entries if "so its loop closes" in entry.text]
+    assert not [
+        entry.text for entry in imported.report.entries if "so its loop closes" in entry.text
+    ]
     (robot,) = imported.files.robots.values()
     starts = {axis: freedom.start for freedom, axis in robot.axes.items()}
     assert np.rad2deg(starts["Joint3"]) == pytest.approx(bend, abs=1e-3)
@@ -341,7 +418,11 @@ def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
     level = Level()
     world = level.block(WORLD, "World")
     before = f"{world}#rconn:1"
-    spin = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    spin = {
+        "VelocityTargetSpecify": "on",
+        "VelocityTargetValue": "3",
+        "VelocityTargetValueUnits": "rad/s",
+    }
     for name, length, given in (("Crank", "0.3", spin), ("Rod", "1", {}), ("Pin", "0", {})):
         joint = level.block(REVOLUTE, name, **given)
         body = level.block(INERTIA, f"{name} body", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]")
@@ -350,7 +431,11 @@ def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
         level.connect(before, f"{joint}#lconn:1")
         level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{end}#lconn:1")
         before = f"{end}#rconn:1"
-    along = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"}
+    along = {
+        "RotationMethod": "StandardAxis",
+        "RotationStandardAxis": "+Y",
+        "RotationAngle": "pi/2",
+    }
     turned = [level.block(TRANSFORM, name, **along) for name in ("Rail", "Carriage")]
     slider = level.block("sm_lib/Joints/Prismatic Joint", "Slider")
     level.connect(f"{world}#rconn:1", f"{turned[0]}#lconn:1")
@@ -385,7 +470,11 @@ def test_no_turn_needs_no_axis():
 def test_a_physical_bus_joins_its_elements_by_name(tmp_path):
     """A hinge hangs on the world, and its body behind it, through a bus whose two ends list them in other orders."""
     level = Level()
-    world, hinge, rod = level.block(WORLD, "World"), level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Rod")
+    world, hinge, rod = (
+        level.block(WORLD, "World"),
+        level.block(REVOLUTE, "Hinge"),
+        level.block(INERTIA, "Rod"),
+    )
     near = level.block("SimscapeBus", "Near", HierarchyStrings="Stand;Rod")
     far = level.block("SimscapeBus", "Far", HierarchyStrings="Rod;Stand")
     level.connect(f"{near}#rconn:1", f"{far}#rconn:1")
@@ -403,11 +492,15 @@ def test_a_physical_bus_joins_its_elements_by_name(tmp_path):
 
 def test_rigid_loops_must_fit(tmp_path):
     level, _ = mechanism()
-    wrong = level.block(TRANSFORM, "Wrong", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0.1 0]")
+    wrong = level.block(
+        TRANSFORM, "Wrong", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0.1 0]"
+    )
     level.connect("4#lconn:1", f"{wrong}#lconn:1")
     level.connect("4#rconn:1", f"{wrong}#rconn:1")
     report = read_simulink(write_model(tmp_path / "a.slx", level)).report
-    assert any(entry.element == "Wrong" and "does not fit" in entry.text for entry in report.of("lost"))
+    assert any(
+        entry.element == "Wrong" and "does not fit" in entry.text for entry in report.of("lost")
+    )
 
 
 def test_a_ball_on_a_floor(tmp_path):
@@ -415,9 +508,15 @@ def test_a_ball_on_a_floor(tmp_path):
     level = Level()
     level.block(WORLD, "World")
     plate = level.block(BRICK, "Plate", BrickDimensions="[1 1 0.1]", ExportEntireGeometry="on")
-    high = level.block(TRANSFORM, "High", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]")
+    high = level.block(
+        TRANSFORM, "High", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]"
+    )
     ball = level.block(
-        "sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000", ExportEntireGeometry="on"
+        "sm_lib/Body Elements/Spherical Solid",
+        "Ball",
+        SphereRadius="0.05",
+        Density="1000",
+        ExportEntireGeometry="on",
     )
     start = level.block("sm_lib/Frames and Transforms/Reference Frame", "Start")
     touch = level.block(
@@ -448,7 +547,9 @@ FIGURES = {"NormalStiffness": "1e4", "NormalDamping": "50", "SenseSeparationDist
 def ball_on(level, world, name, start, touched, **figures):
     """Let a ball of 50 mm fall from a place onto what its geometry port is given of; return the ball's SID."""
     joint = level.block("sm_lib/Joints/6-DOF Joint", f"{name} free")
-    put = level.block(TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start)
+    put = level.block(
+        TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start
+    )
     ball = level.block("sm_lib/Body Elements/Spherical Solid", name, SphereRadius="0.05", Density="1000",
                        ExportEntireGeometry="on")  # fmt: skip
     touch = level.block(TOUCH, f"{name} touches", **FIGURES | figures)
@@ -470,7 +571,12 @@ def test_planes_and_disks_carry_where_they_are(tmp_path):
     grounds = {"Plane": "Infinite Plane", "Disk": "Disk"}
     made = {}
     for name, place in places.items():
-        high = level.block(TRANSFORM, f"{name} high", TranslationMethod="Cartesian", TranslationCartesianOffset=place)
+        high = level.block(
+            TRANSFORM,
+            f"{name} high",
+            TranslationMethod="Cartesian",
+            TranslationCartesianOffset=place,
+        )
         made[name] = level.block(f"sm_lib/Curves and Surfaces/{grounds[name]}", name, Radius="0.2")
         level.connect(f"{world}#rconn:1", f"{high}#lconn:1")
         level.connect(f"{high}#rconn:1", f"{made[name]}#lconn:1")
@@ -486,7 +592,10 @@ def test_planes_and_disks_carry_where_they_are(tmp_path):
 
 def test_a_contact_without_stiffness_is_lost(tmp_path):
     level = Level()
-    world, plane = level.block(WORLD, "World"), level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Plane")
+    world, plane = (
+        level.block(WORLD, "World"),
+        level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Plane"),
+    )
     level.connect(f"{world}#rconn:1", f"{plane}#lconn:1")
     ball_on(level, world, "Ball", "[0 0 1]", plane, NormalStiffness="0")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
@@ -499,7 +608,9 @@ def test_a_contact_without_lines_is_no_loss(tmp_path):
     level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Contact")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity == "mechanics complete"
-    assert [entry.text for entry in imported.report.of("dropped")] == ["the contact: it is not connected"]
+    assert [entry.text for entry in imported.report.of("dropped")] == [
+        "the contact: it is not connected"
+    ]
 
 
 def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
@@ -512,13 +623,21 @@ def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
         "RotationSequenceAngles": f"[pi/2 {tilt} 0]",
     }
     there = level.block(
-        TRANSFORM, "There", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.2]", **turned
+        TRANSFORM,
+        "There",
+        TranslationMethod="Cartesian",
+        TranslationCartesianOffset="[0 0 0.2]",
+        **turned,
     )
     ground = level.block("sm_lib/Curves and Surfaces/Grid Surface", "Hills", XGridVector="[-1 0 1 2]",
                          YGridVector="[0 1 2]", ZHeights=heights)  # fmt: skip
     level.connect(f"{world}#rconn:1", f"{there}#lconn:1")
     level.connect(f"{there}#rconn:1", f"{ground}#lconn:1")
-    for name, start in (("Low", "[-0.5 -0.6 0.37]"), ("High", "[-0.5 1.6 0.57]"), ("Beside", "[0.5 1.6 0.07]")):
+    for name, start in (
+        ("Low", "[-0.5 -0.6 0.37]"),
+        ("High", "[-0.5 1.6 0.57]"),
+        ("Beside", "[0.5 1.6 0.07]"),
+    ):
         ball_on(level, world, name, start, ground)
     return write_model(path, level)
 
@@ -567,8 +686,13 @@ def test_a_robot_may_stand_on_many_shapes(tmp_path, kind, sizes, words, mesh):
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
         PzPositionTargetSpecify="on", PzPositionTargetValue="0.055")  # fmt: skip
-    foot = level.block(kind, "Foot", BasedOnType="Mass", Mass="2", ExportEntireGeometry="on", **sizes)
-    hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
+    foot = level.block(
+        kind, "Foot", BasedOnType="Mass", Mass="2", ExportEntireGeometry="on", **sizes
+    )
+    hinge, arm = (
+        level.block(REVOLUTE, "Hinge"),
+        level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]"),
+    )
     ground = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Ground")
     touch = level.block(TOUCH, "Touch", **FIGURES)
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{ground}#lconn:1")
@@ -583,7 +707,9 @@ def test_a_robot_may_stand_on_many_shapes(tmp_path, kind, sizes, words, mesh):
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
     assert any(words in entry.text for entry in imported.report.of("approximated"))
     if mesh is not None:
-        save_film_strip(result, tmp_path / "strip.png")  # a mesh without normals is none for a renderer
+        save_film_strip(
+            result, tmp_path / "strip.png"
+        )  # a mesh without normals is none for a renderer
 
 
 def test_a_robot_may_stand_on_a_disk(tmp_path):
@@ -594,7 +720,10 @@ def test_a_robot_may_stand_on_a_disk(tmp_path):
     foot = level.block(INERTIA, "Foot", Mass="2", MomentsOfInertia="[0.1 0.1 0.1]")
     disk, ground = (level.block(f"sm_lib/Curves and Surfaces/{kind}", kind, Radius="0.2") for kind in
                     ("Disk", "Infinite Plane"))  # fmt: skip
-    hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
+    hinge, arm = (
+        level.block(REVOLUTE, "Hinge"),
+        level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]"),
+    )
     touch = level.block(TOUCH, "Touch", **FIGURES)
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{ground}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{foot}#rconn:1", f"{hinge}#lconn:1", f"{disk}#lconn:1")
@@ -610,14 +739,19 @@ def test_a_robot_may_stand_on_a_disk(tmp_path):
 
 @pytest.mark.parametrize(
     "gravity",
-    [{"GravityVector": "[0 -9.81 0]"}, {"GravityVector": "[0 -981 0]", "GravityUnits": "cm/s^2"}],  # of first releases
+    [
+        {"GravityVector": "[0 -9.81 0]"},
+        {"GravityVector": "[0 -981 0]", "GravityUnits": "cm/s^2"},
+    ],  # of first releases
 )
 def test_gravity_to_the_side_turns_the_world(tmp_path, gravity):
     level = Level()
     world = level.block(WORLD, "World")
     gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", **gravity)
     joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
-    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    ball = level.block(
+        "sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000"
+    )
     level.connect(f"{world}#rconn:1", f"{gravity}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
@@ -636,15 +770,22 @@ def test_gravity_to_the_side_turns_the_world(tmp_path, gravity):
 def test_nothing_falls_where_no_gravity_is_told(tmp_path, how, kind, falls, told):
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free")
-    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    ball = level.block(
+        "sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000"
+    )
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
     if how != "absent":
-        figures = {"commented": {"Commented": "on"}, "by a signal": {"UniformGravity": "TimeVarying"}}.get(how, {})
+        figures = {
+            "commented": {"Commented": "on"},
+            "by a signal": {"UniformGravity": "TimeVarying"},
+        }.get(how, {})
         gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", **figures)
         if how != "loose":
             level.connect(f"{world}#rconn:1", f"{gravity}#rconn:1")
-    imported = import_simulink(write_model(tmp_path / "a.slx", level, kind=kind, falls=False), tmp_path / "out")
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", level, kind=kind, falls=False), tmp_path / "out"
+    )
     result = simulate(imported.station, duration=0.5, progress=False)
     drop = 9.80665 * 0.125 if falls else 0.0
     np.testing.assert_allclose(result.piece_pose("Ball")[-1, 2], -drop, atol=1e-6)
@@ -666,8 +807,15 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
 
 def test_a_ball_joint_tells_of_its_limits_and_of_a_spring_that_is_slack_elsewhere(tmp_path):
     level = Level()
-    given = {"UpperLimitSpecify": "on", "SpringStiffness": "3", "EquilibriumRotationMethod": "StandardAxis"}
-    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Spherical Joint", "Ball", **given)
+    given = {
+        "UpperLimitSpecify": "on",
+        "SpringStiffness": "3",
+        "EquilibriumRotationMethod": "StandardAxis",
+    }
+    world, joint = (
+        level.block(WORLD, "World"),
+        level.block("sm_lib/Joints/Spherical Joint", "Ball", **given),
+    )
     rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
@@ -716,7 +864,11 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
     np.testing.assert_allclose(
         frame_pose(old, parse_part(frame_xml("+x -y -z point").encode())).translation(), [1, -2, -3]
     )
-    half = {"RevolutionCrossSection": "[1 0; 2 0; 2 1; 1 1]", "RevolutionExtent": "Custom", "RevolutionAngle": "pi"}
+    half = {
+        "RevolutionCrossSection": "[1 0; 2 0; 2 1; 1 1]",
+        "RevolutionExtent": "Custom",
+        "RevolutionAngle": "pi",
+    }
     for kind, shape in (("Revolved Solid", ""), ("Solid", "GeneralSolidOfRevolution")):
         turned = node(kind, GeometryShape=shape, **half)
         front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
@@ -730,14 +882,19 @@ def test_a_frame_on_an_unknown_feature_loses_nothing_where_nothing_weighs(tmp_pa
     level, blocks = mechanism()
     frames = "<Frames>" + frame_xml("-x surface") + frame_xml("circular curve 9") + "</Frames>"
     brick = level.block(BRICK, "Brick", SerializedFrames=frames, DoExposeReferenceFrame="off")
-    beyond, mark = level.block(TRANSFORM, "Beyond"), level.block(hung, "Mark", MomentsOfInertia="[1 1 1]")
+    beyond, mark = (
+        level.block(TRANSFORM, "Beyond"),
+        level.block(hung, "Mark", MomentsOfInertia="[1 1 1]"),
+    )
     level.connect(blocks["end"], f"{brick}#lconn:1")
     level.connect(f"{brick}#rconn:1", f"{beyond}#lconn:1")
     level.connect(f"{beyond}#rconn:1", f"{mark}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity == ("1 Brick Solid lost" if hung == INERTIA else "mechanics complete")
     (told,) = imported.report.of("lost" if hung == INERTIA else "approximated")
-    assert told.text.startswith("a frame is on 'circular curve 9', whose place is not known here; taken at its ref")
+    assert told.text.startswith(
+        "a frame is on 'circular curve 9', whose place is not known here; taken at its ref"
+    )
 
 
 @pytest.mark.parametrize(
@@ -758,11 +915,14 @@ def test_a_frame_looks_where_a_flat_side_of_its_solid_does(kind, feature, along,
     follows = f"<Source>GeometricFeature</Source><SourceDirection>{along}</SourceDirection><FeatureName>{feature}"
     text = frame_xml("").replace("GeometricFeature", "ReferenceFrame")
     text = text.replace(
-        "<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>", follows + "</FeatureName>"
+        "<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>",
+        follows + "</FeatureName>",
     )
     frame = parse_part(text.replace("<SourceDirection>+X<", "<SourceDirection>+Y<").encode())
     if looks is None:
-        with pytest.raises(InvalidModel, match=f"follows '{re.escape(feature)}', which is not known here"):
+        with pytest.raises(
+            InvalidModel, match=f"follows '{re.escape(feature)}', which is not known here"
+        ):
             frame_pose(node(kind), frame)
         return
     turn = frame_pose(node(kind), frame).rotation().matrix()
@@ -780,7 +940,11 @@ def test_a_frame_looks_where_a_flat_side_of_its_solid_does(kind, feature, along,
 )
 def test_an_external_force_is_a_port_at_its_frame(tmp_path, applied, ports):
     level, blocks = mechanism()
-    push = level.block("sm_lib/Forces and\nTorques/External Force\nand Torque", "Push", **dict.fromkeys(applied, "on"))
+    push = level.block(
+        "sm_lib/Forces and\nTorques/External Force\nand Torque",
+        "Push",
+        **dict.fromkeys(applied, "on"),
+    )
     level.connect(blocks["end"], f"{push}#rconn:1")
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     config = load_station(station)
@@ -789,7 +953,9 @@ def test_an_external_force_is_a_port_at_its_frame(tmp_path, applied, ports):
     assert set(ports) <= set(build_station(config).ports.inputs)
 
 
-@pytest.mark.parametrize("ending", [kind for kind in MESH_FORMATS if kind != ".gltf"])  # which is several files
+@pytest.mark.parametrize(
+    "ending", [kind for kind in MESH_FORMATS if kind != ".gltf"]
+)  # which is several files
 def test_a_file_solid_reads_the_meshes_that_robots_and_pieces_have(ending, tmp_path):
     """Before, an OFF file was left out, although the import of robots reads it."""
     trimesh.creation.box([1.0, 2.0, 3.0]).export(tmp_path / f"part{ending}")

@@ -46,7 +46,9 @@ def figures(read):
 def test_without_it_the_variables_are_named(tmp_path):
     problem = undefined_variables(read_simulink(model(tmp_path)))
     assert isinstance(problem, InvalidModel)
-    assert "total (it is set by code of 'Arm' that only MATLAB runs) (Arm/Rod: Mass)" in str(problem)
+    assert "total (it is set by code of 'Arm' that only MATLAB runs) (Arm/Rod: Mass)" in str(
+        problem
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a script as a program")
@@ -71,6 +73,7 @@ def test_octave_itself(tmp_path):
 def test_without_the_program_it_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(
-        InvalidParameter, match=r"--octave: no program .* is found; install GNU Octave, or leave it out"
+        InvalidParameter,
+        match=r"--octave: no program .* is found; install GNU Octave, or leave it out",
     ):
         read_simulink(model(tmp_path), octave=True)

@@ -24,10 +24,18 @@ def imported(tmp_path):
 def test_the_law_is_a_servo_with_its_limit_where_servos_are_asked_for(imported, tmp_path):
     model = pendulum(tmp_path / "arm one.slx")
     station = load_station(import_simulink(model, tmp_path / "servos", servos=True).station)
-    assert (station.servo.kp, station.servo.kd, station.servo.torque_limit) == (200.0, 15.0, {"Shoulder": 30.0})
+    assert (station.servo.kp, station.servo.kd, station.servo.torque_limit) == (
+        200.0,
+        15.0,
+        {"Shoulder": 30.0},
+    )
     law = load_station(imported.station).controllers["law"]
     assert law.torque == {"Shoulder": {"Limit": 1.0}}
-    assert law.blocks["Limit"].of == {"q_ref.Shoulder": 200.0, "q.Shoulder": -200.0, "v.Shoulder": -15.0}
+    assert law.blocks["Limit"].of == {
+        "q_ref.Shoulder": 200.0,
+        "q.Shoulder": -200.0,
+        "v.Shoulder": -15.0,
+    }
     assert station.gravity == 9.81
     assert station.duration == 1.0
     assert station.robots["robot"].initial_deg == {"Shoulder": 20.0}
@@ -40,8 +48,14 @@ def test_the_robot_has_the_bodies_of_the_model(imported):
     (mass,) = [float(mass.get("value")) for mass in robot.element.iter("mass")]
     assert mass == pytest.approx(2.0, rel=1e-12)
     (inertia,) = robot.element.iter("inertia")  # of a bar L x L/10 x L/10 with L = 0.4
-    expected = [2 / 12 * (0.04**2 + 0.04**2), 2 / 12 * (0.4**2 + 0.04**2), 2 / 12 * (0.4**2 + 0.04**2)]
-    np.testing.assert_allclose([float(inertia.get(key)) for key in ("ixx", "iyy", "izz")], expected, rtol=1e-12)
+    expected = [
+        2 / 12 * (0.04**2 + 0.04**2),
+        2 / 12 * (0.4**2 + 0.04**2),
+        2 / 12 * (0.4**2 + 0.04**2),
+    ]
+    np.testing.assert_allclose(
+        [float(inertia.get(key)) for key in ("ixx", "iyy", "izz")], expected, rtol=1e-12
+    )
     assert list(robot.tools) == ["Tip"]
 
 
@@ -51,7 +65,9 @@ def test_it_rests_where_its_equation_says(imported):
     angle, torque = result["q.Shoulder"][-1], result["tau.Shoulder"][-1]
     np.testing.assert_allclose(torque, 200 * (np.deg2rad(20) - angle), atol=1e-3)
     np.testing.assert_allclose(torque, 2 * 9.81 * 0.2 * np.sin(angle), atol=2e-3)
-    np.testing.assert_allclose(np.linalg.norm(result.pose("tcp")[-1, :3] - [0, 0, 0.5]), 0.4, atol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(result.pose("tcp")[-1, :3] - [0, 0, 0.5]), 0.4, atol=1e-12
+    )
 
 
 @pytest.mark.long
@@ -64,8 +80,12 @@ def test_a_free_joint_swings_as_a_pendulum_does(tmp_path):
     decay, stiffness = 0.1 / (2 * inertia), 2 * 9.81 * 0.2 / inertia
     frequency = np.sqrt(stiffness - decay**2)
     times = result.times
-    expected = np.exp(-decay * times) * (np.cos(frequency * times) + decay / frequency * np.sin(frequency * times))
-    np.testing.assert_allclose(result["q.Shoulder"], np.deg2rad(5) * expected, atol=2e-4)  # sin is not its angle: 4e-5
+    expected = np.exp(-decay * times) * (
+        np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
+    )
+    np.testing.assert_allclose(
+        result["q.Shoulder"], np.deg2rad(5) * expected, atol=2e-4
+    )  # sin is not its angle: 4e-5
 
 
 @pytest.mark.long
@@ -77,27 +97,43 @@ def test_the_station_runs_again_as_its_result_tells(imported, tmp_path):
 
 def test_unknown_variables_are_told_at_once(tmp_path):
     model = pendulum(tmp_path / "arm.slx", workspace="theta0 = 20;")
-    with pytest.raises(InvalidModel, match=r"Kp \(Stiffness: Gain\); Kw \(Damping: Gain\).*--set Kp=VALUE") as told:
+    with pytest.raises(
+        InvalidModel, match=r"Kp \(Stiffness: Gain\); Kw \(Damping: Gain\).*--set Kp=VALUE"
+    ) as told:
         import_simulink(model, tmp_path / "out")
     assert str(model) in str(told.value)
     assert not (tmp_path / "out").exists()
     given = variables_of({"Kp": "10", "Kw": "sqrt(4)"}, [])
     import_simulink(model, tmp_path / "out", variables=given)
-    assert load_station(tmp_path / "out" / "arm.yaml").controllers["law"].blocks["Limit"].of["v.Shoulder"] == -2.0
+    assert (
+        load_station(tmp_path / "out" / "arm.yaml")
+        .controllers["law"]
+        .blocks["Limit"]
+        .of["v.Shoulder"]
+        == -2.0
+    )
 
 
 def test_defaults_are_taken_only_where_the_user_asks(tmp_path):
     model = pendulum(tmp_path / "arm.slx", workspace="")
     imported = import_simulink(model, tmp_path / "out", assume=True)
-    assert load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -1.0  # of Gain itself
-    assert {entry.element for entry in imported.report.of("defaulted")} == {"Arm/Shoulder", "Stiffness", "Damping"}
+    assert (
+        load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -1.0
+    )  # of Gain itself
+    assert {entry.element for entry in imported.report.of("defaulted")} == {
+        "Arm/Shoulder",
+        "Stiffness",
+        "Damping",
+    }
     assert imported.fidelity == "mechanics complete; 3 figures assumed"
 
 
 def test_variables_are_taken_from_the_files_that_set_most_of_them(tmp_path):
     (tmp_path / "other.m").write_text("Kp = 1;\n")
     (tmp_path / "start.m").write_text("clear\nKw = 4; Kp = 70; K9 = 1;\nsim('model')\n")
-    (tmp_path / "function_of.m").write_text("function x = function_of(y)\nKw = 5; Kp = 6;\nx = Kp * Kw * y;\n")
+    (tmp_path / "function_of.m").write_text(
+        "function x = function_of(y)\nKw = 5; Kp = 6;\nx = Kp * Kw * y;\n"
+    )
     model = pendulum(tmp_path / "model.slx", workspace="theta0 = 20;")
     with pytest.raises(InvalidModel, match="only MATLAB knows: Kp"):
         import_simulink(model, tmp_path / "out")
@@ -106,7 +142,11 @@ def test_variables_are_taken_from_the_files_that_set_most_of_them(tmp_path):
         {"q.Shoulder": -70.0, "v.Shoulder": -4.0, "q_ref.Shoulder": 70.0}
     )
     assert imported.fidelity == "mechanics complete; 1 figure assumed"  # other.m has another Kp
-    taken = [entry.text.partition(" ")[0] for entry in imported.report.entries if entry.element == "start.m"]
+    taken = [
+        entry.text.partition(" ")[0]
+        for entry in imported.report.entries
+        if entry.element == "start.m"
+    ]
     assert sorted(taken) == ["Kp", "Kw"]
 
 
@@ -138,7 +178,9 @@ def test_a_script_called_after_the_model_counts_before_others(tmp_path):
     (tmp_path / "arm_DataFile.m").write_text("arm.Kp = 70; arm.Kw = 4;\n")
     model = pendulum(tmp_path / "arm.slx", workspace="theta0 = 20;", kp="arm.Kp", kw="arm.Kw")
     imported = import_simulink(model, tmp_path / "out", assume=True)
-    assert load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -70.0
+    assert (
+        load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -70.0
+    )
     assert imported.fidelity == "mechanics complete"
 
 
@@ -171,10 +213,16 @@ def test_the_command_line_imports_checks_and_runs(tmp_path, capsys, monkeypatch)
     monkeypatch.chdir(tmp_path)
     pendulum(tmp_path / "arm.slx", workspace="")
     assert run_command(["import", "arm.slx"]) == 2
-    assert "variables that only MATLAB knows: theta0 (Arm/Shoulder: PositionTargetValue)" in capsys.readouterr().err
+    assert (
+        "variables that only MATLAB knows: theta0 (Arm/Shoulder: PositionTargetValue)"
+        in capsys.readouterr().err
+    )
     (tmp_path / "figures.m").write_text("theta0 = 20;", encoding="utf-8")
     assert run_command(["import", "arm.slx"]) == 2
-    assert "or take what figures.m would set, and else defaults, with --assume" in capsys.readouterr().err
+    assert (
+        "or take what figures.m would set, and else defaults, with --assume"
+        in capsys.readouterr().err
+    )
     (tmp_path / "figures.m").unlink()
     given = ["--set", "theta0=20", "--set", "Kp=200", "--set", "Kw=15"]
     assert run_command(["check", "arm.slx", *given]) == 0
@@ -182,10 +230,19 @@ def test_the_command_line_imports_checks_and_runs(tmp_path, capsys, monkeypatch)
     assert run_command(["check", "arm.slx"]) == 2
     assert "Damping: Gain" in capsys.readouterr().out
     assert run_command(["import", "arm.slx", *given, "--servos", "--out", "servos"]) == 0
-    assert "axis Shoulder of Arm: servo kp 200, kd 15, limit 30" in " ".join(capsys.readouterr().out.split())
+    assert "axis Shoulder of Arm: servo kp 200, kd 15, limit 30" in " ".join(
+        capsys.readouterr().out.split()
+    )
     assert run_command(["import", "arm.slx", *given]) == 0
-    assert "axis Shoulder of Arm: driven by the blocks of its law" in " ".join(capsys.readouterr().out.split())
-    assert run_command(["run", "arm_imported/arm.yaml", "--duration", "0.1", "--no-recording", "--out", "run"]) == 0
+    assert "axis Shoulder of Arm: driven by the blocks of its law" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert (
+        run_command(
+            ["run", "arm_imported/arm.yaml", "--duration", "0.1", "--no-recording", "--out", "run"]
+        )
+        == 0
+    )
     assert run_command(["import", "arm.slx", *given, "--collision", "box"]) == 2
     assert run_command(["import", "arm.urdf", "--assume"]) == 2
     assert run_command(["check", "irb120_dynamic", "--assume"]) == 2
@@ -195,4 +252,8 @@ def test_the_report_tells_what_became_what(imported):
     content = json.loads((imported.station.parent / "report.json").read_text())
     assert content["source"].endswith("arm one.slx")
     entries = [(entry["kind"], entry["element"], entry["text"]) for entry in content["entries"]]
-    assert ("read", "Arm/Shoulder", "axis Shoulder of Arm: driven by the blocks of its law") in entries
+    assert (
+        "read",
+        "Arm/Shoulder",
+        "axis Shoulder of Arm: driven by the blocks of its law",
+    ) in entries

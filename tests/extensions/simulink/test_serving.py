@@ -116,7 +116,10 @@ def test_what_cannot_be_is_told_in_a_line_and_the_station_goes_on(port):
         ('{"do": "step", "dt": 0.01, "inputs": [1]}', "request: inputs is 1 numbers; it must be 2"),
         ('{"do": "step", "dt": 0.01, "inputs": [1, null]}', "inputs"),
         ('{"do": "step", "dt": 0.01, "inputs": [1, NaN]}', "is no finite number"),
-        ('{"do": "reset", "parameters": [["gravitas", 1]]}', "there is no parameter 'gravitas'; did you mean"),
+        (
+            '{"do": "reset", "parameters": [["gravitas", 1]]}',
+            "there is no parameter 'gravitas'; did you mean",
+        ),
         ('{"do": "reset", "parameters": [["robot.model", 1]]}', "there is no parameter"),
         ('{"do": "reset", "parameters": [["gravity", 1e6]]}', "at most 10000"),
         ("\udcff", "utf-8"),
@@ -129,7 +132,9 @@ def test_what_cannot_be_is_told_in_a_line_and_the_station_goes_on(port):
 
 
 def test_a_run_that_a_monitor_ends():
-    with served(load_station("double_pendulum", {"monitors.settled": {"hold": 0.05, "speed_deg": 100}})) as port:
+    with served(
+        load_station("double_pendulum", {"monitors.settled": {"hold": 0.05, "speed_deg": 100}})
+    ) as port:
         client = Client(port)
         assert "stood still" in client.ask("step", dt=1.0)["stopped"]
         assert "was ended: the robot has stood still" in client.ask("step", dt=1.0)["error"]
@@ -147,7 +152,9 @@ def test_only_who_knows_the_token_is_served(port, config):
         assert "8 clients are connected already" in Client(own).described["error"]
         for client in clients:
             client.close()
-    with pytest.raises(InvalidParameter, match="SIMROB_TOKEN is of 3 letters; it must be of 8 or more"):
+    with pytest.raises(
+        InvalidParameter, match="SIMROB_TOKEN is of 3 letters; it must be of 8 or more"
+    ):
         StationServer(config, port=0, token="abc")
     with pytest.raises(OutputError, match=f"nothing can listen at 127.0.0.1, port {port}"):
         StationServer(config, port=port)
@@ -158,7 +165,17 @@ def test_only_who_knows_the_token_is_served(port, config):
 @pytest.mark.long
 def test_the_command_tells_where_and_ends_when_interrupted():
     code = "import sys; from simrob_drake.cli.__main__ import main; sys.exit(main())"
-    command = [sys.executable, "-c", code, "serve", "double_pendulum", "--step", "2e-3", "--port", "0"]
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "serve",
+        "double_pendulum",
+        "--step",
+        "2e-3",
+        "--port",
+        "0",
+    ]
     environment = {**os.environ, "SIMROB_TOKEN": TOKEN, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         first, token, folder = (process.stdout.readline() for _ in range(3))
@@ -218,7 +235,13 @@ def test_the_functions_for_matlab_run_in_octave(port, config, tmp_path):
     from scipy.io import loadmat
 
     (tmp_path / "bridge.py").write_text(BRIDGE)
-    values = {"python": sys.executable, "bridge": tmp_path / "bridge.py", "port": port, "token": TOKEN, "step": STEP}
+    values = {
+        "python": sys.executable,
+        "bridge": tmp_path / "bridge.py",
+        "port": port,
+        "token": TOKEN,
+        "step": STEP,
+    }
     (tmp_path / "script.m").write_text(SCRIPT % values)
     command = ["octave-cli", "--no-init-file", "--quiet", "--path", str(CLIENT), "script.m"]
     subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
@@ -227,7 +250,9 @@ def test_the_functions_for_matlab_run_in_octave(port, config, tmp_path):
     np.testing.assert_allclose(found["start"], [here.get(name) for name in here.inputs], rtol=1e-14)
     here.reset({"servo.kp.joint_1": 40.0, "gravity": 3.0})
     assert list(found["names"]) == list(here.outputs)
-    np.testing.assert_allclose(found["first"], [here.get(name) for name in here.outputs], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        found["first"], [here.get(name) for name in here.outputs], rtol=1e-12, atol=1e-14
+    )
     np.testing.assert_allclose(found["rows"], steps(here, 10, [0.9, 0.1]), rtol=1e-9, atol=1e-12)
     assert found["time"] == pytest.approx(10 * STEP)
     assert "there is no parameter 'gravitas'" in found["refused"]

@@ -45,11 +45,15 @@ end
 def test_a_component_of_the_simscape_language_computes_physical_signals(tmp_path):
     """Its file beside the model says the law; one with nodes is lost by name, as one whose file is not there."""
     (tmp_path / "stop.ssc").write_text(_STOP, encoding="utf-8")
-    (tmp_path / "other.ssc").write_text("component other\nnodes\n R = foundation.electrical.electrical;\nend\nend\n")
+    (tmp_path / "other.ssc").write_text(
+        "component other\nnodes\n R = foundation.electrical.electrical;\nend\nend\n"
+    )
     level = Level()
     sensing = {"TorqueActuationMode": "InputTorque", "SensePosition": "on", "SenseVelocity": "on"}
     _, (joint, _) = hinges(level, sensing, {})
-    stop = level.block("SimscapeComponentBlock", "Stop", ClassName="stop", upper="20", upper_unit="deg")
+    stop = level.block(
+        "SimscapeComponentBlock", "Stop", ClassName="stop", upper="20", upper_unit="deg"
+    )
     for one, other in (("rconn:2", "lconn:2"), ("rconn:3", "lconn:1")):
         level.connect(f"{joint}#{one}", f"{stop}#{other}")
     level.connect(f"{stop}#rconn:1", f"{joint}#lconn:2")
@@ -60,7 +64,9 @@ def test_a_component_of_the_simscape_language_computes_physical_signals(tmp_path
     def motion(_, y):
         return y[1], -10 * (y[0] - np.pi / 9) - 0.2 * y[1] if y[0] > np.pi / 9 else 0.3
 
-    exact = solve_ivp(motion, (0, 2), [0, 0], rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    exact = solve_ivp(
+        motion, (0, 2), [0, 0], rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times
+    )
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=1e-3)
     assert exact.y[0].max() > 0.4
     (tmp_path / "hard.ssc").write_text(_STOP.replace("-stiff*phi", "-airy(phi)"), encoding="utf-8")
@@ -68,6 +74,8 @@ def test_a_component_of_the_simscape_language_computes_physical_signals(tmp_path
         level.blocks = [re.sub(r"(ClassName\">)\w+", rf"\1{name}", one) for one in level.blocks]
         imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / name)
         lost = (
-            "1 drive lost; 1 control block" if name == "hard" else "1 Revolute Joint and 1 SimscapeComponentBlock lost"
+            "1 drive lost; 1 control block"
+            if name == "hard"
+            else "1 Revolute Joint and 1 SimscapeComponentBlock lost"
         )
         assert imported.fidelity.startswith(lost)

@@ -25,12 +25,16 @@ class Shop(Level):
     def __init__(self):
         super().__init__()
         self.world = self.block(WORLD, "World")
-        gravity = self.block(MECHANISM, "Gravity", GravityVector="[0 0 -9.81]", GravityVectorUnits="m/s^2")
+        gravity = self.block(
+            MECHANISM, "Gravity", GravityVector="[0 0 -9.81]", GravityVectorUnits="m/s^2"
+        )
         self.connect(f"{self.world}#rconn:1", f"{gravity}#rconn:1")
 
     def placed(self, name, at="[0 0 0]", base=None, **turn):
         """Return a port of a frame at a place."""
-        frame = self.block(TRANSFORM, name, TranslationMethod="Cartesian", TranslationCartesianOffset=at, **turn)
+        frame = self.block(
+            TRANSFORM, name, TranslationMethod="Cartesian", TranslationCartesianOffset=at, **turn
+        )
         self.connect(base or f"{self.world}#rconn:1", f"{frame}#lconn:1")
         return f"{frame}#rconn:1"
 
@@ -56,7 +60,9 @@ def ran(tmp_path, level, **options):
 
 
 def expected(times, rate, start):
-    return solve_ivp(lambda _, state: rate(state), (0, times[-1]), start, rtol=1e-10, atol=1e-12, t_eval=times).y
+    return solve_ivp(
+        lambda _, state: rate(state), (0, times[-1]), start, rtol=1e-10, atol=1e-12, t_eval=times
+    ).y
 
 
 def test_a_geared_pair(tmp_path):
@@ -69,7 +75,9 @@ def test_a_geared_pair(tmp_path):
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete"
     inertia = 0.05 + 2 * 0.09 + 4 * 0.02
-    angle, _ = expected(result.times, lambda s: [s[1], -2 * 9.81 * 0.3 * np.cos(s[0]) / inertia], [0, 0])
+    angle, _ = expected(
+        result.times, lambda s: [s[1], -2 * 9.81 * 0.3 * np.cos(s[0]) / inertia], [0, 0]
+    )
     assert angle[-1] < -1
     np.testing.assert_allclose(result["q.Arm"], angle, atol=1e-3)
     np.testing.assert_allclose(result["q.Wheel"], -2 * angle, atol=2e-3)
@@ -90,7 +98,13 @@ def test_a_rack_and_its_pinion(tmp_path):
 def test_a_lead_screw(tmp_path):
     """A nut of 1 kg on a screw of 0.2 m a turn: its weight turns it."""
     shop = Shop()
-    shop.body("Screw", shop.placed("Stand"), "sm_lib/Joints/Lead Screw\nJoint", Lead="200", LeadUnits="mm/rev")
+    shop.body(
+        "Screw",
+        shop.placed("Stand"),
+        "sm_lib/Joints/Lead Screw\nJoint",
+        Lead="200",
+        LeadUnits="mm/rev",
+    )
     _, result = ran(tmp_path, shop)
     lead = 0.2 / (2 * np.pi)
     fall = -0.5 * 9.81 / (1 + 0.02 / lead**2) * result.times**2
@@ -124,9 +138,14 @@ def test_a_loop_that_does_not_close_is_told_of_where_it_is_open(tmp_path):
         pin = shop.block(REVOLUTE, f"{name} pin")
         shop.connect(shop.placed(f"{name} tip", "[0.3 0 0]", arm), f"{pin}#lconn:1")
         shop.connect(shop.placed(f"{name} there", there, **UP), f"{pin}#rconn:1")
-    lost = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").report.of("lost")
+    lost = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").report.of(
+        "lost"
+    )
     assert [(one.element, one.text) for one in lost] == [
-        ("Short pin", "closes a loop that does not close: 4.7e+03 mm (or mrad) are left; give starts")
+        (
+            "Short pin",
+            "closes a loop that does not close: 4.7e+03 mm (or mrad) are left; give starts",
+        )
     ]
 
 
@@ -145,7 +164,10 @@ RATIOS = [  # kind, figures, pose of the follower's joint, how much base and fol
 def test_ratios(tmp_path, kind, figures, place, counts):
     """What the base turns by one, the follower turns by minus the ratio of what they count, but for the worm's hand."""
     shop = Shop()
-    base, follower = shop.body("Base", shop.placed("Stand")), shop.body("Follower", shop.placed("Other", **place))
+    base, follower = (
+        shop.body("Base", shop.placed("Stand")),
+        shop.body("Follower", shop.placed("Other", **place)),
+    )
     shop.couple(f"{GEARS}{kind}", base, follower, **figures)
     (tree,) = read_simulink(write_model(tmp_path / "a.slx", shop)).trees
     (ratios,) = tree.gears.values()
@@ -158,9 +180,14 @@ def test_ratios(tmp_path, kind, figures, place, counts):
 def test_a_planetary_gear_couples_three_joints(tmp_path):
     """A planet that rolls in a ring of 0.3 m, on a carrier, about a sun of 0.1 m."""
     shop = Shop()
-    sun, carrier = shop.body("Sun", shop.placed("Middle")), shop.body("Carrier", shop.placed("Centre"))
+    sun, carrier = (
+        shop.body("Sun", shop.placed("Middle")),
+        shop.body("Carrier", shop.placed("Centre")),
+    )
     planet = shop.body("Planet", shop.placed("Pin", "[0.2 0 0]", carrier))
-    shop.couple(f"{GEARS}Common Gear\nConstraint", sun, planet, BaseGearRadius="0.1", FollGearRadius="0.1")
+    shop.couple(
+        f"{GEARS}Common Gear\nConstraint", sun, planet, BaseGearRadius="0.1", FollGearRadius="0.1"
+    )
     (tree,) = read_simulink(write_model(tmp_path / "a.slx", shop)).trees
     (ratios,) = tree.gears.values()
     by_name = {freedom.name: ratio / 0.1 for freedom, ratio in ratios.items()}
@@ -174,7 +201,10 @@ def test_a_planetary_gear_couples_three_joints(tmp_path):
 def test_a_spring_between_two_bodies(tmp_path):
     shop = Shop()
     slide = "sm_lib/Joints/Prismatic Joint"
-    low, high = shop.body("Low", shop.placed("Down"), slide), shop.body("High", shop.placed("Above", "[0 0 1]"), slide)
+    low, high = (
+        shop.body("Low", shop.placed("Down"), slide),
+        shop.body("High", shop.placed("Above", "[0 0 1]"), slide),
+    )
     shop.couple(f"{FORCES}Spring and\nDamper Force", low, high, NaturalLength="80", NaturalLengthUnits="cm",
                 SpringStiffness="200", SpringStiffnessUnits="N/m", DampingCoefficient="3")  # fmt: skip
     imported, result = ran(tmp_path, shop)
@@ -192,12 +222,20 @@ def test_a_spring_between_two_bodies(tmp_path):
 def crank(closing, **given):
     """A crank of 0.3 m, a rod of 1 m and a slider, which the joint between slider and rail closes."""
     shop = Shop()
-    joint = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    joint = {
+        "VelocityTargetSpecify": "on",
+        "VelocityTargetValue": "3",
+        "VelocityTargetValueUnits": "rad/s",
+    }
     before = shop.placed("Stand", **UP)
     for name, length in (("Crank", "0.3"), ("Rod", "1"), ("Pin", "0")):
         before = shop.body(name, before, **joint)
         before, joint = shop.placed(f"{name} end", f"[{length} 0 0]", before), {}
-    along = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"}
+    along = {
+        "RotationMethod": "StandardAxis",
+        "RotationStandardAxis": "+Y",
+        "RotationAngle": "pi/2",
+    }
     rail, carriage = shop.placed("Rail", **along), shop.placed("Carriage", "[0 0 0]", shop.placed(
         "Back", "[0 0 0]", before, RotationMethod="StandardAxis", RotationStandardAxis="-X", RotationAngle="pi/2"),
         **along)  # fmt: skip
@@ -226,14 +264,20 @@ def test_a_slider_that_is_driven_closes_a_loop(tmp_path):
 @pytest.mark.parametrize("kind", ["weld", "hinge", "ball", "rod"])
 def test_gaps_change_with_positions_as_differences_say(tmp_path, kind):
     shop, _ = crank("sm_lib/Joints/Prismatic Joint", DampingCoefficient="0.5")
-    (robot,) = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").files.robots.values()
+    (robot,) = import_simulink(
+        write_model(tmp_path / "a.slx", shop), tmp_path / "out"
+    ).files.robots.values()
     tree, positions = robot.tree, np.random.default_rng(0).uniform(-1, 1, len(robot.axes))
     closing = replace(tree.closings[0], kind=kind, length=0.3)
     ways = 1e-6 * np.eye(positions.size)
-    opened = [[closing.gap(body_poses(tree, positions + sign * way)) for sign in (1, -1)] for way in ways]
+    opened = [
+        [closing.gap(body_poses(tree, positions + sign * way)) for sign in (1, -1)] for way in ways
+    ]
     slopes = closing.slopes(*body_motions(tree, positions))
     assert np.abs(slopes).max() > 0.1
-    np.testing.assert_allclose(slopes, np.transpose([after - before for after, before in opened]) / 2e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        slopes, np.transpose([after - before for after, before in opened]) / 2e-6, atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("start", ["0", "pi"])
@@ -247,7 +291,10 @@ def test_a_loop_of_many_joints_is_closed_near_where_it_starts(tmp_path, monkeypa
     hinge = shop.block(REVOLUTE, "Hinge")
     shop.connect(shop.placed("There", "[0.3 0 0]", **UP), f"{hinge}#lconn:1")
     shop.connect(shop.placed("Held", "[0 0 0]", ball), f"{hinge}#rconn:1")
-    assert import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").fidelity == "mechanics complete"
+    assert (
+        import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").fidelity
+        == "mechanics complete"
+    )
 
 
 @pytest.mark.long
@@ -255,7 +302,12 @@ def test_a_rod_of_constant_length(tmp_path):
     shop = Shop()
     arm = shop.body("Arm", shop.placed("Stand", **UP), com="[0.3 0 0]")
     weight = shop.body("Weight", shop.placed("Rail", "[0.3 0 -1]"), "sm_lib/Joints/Prismatic Joint")
-    shop.couple("sm_lib/Constraints/Distance\nConstraint", shop.placed("Tip", "[0.3 0 0]", arm), weight, Distance="1")
+    shop.couple(
+        "sm_lib/Constraints/Distance\nConstraint",
+        shop.placed("Tip", "[0.3 0 0]", arm),
+        weight,
+        Distance="1",
+    )
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete"
     angle, height = result["q.Arm"], result["q.Weight"] - 1
@@ -280,7 +332,11 @@ def test_a_tray_that_an_angle_keeps_level(tmp_path, kind, about, by):
     end = shop.placed("End", "[0.6 0 0]", arm, **{**UP, "RotationAngle": "-pi/2"})
     tray = shop.body("Tray", end, "sm_lib/Joints/Spherical Joint", mass="1.5", com="[0 0 -0.2]",
                      PositionTargetSpecify="on")  # fmt: skip
-    turn = {"RotationMethod": "StandardAxis", "RotationStandardAxis": about, "RotationAngle": f"{by}*pi/180"}
+    turn = {
+        "RotationMethod": "StandardAxis",
+        "RotationStandardAxis": about,
+        "RotationAngle": f"{by}*pi/180",
+    }
     shop.couple("sm_lib/Constraints/Angle\nConstraint", shop.placed("Level", **turn), tray, ConstraintType=kind,
                 Angle="60", AngleUnits="deg")  # fmt: skip
     imported, result = ran(tmp_path, shop, stop="0.8")
@@ -295,14 +351,19 @@ def test_a_force_between_two_bodies(tmp_path):
     """2 N push two sliders apart."""
     shop = Shop()
     slide = "sm_lib/Joints/Prismatic Joint"
-    low, high = shop.body("Low", shop.placed("Down"), slide), shop.body("High", shop.placed("Above", "[0 0 1]"), slide)
+    low, high = (
+        shop.body("Low", shop.placed("Down"), slide),
+        shop.body("High", shop.placed("Above", "[0 0 1]"), slide),
+    )
     block = shop.couple(f"{FORCES}Internal Force", low, high)
     force = shop.block("fl_lib/Physical Signals/Sources/PS Constant", "Push", constant="2")
     shop.connect(f"{force}#rconn:1", f"{block}#lconn:2")
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete"
     for name, force in (("Low", -2), ("High", 2)):
-        np.testing.assert_allclose(result[f"q.{name}"], (force - 9.81) / 2 * result.times**2, atol=1e-3)
+        np.testing.assert_allclose(
+            result[f"q.{name}"], (force - 9.81) / 2 * result.times**2, atol=1e-3
+        )
 
 
 def test_six_degrees_of_freedom_on_springs(tmp_path):
@@ -358,7 +419,9 @@ def test_couplings_too_soft_for_what_they_hold_become_constraints(tmp_path, slop
 @pytest.mark.long
 def test_couplings_that_short_steps_do_not_hold_get_shorter_ones(tmp_path):
     """At 3000 rad/s a crank turns by 0.3 rad within 0.1 ms; by steps of a tenth the slider stays within 20 mm."""
-    station = import_simulink(write_model(tmp_path / "a.slx", driven_crank("3000")), tmp_path / "out").station
+    station = import_simulink(
+        write_model(tmp_path / "a.slx", driven_crank("3000")), tmp_path / "out"
+    ).station
     far = []
     for override in ({"solver.time_step": 1e-4}, {}):
         result = simulate(load_station(station, override), duration=0.01, progress=False)
@@ -386,24 +449,35 @@ def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
     Stiff springs in its hinges change what that takes, and do not tear the loop, which is a constraint then; by the
     solver of other loops the slider would be 8 mm off.
     """
-    imported, result = ran(tmp_path, driven_crank("2", spring), stop="0.5" if spring == "2500" else "1")
+    imported, result = ran(
+        tmp_path, driven_crank("2", spring), stop="0.5" if spring == "2500" else "1"
+    )
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
-    assert not any("asked" in warning for warning in result.warnings)  # a spring is not asked to be at rest
+    assert not any(
+        "asked" in warning for warning in result.warnings
+    )  # a spring is not asked to be at rest
     angle = 1 + 2 * result.times
     np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
     assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)
     reach = np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
     np.testing.assert_allclose(result["q.Slider"], 0.3 * np.cos(angle) + reach, atol=2e-3)
-    assert result["v.Slider"][0] == pytest.approx(-0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2)
+    assert result["v.Slider"][0] == pytest.approx(
+        -0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2
+    )
 
 
 def test_a_floating_robot_whose_joints_are_moved_falls(tmp_path):
     """It is no held puppet: it falls by its weight, and its joint goes along its motion."""
     shop = Shop()
-    body = shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", mass="5", inertia="0.5")
+    body = shop.body(
+        "Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", mass="5", inertia="0.5"
+    )
     motion = {"MotionActuationMode": "InputMotion", "TorqueActuationMode": "ComputedTorque"}
     arm = shop.body("Arm", shop.placed("Shoulder", "[0 0 0.2]", body), **motion)
-    wanted, into = shop.block("Sin", "Wave", Amplitude="0.3", Frequency="4"), shop.block(TO_PHYSICS, "In", Unit="rad")
+    wanted, into = (
+        shop.block("Sin", "Wave", Amplitude="0.3", Frequency="4"),
+        shop.block(TO_PHYSICS, "In", Unit="rad"),
+    )
     shop.wire(f"{wanted}#out:1", f"{into}#in:1")
     joint = next(place + 1 for place, text in enumerate(shop.blocks) if 'Name="Arm"' in text)
     shop.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
@@ -411,7 +485,9 @@ def test_a_floating_robot_whose_joints_are_moved_falls(tmp_path):
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
     np.testing.assert_allclose(result["q.Arm"], 0.3 * np.sin(4 * result.times), atol=2e-3)
-    np.testing.assert_allclose(result["base.z"] - result["base.z"][0], -9.81 / 2 * result.times**2, atol=5e-3)
+    np.testing.assert_allclose(
+        result["base.z"] - result["base.z"][0], -9.81 / 2 * result.times**2, atol=5e-3
+    )
 
 
 def test_a_spherical_pendulum_starts_at_the_speed_that_it_is_asked_for(tmp_path):
@@ -458,15 +534,23 @@ def test_a_ball_joint_springs_back_by_its_angle_and_is_damped_in_all_directions(
 
     def rate(state):
         turn, speed = Rotation.from_quat(state[:4]), state[4:]
-        moment = np.cross(arm, turn.inv().apply([0, 0, -1.5 * 9.81])) - spring * turn.as_rotvec() - damping * speed
+        moment = (
+            np.cross(arm, turn.inv().apply([0, 0, -1.5 * 9.81]))
+            - spring * turn.as_rotvec()
+            - damping * speed
+        )
         x, y, z, w = state[:4]
         moving = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ speed
-        return np.concatenate([moving, np.linalg.solve(inertia, moment - np.cross(speed, inertia @ speed))])
+        return np.concatenate(
+            [moving, np.linalg.solve(inertia, moment - np.cross(speed, inertia @ speed))]
+        )
 
     axis = np.array([1, 2, -1]) / np.sqrt(6)
     begun = np.concatenate([Rotation.from_rotvec(np.pi / 3 * axis).as_quat(), np.zeros(3)])
     path = Rotation.from_quat(expected(result.times, rate, begun)[:4].T)
-    found = Rotation.from_euler("XYZ", np.column_stack([result[f"q.Ball_R{axis}"] for axis in "xyz"]))
+    found = Rotation.from_euler(
+        "XYZ", np.column_stack([result[f"q.Ball_R{axis}"] for axis in "xyz"])
+    )
     assert (path[0].inv() * path).magnitude().max() > 0.8
     assert (path.inv() * found).magnitude().max() < 2e-3
 
@@ -477,11 +561,18 @@ CONTACT = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
 def table_on_points(many, stiffness="1e4", points=""):
     """A mass of 4 kg on the corners of a square, each as many springs [N/m]."""
     shop = Shop()
-    free = shop.block("sm_lib/Joints/6-DOF Joint", "Free", PzPositionTargetSpecify="on", PzPositionTargetValue="0.5")
+    free = shop.block(
+        "sm_lib/Joints/6-DOF Joint",
+        "Free",
+        PzPositionTargetSpecify="on",
+        PzPositionTargetValue="0.5",
+    )
     weight = shop.block(INERTIA, "Table", Mass="4", MomentsOfInertia="[0.1 0.1 0.1]")
     corners = "[0.2 0.2 -0.5; -0.2 0.2 -0.5; 0.2 -0.2 -0.5; -0.2 -0.2 -0.5]"
     cloud = shop.block(
-        "sm_lib/Curves and Surfaces/Point Cloud", "Legs", CoordinatesMatrix=points or f"repmat({corners}, {many}, 1)"
+        "sm_lib/Curves and Surfaces/Point Cloud",
+        "Legs",
+        CoordinatesMatrix=points or f"repmat({corners}, {many}, 1)",
     )
     plane = shop.block("sm_lib/Curves and Surfaces/Infinite Plane", "Floor")
     touch = shop.block(CONTACT, "Touch", NormalStiffness=stiffness, NormalDamping="100")
@@ -493,10 +584,13 @@ def table_on_points(many, stiffness="1e4", points=""):
 
 
 @pytest.mark.parametrize(
-    ("points", "why"), [("[]", "empty"), ("[1 2]", "reshape"), ("ones(3)*{1}", "CoordinatesMatrix = ones(3)*{1}")]
+    ("points", "why"),
+    [("[]", "empty"), ("[1 2]", "reshape"), ("ones(3)*{1}", "CoordinatesMatrix = ones(3)*{1}")],
 )
 def test_a_cloud_that_cannot_be_read_loses_its_contact_alone(tmp_path, points, why):
-    imported = import_simulink(write_model(tmp_path / "a.slx", table_on_points(1, points=points)), tmp_path / "out")
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", table_on_points(1, points=points)), tmp_path / "out"
+    )
     (entry,) = (entry for entry in imported.report.of("lost") if entry.element == "Touch")
     assert "its point cloud is not read" in entry.text
     assert why in entry.text

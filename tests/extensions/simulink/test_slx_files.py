@@ -50,8 +50,14 @@ def test_a_missing_file(tmp_path):
         ("<ModelInformation>", "is not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><ModelInformation>&b;</ModelInformation>', "document type"),
         ("<a>" * 500 + "</a>" * 500, "nests"),
-        ('<ModelInformation><Model><System Ref="gone"/></Model></ModelInformation>', "gone.xml: is missing"),
-        ('<ModelInformation><Model><System Ref="../../etc/passwd"/></Model></ModelInformation>', "is missing"),
+        (
+            '<ModelInformation><Model><System Ref="gone"/></Model></ModelInformation>',
+            "gone.xml: is missing",
+        ),
+        (
+            '<ModelInformation><Model><System Ref="../../etc/passwd"/></Model></ModelInformation>',
+            "is missing",
+        ),
     ],
 )
 def test_diagrams_that_cannot_be(tmp_path, text, told):
@@ -115,7 +121,10 @@ name" SrcPort 1 Branch { DstBlock "k" DstPort 1 } }
     assert {block.name for block in model.system.blocks.values()} == {'a "quoted" name', "k"}
     ((start, ends),) = model.system.wires
     assert (start.side, start.number, [end.block for end in ends]) == ("out", 1, ["k"])
-    assert [(port.side, port.number) for port in model.system.nets[0]] == [("rconn", 1), ("lconn", 2)]
+    assert [(port.side, port.number) for port in model.system.nets[0]] == [
+        ("rconn", 1),
+        ("lconn", 2),
+    ]
     assert [*model.system.signals.values()] == ["speed"]
     package = "# MathWorks OPC Text Package\n__MWOPC_PACKAGE_BEGIN__ R2023a\n"
     with zipfile.ZipFile(pendulum(tmp_path / "new.slx")) as archive:
@@ -179,7 +188,9 @@ def damaged(content, chance):
         elif kind == 1:
             pieces.insert(place, chance.choice(pieces[1:]))
         elif kind == 2:
-            pieces[place] = pieces[place].replace(">", ">" + chance.choice(["[", "1e999", "-1", "q", "''", "1:9e9"]), 1)
+            pieces[place] = pieces[place].replace(
+                ">", ">" + chance.choice(["[", "1e999", "-1", "q", "''", "1:9e9"]), 1
+            )
         elif kind == 3:
             pieces[place] = pieces[place].replace("conn:", chance.choice(["conn:9", "in:", "x:"]))
         else:
@@ -217,16 +228,27 @@ def said(**values):
 def test_a_mask_of_objects_as_files_had_it_before_2016(tmp_path, several):
     """What its parameters say, a choice among them, is what the code in it computes a mass of."""
     options = '<Array PropName="TypeOptions" Type="Cell" Dimension="2*1"><Cell>light</Cell><Cell>heavy</Cell></Array>'
-    rows = [said(Name="rho", Type="edit", Value="3/2"), said(Name="kind", Type="popup", Value="heavy") + options]
+    rows = [
+        said(Name="rho", Type="edit", Value="3/2"),
+        said(Name="kind", Type="popup", Value="heavy") + options,
+    ]
     if several:
-        array = "".join(f'<Object ObjectID="{number}">{row}</Object>' for number, row in enumerate(rows))
-        code, parameters = "m = 10 * rho * kind;", f'<Array PropName="Parameters" Dimension="1*2">{array}</Array>'
+        array = "".join(
+            f'<Object ObjectID="{number}">{row}</Object>' for number, row in enumerate(rows)
+        )
+        code, parameters = (
+            "m = 10 * rho * kind;",
+            f'<Array PropName="Parameters" Dimension="1*2">{array}</Array>',
+        )
     else:
         code, parameters = "m = 20 * rho;", OBJECT.format("Parameters", rows[0])
     level, inner = Level(), Level(first=100)
     inner.block(INERTIA, "Load", Mass="m", MomentsOfInertia="[1 1 1]")
     level.block(
-        "SubSystem", "Arm", inner=inner.xml(), mask=OBJECT.format("MaskObject", said(Initialization=code) + parameters)
+        "SubSystem",
+        "Arm",
+        inner=inner.xml(),
+        mask=OBJECT.format("MaskObject", said(Initialization=code) + parameters),
     )
     (body,) = read_simulink(write_model(tmp_path / "a.slx", level)).bodies.bodies
     assert [solid.weight.mass for solid in body.solids] == [pytest.approx(30.0)]

@@ -32,10 +32,16 @@ def outputs(tmp_path, kind, inputs, parameters):
     level = Level()
     sid = level.block(kind, "B", **parameters)
     if kind.startswith("fl_lib") and inputs:  # of a physical line
-        level.connect(f"{level.block('fl_lib/PS/PS Ramp', 'S', slope='-1')}#rconn:1", f"{sid}#lconn:1")
+        level.connect(
+            f"{level.block('fl_lib/PS/PS Ramp', 'S', slope='-1')}#rconn:1", f"{sid}#lconn:1"
+        )
         inputs = 0
-    for number, source in enumerate((("Clock", {}), ("Constant", {"Value": "0.7"}))[:inputs], start=1):
-        level.wire(f"{level.block(source[0], f'S{number}', **source[1])}#out:1", f"{sid}#in:{number}")
+    for number, source in enumerate(
+        (("Clock", {}), ("Constant", {"Value": "0.7"}))[:inputs], start=1
+    ):
+        level.wire(
+            f"{level.block(source[0], f'S{number}', **source[1])}#out:1", f"{sid}#in:{number}"
+        )
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
     values = flat(model.tracer.output(node))
@@ -152,7 +158,11 @@ def test_a_choice_that_is_not_known_leaves_the_block_open(tmp_path, kind, parame
     [
         ("Fcn", {"Expr": "sqrt(u) + u[2]*u(1)"}, [38.0]),
         ("Fcn", {"Expr": "sgn(-u[2]) + ln(exp(u)) + pow(u[1], 2) + fabs(-u[1])"}, [23.0]),
-        ("LookupNDDirect", {"NumberOfTableDimensions": "1", "Table": "[7 6 5 4 3.5 2]'"}, [3.5, 2.0]),
+        (
+            "LookupNDDirect",
+            {"NumberOfTableDimensions": "1", "Table": "[7 6 5 4 3.5 2]'"},
+            [3.5, 2.0],
+        ),
     ],
 )
 def test_a_function_of_u_takes_its_first_element(tmp_path, kind, parameters, expected):
@@ -192,5 +202,7 @@ def test_rotation_angles_of_a_quaternion_are_those_of_a_turn_about_z_y_x(tmp_pat
     level.wire(f"{source}#out:1", f"{block}#in:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
-    np.testing.assert_allclose([float(one) for one in flat(model.tracer.output(node))], angles, atol=1e-12)
+    np.testing.assert_allclose(
+        [float(one) for one in flat(model.tracer.output(node))], angles, atol=1e-12
+    )
     assert not model.tracer.opened

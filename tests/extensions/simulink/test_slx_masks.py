@@ -61,7 +61,10 @@ def test_code_asks_its_mask_for_a_choice_and_sets_a_length(tmp_path, ends, lengt
 
 
 def test_a_length_that_only_matlab_can_set_is_as_saved_and_the_report_says_so(tmp_path):
-    around = mask("if ishandle(gcf) set_param([gcb '/Rod'], 'TranslationStandardOffset', '0.5'); end", reach="0.6")
+    around = mask(
+        "if ishandle(gcf) set_param([gcb '/Rod'], 'TranslationStandardOffset', '0.5'); end",
+        reach="0.6",
+    )
     imported = import_simulink(point_on_a_rod(tmp_path / "a.slx", around), tmp_path / "out")
     (said,) = [entry for entry in imported.report.entries if "taken as saved" in entry.text]
     assert (said.kind, said.element) == ("approximated", "Arm")
@@ -70,7 +73,9 @@ def test_a_length_that_only_matlab_can_set_is_as_saved_and_the_report_says_so(tm
 
 def test_code_sets_what_a_mask_says_by_a_variable_that_is_not_there(tmp_path):
     around = mask("if reach > 0, length = reach; end", reach="0.6", length="2 * wall")
-    imported = import_simulink(point_on_a_rod(tmp_path / "a.slx", around, offset="length"), tmp_path / "out")
+    imported = import_simulink(
+        point_on_a_rod(tmp_path / "a.slx", around, offset="length"), tmp_path / "out"
+    )
     assert imported.fidelity == "mechanics complete"
     assert_swings(imported.station, 0.6)
 
@@ -85,10 +90,14 @@ def test_a_structure_beside_the_model_may_have_a_function_s_name(tmp_path):
 @pytest.mark.parametrize("values", ["a", "a'"])
 def test_a_time_series_that_a_script_beside_the_model_makes_drives(tmp_path, values):
     """Torques of 1 and 2 N·m that rise with time, on an inertia of 1 kg m² each."""
-    (tmp_path / "way.m").write_text(f"t = 0:0.5:1;\na = [flip(1 - t); 2*t];\npulls = timeseries({values}, t);\n")
+    (tmp_path / "way.m").write_text(
+        f"t = 0:0.5:1;\na = [flip(1 - t); 2*t];\npulls = timeseries({values}, t);\n"
+    )
     plant = Plant()
     plant.drive(*plant.split(plant.chain("FromWorkspace", "Pulls", VariableName="pulls")))
-    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True)
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True
+    )
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     for name, slope in (("A", 1.0), ("B", 2.0)):
         np.testing.assert_allclose(result[f"q.{name}"], slope * result.times**3 / 6, atol=1e-5)
@@ -101,9 +110,22 @@ def test_what_others_put_in_is_held_at_its_only_open_frame(tmp_path):
     shelf = level.block(TRANSFORM, "Shelf", TranslationMethod="StandardAxis", TranslationStandardAxis="+Z",
                         TranslationStandardOffset="0.5")  # fmt: skip
     plane = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Top")
-    joint = level.block("sm_lib/Joints/6-DOF Joint", "Free", PzPositionTargetSpecify="on", PzPositionTargetValue="0.06")
-    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", ExportEntireGeometry="on")
-    finger, around = level.block("PMIOPort", "G", Side="Left"), level.block(TOUCH, "Outside", **FIGURES)
+    joint = level.block(
+        "sm_lib/Joints/6-DOF Joint",
+        "Free",
+        PzPositionTargetSpecify="on",
+        PzPositionTargetValue="0.06",
+    )
+    ball = level.block(
+        "sm_lib/Body Elements/Spherical Solid",
+        "Ball",
+        SphereRadius="0.05",
+        ExportEntireGeometry="on",
+    )
+    finger, around = (
+        level.block("PMIOPort", "G", Side="Left"),
+        level.block(TOUCH, "Outside", **FIGURES),
+    )
     touch = level.block(TOUCH, "Touch", **FIGURES)
     level.connect(f"{port}#conn:1", f"{shelf}#lconn:1")
     level.connect(f"{shelf}#rconn:1", f"{plane}#lconn:1", f"{joint}#lconn:1")
@@ -111,7 +133,9 @@ def test_what_others_put_in_is_held_at_its_only_open_frame(tmp_path):
     level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1", f"{around}#lconn:1")
     level.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
     level.connect(f"{finger}#conn:1", f"{around}#rconn:1")
-    imported = import_simulink(write_model(tmp_path / "a.slx", level, kind="Subsystem"), tmp_path / "out")
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", level, kind="Subsystem"), tmp_path / "out"
+    )
     assert imported.fidelity == "mechanics complete"
     words = [entry.text for entry in imported.report.entries]
     assert "stands in the world, in place of what this is put into" in words
@@ -123,7 +147,9 @@ def test_what_others_put_in_is_held_at_its_only_open_frame(tmp_path):
 def test_of_two_scripts_that_one_counts_whose_structures_are_long_enough(tmp_path):
     (tmp_path / "parts").mkdir()
     (tmp_path / "old.m").write_text("part.rod(1).reach = 0.9;\n")
-    (tmp_path / "parts" / "new.m").write_text("part.rod(1).reach = 0.8;\npart.rod(2).reach = 0.5;\n")
+    (tmp_path / "parts" / "new.m").write_text(
+        "part.rod(1).reach = 0.8;\npart.rod(2).reach = 0.5;\n"
+    )
     model = point_on_a_rod(tmp_path / "a.slx", mask(), offset="part.rod(2).reach")
     imported = import_simulink(model, tmp_path / "out", libraries=[tmp_path / "parts"], assume=True)
     assert_swings(imported.station, 0.5)
@@ -139,10 +165,16 @@ def test_a_mass_from_an_input_that_is_constant(tmp_path, kind, figures, inertia,
     """Against a damper of 1 N·m·s/rad an inertia J, 0.5 m from a hinge, slows down as exp(-t/J)."""
     level = Level()
     world = level.block(WORLD, "World")
-    start = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    start = {
+        "VelocityTargetSpecify": "on",
+        "VelocityTargetValue": "3",
+        "VelocityTargetValueUnits": "rad/s",
+    }
     damped = {"DampingCoefficient": "1", "DampingCoefficientUnits": "N*m*s/rad"}
     joint = level.block(REVOLUTE, "Hinge", **damped, **start)
-    arm = level.block(TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.5 0 0]")
+    arm = level.block(
+        TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.5 0 0]"
+    )
     body = level.block(f"sm_lib/Body Elements/Variable Mass/{kind}", "Body", **figures)
     held = level.block(INERTIA, "Little", Mass="1e-6", MomentsOfInertia="[1e-6 1e-6 1e-6]")
     given, into = level.block(source, "Mass", Value="2000"), level.block(TO_PHYSICS, "In", Unit="g")
@@ -167,14 +199,21 @@ def test_a_mass_from_an_input_that_is_constant(tmp_path, kind, figures, inertia,
 def test_functions_take_global_variables_from_the_script_that_sets_them(tmp_path, code, fidelity):
     """The gain of u = -K x with the least cost for a double integrator, against its closed form."""
     (tmp_path / "law.m").write_text(code)
-    (tmp_path / "before.m").write_text("global A B pull\nA = [0 1; 0 0];\nB = [0; 1];\npull = [1 0] * gains(9)';\n")
+    (tmp_path / "before.m").write_text(
+        "global A B pull\nA = [0 1; 0 0];\nB = [0; 1];\npull = [1 0] * gains(9)';\n"
+    )
     (tmp_path / "gains.m").write_text(
         "function K = gains(q)\nglobal A B\nplant = ss(A, B, eye(2), 0);\nK = lqr(plant, diag([q 1]), 1);\n"
     )
     plant = Plant()
     clock = plant.chain("Clock", "Clock")
-    plant.drive(plant.chain("MATLABFcn", "Law", clock, MATLABFcn="law"), plant.chain("Constant", "None", Value="0"))
-    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True)
+    plant.drive(
+        plant.chain("MATLABFcn", "Law", clock, MATLABFcn="law"),
+        plant.chain("Constant", "None", Value="0"),
+    )
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True
+    )
     assert imported.fidelity == fidelity
     if fidelity == "mechanics complete":
         result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
@@ -192,14 +231,19 @@ def test_a_time_series_that_is_none_is_left_open(tmp_path, wrong):
     assert imported.fidelity == "2 drives lost; 1 control block left open"
 
 
-@pytest.mark.parametrize("figures", [{"Density": "0"}, {"DensityUnits": "parsec"}, {"Density": "[1 2]"}])
+@pytest.mark.parametrize(
+    "figures", [{"Density": "0"}, {"DensityUnits": "parsec"}, {"Density": "[1 2]"}]
+)
 def test_a_ball_of_no_density_is_lost_alone(tmp_path, figures):
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block(REVOLUTE, "Hinge")
     ball = level.block("sm_lib/Body Elements/Variable Mass/Variable Spherical Solid", "Ball",
                        RadiusType="CalculateFromMass", MassType="ProvidedByInput", **figures)  # fmt: skip
     rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
-    given, into = level.block("Constant", "Mass", Value="2"), level.block(TO_PHYSICS, "In", Unit="kg")
+    given, into = (
+        level.block("Constant", "Mass", Value="2"),
+        level.block(TO_PHYSICS, "In", Unit="kg"),
+    )
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1", f"{rod}#rconn:1")
     level.connect(f"{into}#rconn:1", f"{ball}#lconn:1")

@@ -15,7 +15,9 @@ WEIGHT, SPIN = 9.80665, 0.1  # N/kg; kg m² of each bar of 1 kg and 1 m
 
 
 def solved(motion, start, times):
-    return solve_ivp(motion, (0, times[-1]), start, method="DOP853", rtol=1e-11, atol=1e-11, t_eval=times).y
+    return solve_ivp(
+        motion, (0, times[-1]), start, method="DOP853", rtol=1e-11, atol=1e-11, t_eval=times
+    ).y
 
 
 def bars_alone(turned, times):
@@ -65,7 +67,9 @@ def test_a_free_linkage_moves_as_its_equations_say(tmp_path, start, asked, bars,
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     result = simulate(load_station(imported.station), duration=duration, progress=False)
     names = [f"Joint{number}" for number in range(1, bars + 1)]
-    angles, speeds = (np.cumsum([result[f"{what}.{name}"] for name in names], axis=0) for what in "qv")
+    angles, speeds = (
+        np.cumsum([result[f"{what}.{name}"] for name in names], axis=0) for what in "qv"
+    )
     early = result.times <= 5.0
     expected = bars_alone(angles[:, 0], result.times[early])
     assert np.ptp(expected, axis=1).max() > 0.4
@@ -82,10 +86,21 @@ def two_rods(first, second, *, second_turn="0"):
     level = Level()
     world = level.block(WORLD, "World")
     rods = [
-        level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[0.01 0.02 0.02]", CenterOfMass="[0.25 0 0]"),
-        level.block(INERTIA, "Rod", Mass="0.5", MomentsOfInertia="[0.007 0.001 0.007]", CenterOfMass="[0 0.2 0]"),
+        level.block(
+            INERTIA, "Arm", Mass="1", MomentsOfInertia="[0.01 0.02 0.02]", CenterOfMass="[0.25 0 0]"
+        ),
+        level.block(
+            INERTIA,
+            "Rod",
+            Mass="0.5",
+            MomentsOfInertia="[0.007 0.001 0.007]",
+            CenterOfMass="[0 0.2 0]",
+        ),
     ]
-    joints = [level.block(REVOLUTE, name, **given) for name, given in (("First", first), ("Second", second))]
+    joints = [
+        level.block(REVOLUTE, name, **given)
+        for name, given in (("First", first), ("Second", second))
+    ]
     end = level.block(
         TRANSFORM, "End", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.5 0 0]",
         RotationMethod="StandardAxis", RotationStandardAxis="+Y", RotationAngle=second_turn, RotationAngleUnits="deg",
@@ -99,20 +114,29 @@ def two_rods(first, second, *, second_turn="0"):
 
 def drive(level, joint, kind, name, **source):
     """Drive a joint by a source, in SI."""
-    signal, into = level.block(kind, name, **source), level.block(TO_PHYSICS, f"{name} in", Unit="1")
+    signal, into = (
+        level.block(kind, name, **source),
+        level.block(TO_PHYSICS, f"{name} in", Unit="1"),
+    )
     level.wire(f"{signal}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
 
 
 def run(tmp_path, level, duration):
-    imported = import_simulink(write_model(tmp_path / "a.slx", level, stop=str(duration)), tmp_path / "out")
+    imported = import_simulink(
+        write_model(tmp_path / "a.slx", level, stop=str(duration)), tmp_path / "out"
+    )
     assert imported.fidelity.startswith("mechanics complete") or "prescribed" in imported.fidelity
     return simulate(load_station(imported.station), progress=False)
 
 
 def test_a_furuta_pendulum_moves_as_its_equations_say(tmp_path):
     """An arm that a sine drives about z; at its end a rod that falls about the arm's own direction."""
-    start = {"PositionTargetSpecify": "on", "PositionTargetValue": "100", "PositionTargetValueUnits": "deg"}
+    start = {
+        "PositionTargetSpecify": "on",
+        "PositionTargetValue": "100",
+        "PositionTargetValueUnits": "deg",
+    }
     level, joints = two_rods({"TorqueActuationMode": "InputTorque"}, start, second_turn="90")
     drive(level, joints[0], "Sin", "Torque", Amplitude="0.3", Frequency="4")
     result = run(tmp_path, level, 5)
@@ -126,13 +150,18 @@ def test_a_furuta_pendulum_moves_as_its_equations_say(tmp_path):
         level_inertia = mass * middle**2 + spin - along
         inertia = np.array(
             [
-                [own + mass * arm**2 + level_inertia * cosine**2 + along, -mass * arm * middle * sine],
+                [
+                    own + mass * arm**2 + level_inertia * cosine**2 + along,
+                    -mass * arm * middle * sine,
+                ],
                 [-mass * arm * middle * sine, mass * middle**2 + spin],
             ]
         )
         torque = 0.3 * np.sin(4 * time)
         push = [
-            torque + 2 * level_inertia * sine * cosine * rate * fall + mass * arm * middle * cosine * fall**2,
+            torque
+            + 2 * level_inertia * sine * cosine * rate * fall
+            + mass * arm * middle * cosine * fall**2,
             -level_inertia * sine * cosine * rate**2 - mass * WEIGHT * middle * cosine,
         ]
         return np.concatenate([[rate, fall], np.linalg.solve(inertia, push)])
@@ -144,7 +173,9 @@ def test_a_furuta_pendulum_moves_as_its_equations_say(tmp_path):
 
 def test_one_joint_is_moved_and_the_other_one_driven(tmp_path):
     """The first rod follows a sine; the second one, about the same axis, gets a torque and no motor holds it."""
-    level, joints = two_rods({"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "InputTorque"})
+    level, joints = two_rods(
+        {"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "InputTorque"}
+    )
     drive(level, joints[0], "Sin", "Motion", Amplitude="0.5", Frequency="3")
     drive(level, joints[1], "Sin", "Torque", Amplitude="0.05", Frequency="5")
     result = run(tmp_path, level, 5)
@@ -153,7 +184,11 @@ def test_one_joint_is_moved_and_the_other_one_driven(tmp_path):
     def motion(time, state):
         turn, rate = 0.5 * 3 * np.cos(3 * time), -0.5 * 9 * np.sin(3 * time)
         bent = state[0] + np.pi / 2  # the rod lies along y of its joint
-        push = 0.05 * np.sin(5 * time) - coupling * (rate * np.cos(bent) + turn**2 * np.sin(bent)) - inertia * rate
+        push = (
+            0.05 * np.sin(5 * time)
+            - coupling * (rate * np.cos(bent) + turn**2 * np.sin(bent))
+            - inertia * rate
+        )
         return [state[1], push / inertia]
 
     expected = solved(motion, [0.0, 0.0], result.times)[0]
@@ -164,7 +199,10 @@ def test_one_joint_is_moved_and_the_other_one_driven(tmp_path):
 def test_a_motion_that_a_loop_counts_up(tmp_path):
     """A reference that is its own last value and a bit more has no value that could be asked for at the start."""
     level, joints = two_rods({"MotionActuationMode": "InputMotion"}, {})
-    bit, late = level.block("Constant", "Bit", Value="0.01"), level.block("UnitDelay", "Late", SampleTime="0.1")
+    bit, late = (
+        level.block("Constant", "Bit", Value="0.01"),
+        level.block("UnitDelay", "Late", SampleTime="0.1"),
+    )
     count, into = level.block("Sum", "Count", Inputs="++"), level.block(TO_PHYSICS, "In", Unit="1")
     level.wire(f"{bit}#out:1", f"{count}#in:1")
     level.wire(f"{late}#out:1", f"{count}#in:2")
@@ -177,7 +215,10 @@ def test_a_motion_that_a_loop_counts_up(tmp_path):
 def pulled(tmp_path, extend):
     """A hinge of 0.5 kg m² that 3 N·m pull on, with what ``extend`` adds; its import and the speed after 0.5 s."""
     level, joint = hinge()
-    torque, into = level.block("Constant", "Torque", Value="3"), level.block(TO_PHYSICS, "In", Unit="1")
+    torque, into = (
+        level.block("Constant", "Torque", Value="3"),
+        level.block(TO_PHYSICS, "In", Unit="1"),
+    )
     level.wire(f"{torque}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     extend(level, joint)
@@ -214,7 +255,8 @@ def test_a_joint_on_which_nothing_weighs_is_held_and_the_others_move(tmp_path):
         last = level.block(REVOLUTE, "Last")
         level.connect(f"{joint}#rconn:1", f"{last}#lconn:1")
         level.connect(
-            f"{last}#rconn:1", f"{level.block('sm_lib/Frames and Transforms/Reference Frame', 'End')}#rconn:1"
+            f"{last}#rconn:1",
+            f"{level.block('sm_lib/Frames and Transforms/Reference Frame', 'End')}#rconn:1",
         )
 
     imported, speed = pulled(tmp_path, extend)
@@ -252,7 +294,9 @@ def over_a_floor(**actuation):
     mount = level.block(TRANSFORM, "Mount", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.3]",
                         RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="-90",
                         RotationAngleUnits="deg")  # fmt: skip
-    arm = level.block(TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.2 0 0]")
+    arm = level.block(
+        TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.2 0 0]"
+    )
     ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", BasedOnType="Mass",
                        Mass="1", ExportEntireGeometry="on")  # fmt: skip
     touch = level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Touch")
@@ -271,7 +315,9 @@ def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
     assert load_station(imported.station).contact is not None
     result = simulate(imported.station, duration=0.6, progress=False)
     spin = 0.2**2 + 0.4 * 0.05**2
-    angle, _ = solved(lambda _, state: [state[1], WEIGHT * 0.2 * np.cos(state[0]) / spin], [0, 0], result.times)
+    angle, _ = solved(
+        lambda _, state: [state[1], WEIGHT * 0.2 * np.cos(state[0]) / spin], [0, 0], result.times
+    )
     np.testing.assert_allclose(result["q.J"], angle, atol=0.005 * np.ptp(angle))
 
 
@@ -279,7 +325,10 @@ def test_a_motion_is_in_time_beside_a_floor(tmp_path):
     """A hinge that a sine turns, with another one in the world that nothing drives."""
     level, joint = over_a_floor(MotionActuationMode="InputMotion")
     drive(level, joint, "Sin", "Motion", Amplitude="0.5", Frequency="3")
-    free, wheel = level.block(REVOLUTE, "Free"), level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[1 1 1]")
+    free, wheel = (
+        level.block(REVOLUTE, "Free"),
+        level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[1 1 1]"),
+    )
     level.connect("1#rconn:1", f"{free}#lconn:1")
     level.connect(f"{free}#rconn:1", f"{wheel}#rconn:1")
     result = run(tmp_path, level, 2)

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
+from slx_files import (
+    FROM_PHYSICS,
+    INERTIA,
+    REVOLUTE,
+    TO_PHYSICS,
+    TRANSFORM,
+    WORLD,
+    Level,
+    write_model,
+)
 from test_mechanics import four_bar, mechanism
 
 from simrob_drake import load_station, simulate
@@ -18,7 +27,9 @@ SENSOR = "sm_lib/Frames and\nTransforms/Transform\nSensor"
 def hinges(level, *given):
     """Add hinges about the world's z with an inertia of 1 kg m² each, and return their SIDs."""
     world = level.block(WORLD, "World")
-    joints = [level.block(REVOLUTE, "AB"[index], **parameters) for index, parameters in enumerate(given)]
+    joints = [
+        level.block(REVOLUTE, "AB"[index], **parameters) for index, parameters in enumerate(given)
+    ]
     for joint in joints:
         rod = level.block(INERTIA, f"Rod {joint}", Mass="1", MomentsOfInertia="[1 1 1]")
         level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
@@ -28,14 +39,23 @@ def hinges(level, *given):
 
 def target(kind, value, unit, priority="High"):
     name = f"{kind}Target"
-    return {f"{name}Specify": "on", f"{name}Value": value, f"{name}ValueUnits": unit, f"{name}Priority": priority}
+    return {
+        f"{name}Specify": "on",
+        f"{name}Value": value,
+        f"{name}ValueUnits": unit,
+        f"{name}Priority": priority,
+    }
 
 
 def test_joints_begin_at_their_speeds(tmp_path):
     """Against a damper of 2 N·m·s/rad an inertia of 1 kg m² comes to v/2 (1 - exp(-2 t))."""
     level = Level()
     damped = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m*s/rad"}
-    hinges(level, {**damped, **target("Velocity", "90", "deg/s"), **target("Position", "0.25", "rad")}, {})
+    hinges(
+        level,
+        {**damped, **target("Velocity", "90", "deg/s"), **target("Position", "0.25", "rad")},
+        {},
+    )
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     result = simulate(load_station(station, TIGHT), duration=1.0, progress=False)
     exact = 0.25 + np.pi / 4 * (1 - np.exp(-2 * result.times))
@@ -55,8 +75,12 @@ def test_a_free_body_is_thrown(tmp_path):
     free = level.block("sm_lib/Joints/6-DOF Joint", "Free", PxVelocityTargetSpecify="on", PxVelocityTargetValue="2",
                        SphPositionTargetSpecify="on", SphPositionTargetRotationMethod="StandardAxis",
                        SphPositionTargetRotationAngle="pi/2", **spin)  # fmt: skip
-    up = level.block(TRANSFORM, "Up", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]")
-    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    up = level.block(
+        TRANSFORM, "Up", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]"
+    )
+    ball = level.block(
+        "sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000"
+    )
     level.connect(f"{world}#rconn:1", f"{free}#lconn:1")
     level.connect(f"{free}#rconn:1", f"{up}#lconn:1")
     level.connect(f"{up}#rconn:1", f"{ball}#rconn:1")
@@ -73,12 +97,18 @@ def test_a_free_body_is_thrown(tmp_path):
 def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
     """One of two asked speeds can be had: that of the first hinge, or, where it is of low priority, of the second."""
     level = four_bar()
-    for joint, speed, urgency in (("Joint1", "1", priority), ("Joint2", "1", "Low" if kept else "High")):
+    for joint, speed, urgency in (
+        ("Joint1", "1", priority),
+        ("Joint2", "1", "Low" if kept else "High"),
+    ):
         place = next(place for place, text in enumerate(level.blocks) if f'Name="{joint}"' in text)
         asked = "".join(
-            f'<P Name="{key}">{text}</P>' for key, text in target("Velocity", speed, "rad/s", urgency).items()
+            f'<P Name="{key}">{text}</P>'
+            for key, text in target("Velocity", speed, "rad/s", urgency).items()
         )
-        level.blocks[place] = level.blocks[place].replace("<InstanceData>", f"<InstanceData>{asked}")
+        level.blocks[place] = level.blocks[place].replace(
+            "<InstanceData>", f"<InstanceData>{asked}"
+        )
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     (robot,) = imported.files.robots.values()
     tree = robot.tree
@@ -100,7 +130,9 @@ def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
 def test_a_hinge_that_asks_for_a_start_is_no_place_to_cut_a_loop(tmp_path):
     """The hinge that closes the loop asks for a speed, and has it; the first one's angle stays what it asks for."""
     model = write_model(tmp_path / "a.slx", four_bar(**target("Velocity", "-1", "rad/s")))
-    result = simulate(import_simulink(model, tmp_path / "out").station, duration=0.01, progress=False)
+    result = simulate(
+        import_simulink(model, tmp_path / "out").station, duration=0.01, progress=False
+    )
     assert result["v.Closing"][0] == pytest.approx(-1.0, abs=1e-5)
     assert result["q.Joint1"][0] == pytest.approx(np.deg2rad(80), abs=1e-5)
 
@@ -112,9 +144,18 @@ def test_a_loop_begins_where_a_motion_holds_its_crank(tmp_path):
     for joint, given in (("Joint1", driven), ("Joint2", target("Position", "40", "rad", "High"))):
         place = next(place for place, text in enumerate(level.blocks) if f'Name="{joint}"' in text)
         figures = "".join(f'<P Name="{key}">{text}</P>' for key, text in given.items())
-        level.blocks[place] = level.blocks[place].replace("<InstanceData>", f"<InstanceData>{figures}")
-    angle, into = level.block("Constant", "Angle", Value="1.1"), level.block(TO_PHYSICS, "In", Unit="rad")
-    crank = next(text for text in level.blocks if 'Name="Joint1"' in text).partition('SID="')[2].partition('"')[0]
+        level.blocks[place] = level.blocks[place].replace(
+            "<InstanceData>", f"<InstanceData>{figures}"
+        )
+    angle, into = (
+        level.block("Constant", "Angle", Value="1.1"),
+        level.block(TO_PHYSICS, "In", Unit="rad"),
+    )
+    crank = (
+        next(text for text in level.blocks if 'Name="Joint1"' in text)
+        .partition('SID="')[2]
+        .partition('"')[0]
+    )
     level.wire(f"{angle}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{crank}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
@@ -122,7 +163,13 @@ def test_a_loop_begins_where_a_motion_holds_its_crank(tmp_path):
     starts = np.array([freedom.start for freedom in robot.tree.freedoms])
     assert starts[0] == 1.1
     assert abs(starts[1] - 40) < np.pi
-    assert max(np.abs(closing.gap(body_poses(robot.tree, starts))).max() for closing in robot.tree.closings) < 1e-9
+    assert (
+        max(
+            np.abs(closing.gap(body_poses(robot.tree, starts))).max()
+            for closing in robot.tree.closings
+        )
+        < 1e-9
+    )
 
 
 def test_each_joint_has_the_stops_of_its_own(tmp_path):
@@ -157,7 +204,9 @@ def test_a_stop_as_hard_as_no_steel_is_run_through(tmp_path):
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     config = load_station(imported.station)
     assert (config.joint_stops.stiffness, config.joint_stops.damping) == (1e8, 1e5)
-    assert "its stop of 1e+10 N/m is one of 1e+08" in [one.text for one in imported.report.of("approximated")]
+    assert "its stop of 1e+10 N/m is one of 1e+08" in [
+        one.text for one in imported.report.of("approximated")
+    ]
     result = simulate(config, duration=0.5, progress=False)
     before = result.times < 0.95 * np.sqrt(0.02 / 9.80665)
     fall = 0.01 - 0.5 * 9.80665 * result.times[before] ** 2
@@ -173,7 +222,13 @@ def test_laws_may_read_a_rotation_matrix(tmp_path):
     sensor = level.block(SENSOR, "Sensor", SenseR="on", MeasurementFrame="World")
     out = level.block(FROM_PHYSICS, "out", Unit="1")
     parts = [
-        level.block("Selector", f"R{row}1", NumberOfDimensions="2", Indices=f"[{row}],1", IndexMode="One-based")
+        level.block(
+            "Selector",
+            f"R{row}1",
+            NumberOfDimensions="2",
+            Indices=f"[{row}],1",
+            IndexMode="One-based",
+        )
         for row in (2, 1)
     ]
     angle = level.block("Trigonometry", "Angle", Operator="atan2")
@@ -198,7 +253,9 @@ def test_laws_may_read_where_frames_are(tmp_path):
     level = Level()
     driven = {"TorqueActuationMode": "InputTorque"}
     world, joints = hinges(
-        level, {**driven, **target("Position", "0.5", "rad")}, {**driven, **target("Velocity", "1", "rad/s")}
+        level,
+        {**driven, **target("Position", "0.5", "rad")},
+        {**driven, **target("Velocity", "1", "rad/s")},
     )
     sensed = [
         {"SenseAzim": "on", "SenseAzimDot": "on", "SenseDist": "on", "SenseR": "on"},
@@ -208,9 +265,14 @@ def test_laws_may_read_where_frames_are(tmp_path):
     gains = (("4", "0.5", "1"), ("9", "2"))
     for index, joint in enumerate(joints):
         tip = level.block(
-            TRANSFORM, f"Tip {index}", TranslationMethod="Cartesian", TranslationCartesianOffset="[2 0 0]"
+            TRANSFORM,
+            f"Tip {index}",
+            TranslationMethod="Cartesian",
+            TranslationCartesianOffset="[2 0 0]",
         )
-        sensor = level.block(SENSOR, f"Sensor {index}", MeasurementFrame=axes[index], **sensed[index])
+        sensor = level.block(
+            SENSOR, f"Sensor {index}", MeasurementFrame=axes[index], **sensed[index]
+        )
         level.connect(f"{joint}#rconn:1", f"{tip}#lconn:1")
         level.connect(f"{tip}#rconn:1", f"{sensor}#rconn:1")
         level.connect(bases[index], f"{sensor}#lconn:1")
@@ -226,7 +288,11 @@ def test_laws_may_read_where_frames_are(tmp_path):
         level.wire(f"{law}#out:1", f"{into}#in:1")
         level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
-    result = simulate(load_station(imported.station, {**TIGHT, "solver.accuracy": 1e-5}), duration=1.0, progress=False)
+    result = simulate(
+        load_station(imported.station, {**TIGHT, "solver.accuracy": 1e-5}),
+        duration=1.0,
+        progress=False,
+    )
 
     def motion(_, y):
         qa, wa, qb, wb = y
@@ -236,21 +302,29 @@ def test_laws_may_read_where_frames_are(tmp_path):
     exact = solve_ivp(motion, (0, 1), [0.5, 0, 0, 1], rtol=1e-9, atol=1e-9, t_eval=result.times)
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=2e-4)
-    np.testing.assert_allclose(result["frame.Sensor_1.y"], 2 * np.sin(result["q.B"] - result["q.A"]), atol=1e-9)
+    np.testing.assert_allclose(
+        result["frame.Sensor_1.y"], 2 * np.sin(result["q.B"] - result["q.A"]), atol=1e-9
+    )
 
 
 def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     """A crank goes as its sine says, while the rod that hangs on it swings by forces: nothing is frozen."""
     level, _ = mechanism()
     level.blocks = [
-        block.replace("<InstanceData>", '<InstanceData><P Name="MotionActuationMode">InputMotion</P>', 1)
+        block.replace(
+            "<InstanceData>", '<InstanceData><P Name="MotionActuationMode">InputMotion</P>', 1
+        )
         if 'Name="Joint1"' in block
         else block
         for block in level.blocks
     ]
     wave = level.block("Sin", "Wave", Amplitude="0.5", Frequency="3")
     into = level.block(TO_PHYSICS, "In", Unit="rad")
-    joint = next(block for block in level.blocks if 'Name="Joint1"' in block).partition('SID="')[2].partition('"')[0]
+    joint = (
+        next(block for block in level.blocks if 'Name="Joint1"' in block)
+        .partition('SID="')[2]
+        .partition('"')[0]
+    )
     level.wire(f"{wave}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
@@ -260,7 +334,9 @@ def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     result = simulate(config, duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.Joint1"], 0.5 * np.sin(3 * result.times), atol=1e-4)
     assert np.ptp(result["q.Joint2"]) > 0.1
-    told = next(one.text for one in imported.report.of("read") if one.text.startswith("axis Joint1 "))
+    told = next(
+        one.text for one in imported.report.of("read") if one.text.startswith("axis Joint1 ")
+    )
     assert told.endswith("its motion is prescribed for 1 s, and holds then")
 
 
@@ -278,7 +354,9 @@ def test_a_long_motion_is_no_table_too_long_to_run(tmp_path, monkeypatch):
     into = level.block(TO_PHYSICS, "In", Unit="rad")
     level.wire(f"{wave}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
-    station = import_simulink(write_model(tmp_path / "a.slx", level, stop="360"), tmp_path / "out").station
+    station = import_simulink(
+        write_model(tmp_path / "a.slx", level, stop="360"), tmp_path / "out"
+    ).station
     result = simulate(station, duration=0.5, progress=False)
     np.testing.assert_allclose(result["q.A"], np.sin(2e-2 * np.pi * result.times), atol=1e-6)
 
@@ -288,7 +366,10 @@ def test_a_motion_that_cannot_be_computed_is_lost_and_no_other(tmp_path):
     level = Level()
     moved = {"MotionActuationMode": "InputMotion"}
     _, joints = hinges(level, moved, moved)
-    rest, rod = level.block(REVOLUTE, "Passive"), level.block(INERTIA, "Rest", Mass="1", MomentsOfInertia="[1 1 1]")
+    rest, rod = (
+        level.block(REVOLUTE, "Passive"),
+        level.block(INERTIA, "Rest", Mass="1", MomentsOfInertia="[1 1 1]"),
+    )
     level.connect("1#rconn:1", f"{rest}#lconn:1")
     level.connect(f"{rest}#rconn:1", f"{rod}#rconn:1")
     ramp, wave = level.block("Ramp", "Ramp"), level.block("Sin", "Wave", Frequency="3")
@@ -311,9 +392,17 @@ def test_a_motion_that_cannot_be_computed_is_lost_and_no_other(tmp_path):
 def test_a_motion_begins_where_its_filter_does(tmp_path, bias):
     """A sine behind a converter's filter of 0.5 s, which begins at its input: 0.5 q' = sin(2 t) + bias - q."""
     level = Level()
-    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "NoTorque"})
+    _, (joint, _) = hinges(
+        level, {"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "NoTorque"}
+    )
     wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2", Bias=str(bias))
-    into = level.block(TO_PHYSICS, "In", Unit="rad", FilteringAndDerivatives="filter", InputFilterTimeConstant="0.5")
+    into = level.block(
+        TO_PHYSICS,
+        "In",
+        Unit="rad",
+        FilteringAndDerivatives="filter",
+        InputFilterTimeConstant="0.5",
+    )
     level.wire(f"{wave}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
@@ -329,10 +418,15 @@ def test_motions_may_follow_motions_their_own_included(tmp_path):
     moved = {"MotionActuationMode": "InputMotion", "SensePosition": "on"}
     _, (a, b) = hinges(level, moved, moved)
     wave, out = level.block("Sin", "Wave", Frequency="2"), level.block(FROM_PHYSICS, "Out")
-    half, twice = (level.block("Gain", name, Gain=gain) for name, gain in (("Half", "0.5"), ("Twice", "2")))
+    half, twice = (
+        level.block("Gain", name, Gain=gain) for name, gain in (("Half", "0.5"), ("Twice", "2"))
+    )
     both = level.block("Sum", "Both", Inputs="++")
     slow = {"FilteringAndDerivatives": "filter", "InputFilterTimeConstant": "0.5"}
-    into, other = level.block(TO_PHYSICS, "In", Unit="rad", **slow), level.block(TO_PHYSICS, "Other", Unit="rad")
+    into, other = (
+        level.block(TO_PHYSICS, "In", Unit="rad", **slow),
+        level.block(TO_PHYSICS, "Other", Unit="rad"),
+    )
     level.connect(f"{a}#rconn:2", f"{out}#lconn:1")
     level.wire(f"{out}#out:1", f"{half}#in:1", f"{twice}#in:1")
     level.wire(f"{wave}#out:1", f"{both}#in:1")
@@ -353,7 +447,9 @@ def test_motions_may_follow_motions_their_own_included(tmp_path):
 def test_a_motion_that_follows_what_is_measured_is_lost(tmp_path):
     """Only motions over time can be prescribed: what B's angle says of A's motion would be held in silence."""
     level = Level()
-    _, (joint, other) = hinges(level, {"MotionActuationMode": "InputMotion"}, {"SensePosition": "on"})
+    _, (joint, other) = hinges(
+        level, {"MotionActuationMode": "InputMotion"}, {"SensePosition": "on"}
+    )
     out, half, into = (
         level.block(FROM_PHYSICS, "Out"),
         level.block("Gain", "Half", Gain="0.5"),
@@ -372,12 +468,21 @@ def test_a_motion_that_follows_what_is_measured_is_lost(tmp_path):
 
 def test_functions_of_files_beside_the_model_are_translated(tmp_path):
     """An Interpreted MATLAB Function of a file, which calls others, of which one calls one: q = 2 sin(3 t)."""
-    (tmp_path / "wanted.m").write_text("function q = wanted(t)\nq = much(t) - waving(t);\nend\n", encoding="utf-8")
-    (tmp_path / "much.m").write_text("function y = much(x)\ny = 3 * waving(x);\nend\n", encoding="utf-8")
-    (tmp_path / "waving.m").write_text("function y = waving(x)\nw = 3;\ny = sin(w * x);\n", encoding="utf-8")
+    (tmp_path / "wanted.m").write_text(
+        "function q = wanted(t)\nq = much(t) - waving(t);\nend\n", encoding="utf-8"
+    )
+    (tmp_path / "much.m").write_text(
+        "function y = much(x)\ny = 3 * waving(x);\nend\n", encoding="utf-8"
+    )
+    (tmp_path / "waving.m").write_text(
+        "function y = waving(x)\nw = 3;\ny = sin(w * x);\n", encoding="utf-8"
+    )
     level = Level()
     _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {})
-    clock, shape = level.block("Clock", "Clock"), level.block("MATLABFcn", "Shape", MATLABFcn="wanted")
+    clock, shape = (
+        level.block("Clock", "Clock"),
+        level.block("MATLABFcn", "Shape", MATLABFcn="wanted"),
+    )
     into = level.block(TO_PHYSICS, "In", Unit="rad")
     level.wire(f"{clock}#out:1", f"{shape}#in:1")
     level.wire(f"{shape}#out:1", f"{into}#in:1")
@@ -390,10 +495,17 @@ def test_functions_of_files_beside_the_model_are_translated(tmp_path):
 def test_a_link_without_mass_between_joints_moves_by_forces(tmp_path):
     """A body that turns alike about all axes, on two crossing hinges, keeps the speed of the first."""
     level = Level()
-    about = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+X", "RotationAngle": "pi/2"}
+    about = {
+        "RotationMethod": "StandardAxis",
+        "RotationStandardAxis": "+X",
+        "RotationAngle": "pi/2",
+    }
     world, across = level.block(WORLD, "World"), level.block(TRANSFORM, "Across", **about)
     first = level.block(REVOLUTE, "A", **target("Velocity", "2", "rad/s"))
-    second, body = level.block(REVOLUTE, "B"), level.block(INERTIA, "Body", Mass="1", MomentsOfInertia="[1 1 1]")
+    second, body = (
+        level.block(REVOLUTE, "B"),
+        level.block(INERTIA, "Body", Mass="1", MomentsOfInertia="[1 1 1]"),
+    )
     for one, other in ((world, first), (first, across), (across, second)):
         level.connect(f"{one}#rconn:1", f"{other}#lconn:1")
     level.connect(f"{second}#rconn:1", f"{body}#rconn:1")
@@ -427,9 +539,17 @@ def test_a_filter_begins_at_its_output(tmp_path):
 def test_a_motion_that_is_given_heeds_no_limits(tmp_path):
     """Beside a passive joint it was refused in the run: the limits of such a joint push at nothing."""
     level = Level()
-    limits = {"LowerLimitSpecify": "on", "LowerLimitBound": "0.1", "UpperLimitSpecify": "on", "UpperLimitBound": "0.2"}
+    limits = {
+        "LowerLimitSpecify": "on",
+        "LowerLimitBound": "0.1",
+        "UpperLimitSpecify": "on",
+        "UpperLimitBound": "0.2",
+    }
     _, joints = hinges(level, {"MotionActuationMode": "InputMotion", **limits}, {})
-    move, into = level.block("Sin", "Move", Amplitude="0.5"), level.block(TO_PHYSICS, "In", Unit="rad")
+    move, into = (
+        level.block("Sin", "Move", Amplitude="0.5"),
+        level.block(TO_PHYSICS, "In", Unit="rad"),
+    )
     level.wire(f"{move}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joints[0]}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")

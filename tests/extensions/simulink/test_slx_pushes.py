@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 import yaml
 from scipy.integrate import solve_ivp
-from slx_files import BRICK, FROM_PHYSICS, INERTIA, MECHANISM, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
+from slx_files import (
+    BRICK,
+    FROM_PHYSICS,
+    INERTIA,
+    MECHANISM,
+    TO_PHYSICS,
+    TRANSFORM,
+    WORLD,
+    Level,
+    write_model,
+)
 
 from simrob_drake import load_station, simulate
 from simrob_drake.extensions.simulink.importing import import_simulink
@@ -23,7 +33,9 @@ class Body(Level):
         self.world, put = self.block(WORLD, "World"), self.transform("Put", at, turn)
         joint, self.body = self.block(FREE, "Free"), self.block(kind, "Body", **figures)
         self.connect(
-            f"{self.world}#rconn:1", f"{self.block(MECHANISM, 'G', GravityVector=gravity)}#rconn:1", f"{put}#lconn:1"
+            f"{self.world}#rconn:1",
+            f"{self.block(MECHANISM, 'G', GravityVector=gravity)}#rconn:1",
+            f"{put}#lconn:1",
         )
         self.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
         self.connect(f"{joint}#rconn:1", f"{self.body}#rconn:1")
@@ -43,7 +55,9 @@ class Body(Level):
 
     def sense(self, *signals):
         """Return what a sensor from the world to the body measures."""
-        sensor = self.block(SENSOR, "Sensor", MeasurementFrame="World", **{f"Sense{name}": "on" for name in signals})
+        sensor = self.block(
+            SENSOR, "Sensor", MeasurementFrame="World", **{f"Sense{name}": "on" for name in signals}
+        )
         self.connect(f"{self.world}#rconn:1", f"{sensor}#lconn:1")
         self.connect(self.frame, f"{sensor}#rconn:1")
         outputs = []
@@ -69,7 +83,14 @@ class Body(Level):
 def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
     """A spring and a damper below z = 0, along the axes of the world, on a body that lies on its side."""
     mass, stiffness, damping = 2.0, 4e3, 12.0
-    body = Body(INERTIA, Mass=mass, MomentsOfInertia="[1 1 1]", gravity="[0 0 -9.81]", at="[0 0 0.2]", turn="90")
+    body = Body(
+        INERTIA,
+        Mass=mass,
+        MomentsOfInertia="[1 1 1]",
+        gravity="[0 0 -9.81]",
+        at="[0 0 0.2]",
+        turn="90",
+    )
     z, speed = body.sense("Z", "ZDot")
     depth = body.chain("Gain", "Depth", z, Gain="-1")
     spring = body.chain("Gain", "k", depth, Gain=str(stiffness))
@@ -88,7 +109,9 @@ def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
         force = -stiffness * y[0] - damping * y[1] if y[0] < 0 else 0.0
         return y[1], force / mass - 9.81
 
-    exact = solve_ivp(motion, (0, 1.6), [0.2, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times)
+    exact = solve_ivp(
+        motion, (0, 1.6), [0.2, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times
+    )
     height = result.piece_pose("Body")[:, 2]
     for begin, end in ((0.25, 0.6), (0.6, 0.95), (0.95, 1.25)):  # the first three rebounds
         during = (begin < result.times) & (result.times < end)
@@ -101,16 +124,23 @@ def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
 def test_a_contact_that_blocks_draw_is_merged_and_split_by_its_parts(tmp_path):
     """A ball bounces where an If lets one of two subsystems act; ports that no parameter counts are counted."""
     mass, stiffness, damping = 2.0, 4e3, 12.0
-    body = Body(INERTIA, Mass=mass, MomentsOfInertia="[1 1 1]", gravity="[0 0 -9.81]", at="[0 0 0.2]")
+    body = Body(
+        INERTIA, Mass=mass, MomentsOfInertia="[1 1 1]", gravity="[0 0 -9.81]", at="[0 0 0.2]"
+    )
     sensed = body.sense("Z", "ZDot")
     contact, none = Level(first=100), Level(first=200)
-    depth, speed = (contact.block("Inport", name, Port=str(place)) for place, name in enumerate(("z", "vz"), 1))
+    depth, speed = (
+        contact.block("Inport", name, Port=str(place)) for place, name in enumerate(("z", "vz"), 1)
+    )
     pressed = contact.block("Sum", "Fz", Inputs="--")
     for place, (source, gain) in enumerate(((depth, stiffness), (speed, damping)), start=1):
         factor = contact.block("Gain", f"k{place}", Gain=str(gain))
         contact.wire(f"{source}#out:1", f"{factor}#in:1")
         contact.wire(f"{factor}#out:1", f"{pressed}#in:{place}")
-    zero, torque = contact.block("Constant", "0", Value="0"), contact.block("Constant", "T", Value="[0 0 0.5]")
+    zero, torque = (
+        contact.block("Constant", "0", Value="0"),
+        contact.block("Constant", "T", Value="[0 0 0.5]"),
+    )
     mux = contact.block("Mux", "Mux", ports='<PortCounts in="4" out="1"/>')
     for place, part in enumerate((zero, zero, pressed, torque), start=1):
         contact.wire(f"{part}#out:1", f"{mux}#in:{place}")
@@ -120,7 +150,10 @@ def test_a_contact_that_blocks_draw_is_merged_and_split_by_its_parts(tmp_path):
         level.wire(f"{source}#out:1", f"{level.block('Outport', 'F')}#in:1")
     test = body.block("If", "If", IfExpression="u1 < 0", NumInputs="1")
     body.wire(sensed[0], f"{test}#in:1")
-    ways = [body.block("SubSystem", name, inner=level.xml()) for name, level in (("Forces", contact), ("No", none))]
+    ways = [
+        body.block("SubSystem", name, inner=level.xml())
+        for name, level in (("Forces", contact), ("No", none))
+    ]
     for place, way in enumerate(ways, start=1):
         body.wire(f"{test}#out:{place}", f"{way}#ifaction")
         body.wire(sensed[place - 1], f"{ways[0]}#in:{place}")
@@ -136,9 +169,15 @@ def test_a_contact_that_blocks_draw_is_merged_and_split_by_its_parts(tmp_path):
     result = simulate(made.station, progress=False)
 
     def motion(t, y):
-        return y[1], -9.81 - (stiffness * y[0] + damping * y[1]) / mass * (y[0] < 0), 0.5 * (y[0] < 0)
+        return (
+            y[1],
+            -9.81 - (stiffness * y[0] + damping * y[1]) / mass * (y[0] < 0),
+            0.5 * (y[0] < 0),
+        )
 
-    exact = solve_ivp(motion, (0, 0.6), [0.2, 0.0, 0.0], rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    exact = solve_ivp(
+        motion, (0, 0.6), [0.2, 0.0, 0.0], rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times
+    )
     np.testing.assert_allclose(result["frame.Sensor.z"], exact.y[0], atol=2e-3)
     np.testing.assert_allclose(result["frame.Sensor.wz"], exact.y[2], atol=2e-3)
 
@@ -156,9 +195,16 @@ def test_a_force_off_the_centre_turns_a_body_that_carries_its_axes_along(tmp_pat
 
     def motion(t, y):
         force = 6.0 * (t >= 0.25)
-        return *y[3:], force * np.cos(y[2]) / 3, force * np.sin(y[2]) / 3, (0.05 - 0.1 * force) / inertia
+        return (
+            *y[3:],
+            force * np.cos(y[2]) / 3,
+            force * np.sin(y[2]) / 3,
+            (0.05 - 0.1 * force) / inertia,
+        )
 
-    exact = solve_ivp(motion, (0, 1), np.zeros(6), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    exact = solve_ivp(
+        motion, (0, 1), np.zeros(6), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times
+    )
     np.testing.assert_allclose(result.piece_pose("Body")[:, :2].T, exact.y[:2], atol=2e-4)
     assert abs(exact.y[2][-1]) > 1
 
@@ -167,13 +213,23 @@ def test_a_force_on_the_world_moves_nothing_and_one_from_an_input_is_a_port(tmp_
     body = Body(INERTIA, Mass="1", MomentsOfInertia="[1 1 1]")
     one = body.chain("Constant", "One", Value="1")
     body.push(f"{body.world}#rconn:1", one, name="Fixed", EnableForceX="on")
-    body.push(body.frame, one, body.chain("Constant", "Vector", Value="[0 2 0]"), EnableForceX="on", EnableForce="on")
+    body.push(
+        body.frame,
+        one,
+        body.chain("Constant", "Vector", Value="[0 2 0]"),
+        EnableForceX="on",
+        EnableForce="on",
+    )
     imported = body.imported(tmp_path, "0.5")
     assert [entry.text for entry in imported.report.of("dropped") if entry.element == "Fixed"]
-    (section,) = yaml.safe_load(imported.station.read_text())["controllers"]["law"]["forces"].values()
+    (section,) = yaml.safe_load(imported.station.read_text())["controllers"]["law"][
+        "forces"
+    ].values()
     assert (section["at"], section["force"]) == ("Body", [{"one": 1.0}, {"one": 2.0}, {}])
     np.testing.assert_allclose(
-        simulate(imported.station, progress=False).piece_pose("Body")[-1, :3], [0.125, 0.25, 0], atol=1e-6
+        simulate(imported.station, progress=False).piece_pose("Body")[-1, :3],
+        [0.125, 0.25, 0],
+        atol=1e-6,
     )
 
 
@@ -199,7 +255,8 @@ def on_a_plane(tmp_path, *, friction, height, speed="0"):
     level.connect(f"{level.body}#lconn:1", f"{contact}#rconn:1")
     given = f'<P Name="PxVelocityTargetSpecify">on</P><P Name="PxVelocityTargetValue">{speed}</P></InstanceData>'
     level.blocks = [
-        block.replace("</InstanceData>", given) if 'Name="Free"' in block else block for block in level.blocks
+        block.replace("</InstanceData>", given) if 'Name="Free"' in block else block
+        for block in level.blocks
     ]
     file = write_model(tmp_path / "a.slx", level, stop="1.6")
     return import_simulink(file, tmp_path / "out", contact_law=True)
@@ -217,7 +274,9 @@ def test_a_ball_bounces_by_the_law_of_simscape(tmp_path):
         force = max(0.0, share**2 * (3 - 2 * share) * (4e3 * depth - 12 * state[1]))
         return state[1], force / 2.0 - 9.81
 
-    exact = solve_ivp(motion, (0, 1.6), [0.3, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times)
+    exact = solve_ivp(
+        motion, (0, 1.6), [0.3, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times
+    )
     height = result.piece_pose("Body")[:, 2]
     for begin, end in ((0.25, 0.6), (0.6, 0.95), (0.95, 1.25)):
         during = (begin < result.times) & (result.times < end)
@@ -230,5 +289,7 @@ def test_a_ball_that_slides_begins_to_roll_by_the_law_of_simscape(tmp_path):
     result = simulate(load_station(imported.station), duration=0.3, progress=False)
     place = result.piece_pose("Body")[:, 0]
     early, late = result.times < 0.08, result.times > 0.15
-    np.testing.assert_allclose(place[early], (result.times - 0.15 * 9.81 * result.times**2)[early], atol=2e-4)
+    np.testing.assert_allclose(
+        place[early], (result.times - 0.15 * 9.81 * result.times**2)[early], atol=2e-4
+    )
     np.testing.assert_allclose(np.gradient(place, result.times)[late][1:-1], 5 / 7, rtol=0.01)

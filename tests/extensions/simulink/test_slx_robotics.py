@@ -65,7 +65,11 @@ def test_a_trapezoid_of_speed(tmp_path, figures):
         given["EndTime"] = "[1 0.9; 1 0.9]"
     choices = {f"Parameter{place}": name for place, name in enumerate(figures, start=1)}
     points = np.array([[0.0, 1.0, 0.2], [0.5, -1.0, 0.3]])
-    given |= {"Waypoints": "[0 1 0.2; 0.5 -1 0.3]", "WaypointSource": "Internal", "ParameterSource": "Internal"}
+    given |= {
+        "Waypoints": "[0 1 0.2; 0.5 -1 0.3]",
+        "WaypointSource": "Internal",
+        "ParameterSource": "Internal",
+    }
     kind = "Trapezoidal Velocity Profile Trajectory"
     result = moved(tmp_path, kind, 3, NumParams=len(figures), **given, **choices)
     for row, name in enumerate("AB"):
@@ -79,7 +83,9 @@ def test_a_trapezoid_of_speed(tmp_path, figures):
             lasts, rising = parts_of(abs(way), own)
             times += [times[-1] + rising, times[-1] + lasts - rising, times[-1] + lasts]
             speeds += [way / (lasts - rising)] * 2 + [0.0]
-        np.testing.assert_allclose(result[f"v.{name}"], np.interp(result.times, times, speeds), atol=2e-3)
+        np.testing.assert_allclose(
+            result[f"v.{name}"], np.interp(result.times, times, speeds), atol=2e-3
+        )
         ends = np.interp(times[3], result.times, result[f"q.{name}"]) + points[row, 0]
         assert ends == pytest.approx(points[row, 1], abs=2e-3)
 
@@ -87,7 +93,11 @@ def test_a_trapezoid_of_speed(tmp_path, figures):
 @pytest.mark.parametrize("method", ["Cubic Polynomial", "Quintic Polynomial"])
 def test_a_polynomial_through_waypoints(tmp_path, method):
     """The torque that its accelerations are moves an inertia of 1 kg m² along it, up to its end."""
-    times, slopes, bends = [0.0, 0.7, 1.5], [[0.0, 1.0, 0.0], [0.0, -0.5, 0.0]], [[0.0, 2.0, -1.0], [1.0, 0.0, 0.0]]
+    times, slopes, bends = (
+        [0.0, 0.7, 1.5],
+        [[0.0, 1.0, 0.0], [0.0, -0.5, 0.0]],
+        [[0.0, 2.0, -1.0], [1.0, 0.0, 0.0]],
+    )
     points = [[0.0, 1.0, 0.2], [0.5, -1.0, 0.3]]
     result = moved(tmp_path, "Polynomial Trajectory", 3, Method=method, Waypoints="[0 1 0.2; 0.5 -1 0.3]",
                    TimePoints="[0 0.7 1.5]", VelocityBoundaryCondition="[0 1 0; 0 -0.5 0]", WaypointSource="Internal",
@@ -95,7 +105,11 @@ def test_a_polynomial_through_waypoints(tmp_path, method):
     for row, name in enumerate("AB"):
         columns = [points[row], slopes[row], bends[row]]
         known = [[column[place] for column in columns] for place in range(3)]
-        exact = CubicHermiteSpline(times, *columns[:2]) if "Cubic" in method else BPoly.from_derivatives(times, known)
+        exact = (
+            CubicHermiteSpline(times, *columns[:2])
+            if "Cubic" in method
+            else BPoly.from_derivatives(times, known)
+        )
         now = result.times[result.times <= 1.5]
         found = result[f"q.{name}"][: now.size] + points[row][0]
         np.testing.assert_allclose(found, exact(now), atol=1e-3)
@@ -110,7 +124,9 @@ def test_a_polynomial_through_waypoints(tmp_path, method):
 def test_what_makes_no_trajectory_is_left_open(tmp_path, kind, wrong):
     plant = Plant()
     clock = plant.chain("Clock", "Clock")
-    made = plant.chain(f"{CORE}/{kind} Trajectory", "Way", clock, **{"Waypoints": "[0 1; 0 1]", **wrong})
+    made = plant.chain(
+        f"{CORE}/{kind} Trajectory", "Way", clock, **{"Waypoints": "[0 1; 0 1]", **wrong}
+    )
     plant.drive(*plant.split(made))
     imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
     assert imported.fidelity == "2 drives lost; 1 control block left open"
@@ -153,9 +169,13 @@ class Pursuer:
 def test_a_pure_pursuit_of_a_path(tmp_path):
     """Angles of two hinges as x and y, and the turn rate as torque on one of them: the path is looked at each 0.1 s."""
     plant = Plant()
-    pose = plant.chain("Mux", "Pose", *plant.positions, plant.chain("Constant", "Heading", Value="0.3"), Inputs="3")
+    pose = plant.chain(
+        "Mux", "Pose", *plant.positions, plant.chain("Constant", "Heading", Value="0.3"), Inputs="3"
+    )
     sampled = plant.chain("ZeroOrderHold", "Looks", pose, SampleTime="0.1")
-    path = plant.chain("Constant", "Path", Value="[0 0; 0.2 0.05; 0.4 0.5; 0.1 0.6; -0.3 0.6; 0.14 0.03]")
+    path = plant.chain(
+        "Constant", "Path", Value="[0 0; 0.2 0.05; 0.4 0.5; 0.1 0.6; -0.3 0.6; 0.14 0.03]"
+    )
     made = plant.block("robotalgslib/Pure Pursuit", "Pursuit", DesiredLinearVelocity="0.5", LookaheadDistance="0.3",
                        MaxAngularVelocity="5")  # fmt: skip
     plant.wire(sampled, f"{made}#in:1")
@@ -164,7 +184,10 @@ def test_a_pure_pursuit_of_a_path(tmp_path):
     imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
     assert imported.fidelity == "mechanics complete"
     result = simulate(load_station(imported.station, TIGHT), duration=2.0, progress=False)
-    pursuer, turns = Pursuer([[0, 0], [0.2, 0.05], [0.4, 0.5], [0.1, 0.6], [-0.3, 0.6], [0.14, 0.03]], 0.3), set()
+    pursuer, turns = (
+        Pursuer([[0, 0], [0.2, 0.05], [0.4, 0.5], [0.1, 0.6], [-0.3, 0.6], [0.14, 0.03]], 0.3),
+        set(),
+    )
     place, speed = np.zeros(2), np.zeros(2)
     for step in range(20):
         to = pursuer.look(place) - place

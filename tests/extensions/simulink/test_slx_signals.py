@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
-from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, mask, pendulum, write_model
+from slx_files import (
+    FROM_PHYSICS,
+    INERTIA,
+    REVOLUTE,
+    TO_PHYSICS,
+    WORLD,
+    Level,
+    mask,
+    pendulum,
+    write_model,
+)
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidModel
@@ -21,7 +31,11 @@ class Plant(Level):
         super().__init__()
         world = self.block(WORLD, "World")
         self.positions, self.speeds, self.drives = [], [], []
-        mode = {"MotionActuationMode": "InputMotion"} if motion else {"TorqueActuationMode": "InputTorque"}
+        mode = (
+            {"MotionActuationMode": "InputMotion"}
+            if motion
+            else {"TorqueActuationMode": "InputTorque"}
+        )
         for name in ("A", "B"):
             joint = self.block(REVOLUTE, name, SensePosition="on", SenseVelocity="on", **mode)
             rod = self.block(INERTIA, f"Rod {name}", Mass="1", MomentsOfInertia="[1 1 1]")
@@ -61,13 +75,24 @@ def test_matrix_gains_through_mux_demux_and_tags(tmp_path):
     q = plant.chain("Mux", "q", *plant.positions, Inputs="2")
     plant.chain("Goto", "to", q, GotoTag="all")
     back = plant.chain("From", "from", GotoTag="all")
-    w = plant.chain("Selector", "w", plant.chain("Mux", "w all", *reversed(plant.speeds), Inputs="2"), Indices="[2 1]")
+    w = plant.chain(
+        "Selector",
+        "w",
+        plant.chain("Mux", "w all", *reversed(plant.speeds), Inputs="2"),
+        Indices="[2 1]",
+    )
     wanted = plant.chain("Inport", "q_ref", PortDimensions="2")
     error = plant.chain("Sum", "e", back, wanted, Inputs="-+|")
-    stiff = plant.chain("Gain", "Kp", error, Gain="[10 0; 0 20]", Multiplication="Matrix(K*u) (u vector)")
+    stiff = plant.chain(
+        "Gain", "Kp", error, Gain="[10 0; 0 20]", Multiplication="Matrix(K*u) (u vector)"
+    )
     damp = plant.chain("Gain", "Kd", w, Gain="[1 2]")
     total = plant.chain("Sum", "T", stiff, damp, Inputs="|+-")
-    plant.drive(*plant.split(plant.chain("Saturate", "Sat", total, UpperLimit="[5 6]", LowerLimit="[-5 -6]")))
+    plant.drive(
+        *plant.split(
+            plant.chain("Saturate", "Sat", total, UpperLimit="[5 6]", LowerLimit="[-5 -6]")
+        )
+    )
     laws, report = plant.laws(tmp_path)
     assert [(law.kp, law.kd, law.limit) for law in laws.values()] == [(10, 1, 5), (20, 2, 6)]
     assert [term.index for law in laws.values() for term in law.reference.terms] == [0, 1]
@@ -107,7 +132,9 @@ def test_an_integral_beside_a_proportional_part(tmp_path):
 def test_what_is_no_servo_is_told(tmp_path):
     plant = Plant()
     strange = plant.chain("MATLABFcn", "Brain", plant.positions[0], MATLABFcn="unheard")
-    coupled = plant.chain("Sum", "T", plant.chain("Gain", "k", plant.positions[0], Gain="-3"), plant.positions[1])
+    coupled = plant.chain(
+        "Sum", "T", plant.chain("Gain", "k", plant.positions[0], Gain="-3"), plant.positions[1]
+    )
     plant.drive(coupled, strange)
     laws, report = plant.laws(tmp_path)
     net = {(term.kind, term.of.name): value for term, value in laws["A"].net.terms.items()}
@@ -128,7 +155,9 @@ def test_an_algebraic_loop_is_late_by_a_filter(tmp_path):
                f"{plant.drives[0]}#in:1")  # fmt: skip
     imported = import_simulink(write_model(tmp_path / "a.slx", plant, stop="2"), tmp_path / "out")
     result = simulate(imported.station, progress=False)
-    np.testing.assert_allclose(result["q.A"], 0.5 * (1 - np.cos(np.sqrt(2) * result.times)), atol=2e-3)
+    np.testing.assert_allclose(
+        result["q.A"], 0.5 * (1 - np.cos(np.sqrt(2) * result.times)), atol=2e-3
+    )
     (entry,) = (entry for entry in imported.report.of("approximated") if "loop" in entry.text)
     assert "late by 0.001 s: T → half → T" in entry.text
 
@@ -137,17 +166,23 @@ def test_a_loop_of_a_vector_leaves_no_block_open_that_takes_an_element_of_it(tmp
     """Both of T = -3 q - T / 2 at once, swapped in the loop and back: T = -2 q, beside a push of 1."""
     plant = Plant()
     total = plant.block("Sum", "T", Inputs="+-")
-    pull = plant.chain("Gain", "k", plant.chain("Mux", "q", *plant.positions, Inputs="2"), Gain="-3")
+    pull = plant.chain(
+        "Gain", "k", plant.chain("Mux", "q", *plant.positions, Inputs="2"), Gain="-3"
+    )
     half = plant.chain("Gain", "half", f"{total}#out:1", Gain="0.5")
     each = [plant.chain("Fcn", f"of {index}", half, Expr=f"u({index})") for index in (2, 1)]
-    half = plant.chain("Selector", "back", plant.chain("Mux", "swapped", *each, Inputs="2"), Indices="[2 1]")
+    half = plant.chain(
+        "Selector", "back", plant.chain("Mux", "swapped", *each, Inputs="2"), Indices="[2 1]"
+    )
     plant.wire(pull, f"{total}#in:1")
     plant.wire(half, f"{total}#in:2")
     plant.drive(*plant.split(plant.chain("Bias", "all", f"{total}#out:1", Bias="1")))
     imported = import_simulink(write_model(tmp_path / "a.slx", plant, stop="1"), tmp_path / "out")
     assert (imported.fidelity, imported.report.of("open")) == ("mechanics complete", [])
     result = simulate(imported.station, progress=False)
-    np.testing.assert_allclose(result["q.B"], 0.5 * (1 - np.cos(np.sqrt(2) * result.times)), atol=2e-3)
+    np.testing.assert_allclose(
+        result["q.B"], 0.5 * (1 - np.cos(np.sqrt(2) * result.times)), atol=2e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -173,13 +208,17 @@ def test_sources_move_a_kinematic_station(tmp_path):
     ramp = plant.chain("simulink/Sources/Ramp", "ramp", slope="0.5", start="0.2", X0="0.1")
     wave = plant.chain("Sin", "wave", Amplitude="0.3", Frequency="2", Bias="0", Phase="0")
     plant.drive(ramp, wave)
-    station = import_simulink(write_model(tmp_path / "a.slx", plant, stop="2"), tmp_path / "out").station
+    station = import_simulink(
+        write_model(tmp_path / "a.slx", plant, stop="2"), tmp_path / "out"
+    ).station
     config = load_station(station)
     assert (config.mode, config.duration) == ("kinematic", 2.0)
     result = simulate(config, progress=False)
     times = result.times
     middle = (times > 0.3) & (times < 1.9)
-    np.testing.assert_allclose(result["q.A"][middle], (0.1 + 0.5 * np.maximum(times - 0.2, 0))[middle], atol=1e-4)
+    np.testing.assert_allclose(
+        result["q.A"][middle], (0.1 + 0.5 * np.maximum(times - 0.2, 0))[middle], atol=1e-4
+    )
     np.testing.assert_allclose(result["q.B"][middle], 0.3 * np.sin(2 * times)[middle], atol=1e-4)
 
 
@@ -191,11 +230,15 @@ def test_a_step_moves_a_dynamic_station(tmp_path):
         law = plant.chain("Sum", f"T{number}", plant.chain("Gain", f"P{number}", error, Gain="100"),
                           plant.chain("Gain", f"D{number}", plant.speeds[number], Gain="20"), Inputs="+-")  # fmt: skip
         plant.wire(law, f"{plant.drives[number]}#in:1")
-    station = import_simulink(write_model(tmp_path / "a.slx", plant, stop="3"), tmp_path / "out").station
+    station = import_simulink(
+        write_model(tmp_path / "a.slx", plant, stop="3"), tmp_path / "out"
+    ).station
     result = simulate(station, progress=False)
     np.testing.assert_allclose(result["q.A"][result.times < 0.49], 0.0, atol=1e-6)
     late = result.times - 0.5
-    expected = np.where(late > 0, 0.4 * (1 - (1 + 10 * late) * np.exp(-10 * late)), 0.0)  # critically damped: I = 1
+    expected = np.where(
+        late > 0, 0.4 * (1 - (1 + 10 * late) * np.exp(-10 * late)), 0.0
+    )  # critically damped: I = 1
     np.testing.assert_allclose(result["q.A"], expected, atol=1e-3)  # radau3 at accuracy 1e-2
 
 
@@ -203,8 +246,12 @@ def test_the_axes_stand_in_the_order_of_the_inputs(tmp_path):
     plant = Plant()
     wanted = plant.split(plant.chain("Inport", "q_ref", PortDimensions="2"))
     for number in (0, 1):
-        error = plant.chain("Sum", f"e{number}", wanted[1 - number], plant.positions[number], Inputs="+-")
-        plant.wire(plant.chain("Gain", f"P{number}", error, Gain="5"), f"{plant.drives[number]}#in:1")
+        error = plant.chain(
+            "Sum", f"e{number}", wanted[1 - number], plant.positions[number], Inputs="+-"
+        )
+        plant.wire(
+            plant.chain("Gain", f"P{number}", error, Gain="5"), f"{plant.drives[number]}#in:1"
+        )
     files = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out").files
     names = [axis for robot in files.robots.values() for axis in robot.axes.values()]
     assert sorted(names) == ["A", "B"]
@@ -248,7 +295,9 @@ def test_the_units_of_converters_count(tmp_path):
         assert law.kp == pytest.approx(kp)
     with zipfile.ZipFile(file, "w") as archive:
         for part, content in parts.items():
-            archive.writestr(part, content.replace('<P Name="Unit">inherit</P>', '<P Name="Unit">kg</P>', 1))
+            archive.writestr(
+                part, content.replace('<P Name="Unit">inherit</P>', '<P Name="Unit">kg</P>', 1)
+            )
     (entry,) = read_simulink(file).report.of("open")
     assert entry.element == "Arm/q out"
     assert "Unit: the unit kg does not fit" in entry.text
@@ -256,13 +305,16 @@ def test_the_units_of_converters_count(tmp_path):
 
 def test_buses_by_the_names_of_their_lines(tmp_path):
     plant = Plant()
-    bus = plant.chain("BusCreator", "bus", plant.positions[1], plant.speeds[1], plant.positions[0], Inputs="3")
+    bus = plant.chain(
+        "BusCreator", "bus", plant.positions[1], plant.speeds[1], plant.positions[0], Inputs="3"
+    )
     plant.lines = [line.replace(f'"Src">{plant.speeds[1]}<', f'"Name">speed</P><P Name="Src">{plant.speeds[1]}<')
                    for line in plant.lines]  # fmt: skip
     picked = plant.block("BusSelector", "pick", OutputSignals="speed,signal3")
     plant.wire(bus, f"{picked}#in:1")
     plant.drive(
-        plant.chain("Gain", "a", f"{picked}#out:2", Gain="-5"), plant.chain("Gain", "b", f"{picked}#out:1", Gain="-7")
+        plant.chain("Gain", "a", f"{picked}#out:2", Gain="-5"),
+        plant.chain("Gain", "b", f"{picked}#out:1", Gain="-7"),
     )
     laws, _ = plant.laws(tmp_path)
     assert (laws["A"].kp, laws["A"].kd, laws["B"].kp, laws["B"].kd) == (5, 0, 0, 7)
@@ -294,7 +346,9 @@ def test_physical_signals_are_followed_without_converters(tmp_path):
 def test_a_bus_knows_signals_by_the_names_that_blocks_within_subsystems_give_them(tmp_path):
     """As outputs of MATLAB Functions have them, and files since R2020 have all names: by the port, not by the line."""
     level, inner = Level(), Level(first=20)
-    named = '<PortProperties><Port Type="out" Index="1"><P Name="Name">turn</P></Port></PortProperties>'
+    named = (
+        '<PortProperties><Port Type="out" Index="1"><P Name="Name">turn</P></Port></PortProperties>'
+    )
     gain = inner.block("Gain", "double", Gain="2", ports=named)
     inner.wire(f"{inner.block('Inport', 'u')}#out:1", f"{gain}#in:1")
     inner.wire(f"{gain}#out:1", f"{inner.block('Outport', 'y')}#in:1")
@@ -340,11 +394,15 @@ def test_variants(tmp_path, choice, unknown):
         part.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
         inner.block("SubSystem", label, VariantControl=label, inner=part.xml())
     inner.block("PMIOPort", "F", Side="Left")
-    parts = level.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice=choice, inner=inner.xml())
+    parts = level.block(
+        "SubSystem", "Choice", Variant="on", LabelModeActiveChoice=choice, inner=inner.xml()
+    )
     level.connect(f"{world}#rconn:1", f"{parts}#lconn:1")
     file = write_model(tmp_path / "a.slx", level)
     if unknown:
-        with pytest.raises(InvalidModel, match=r"one, two \(Choice: which variant it is\); give them with --set"):
+        with pytest.raises(
+            InvalidModel, match=r"one, two \(Choice: which variant it is\); give them with --set"
+        ):
             import_simulink(file, tmp_path / "out")
     (robot,) = import_simulink(file, tmp_path / "out", assume=True).files.robots.values()
     assert robot.mass == (1 if unknown else 2)
@@ -368,7 +426,9 @@ def test_the_code_of_a_mask_chooses_the_variant_within(tmp_path, law, gain):
         choices.block(kind, name)
     outer = Level(first=100)
     taken, given = outer.block("Inport", "u"), outer.block("Outport", "y")
-    inner = outer.block("SubSystem", "The\nLaw", Variant="on", LabelModeActiveChoice="Soft_One", inner=choices.xml())
+    inner = outer.block(
+        "SubSystem", "The\nLaw", Variant="on", LabelModeActiveChoice="Soft_One", inner=choices.xml()
+    )
     outer.wire(f"{taken}#out:1", f"{inner}#in:1")
     outer.wire(f"{inner}#out:1", f"{given}#in:1")
     code = "if strcmp(get_param(gcb, 'law'), 'Stiff')\n"
@@ -394,7 +454,9 @@ def test_the_ports_of_a_variant_go_to_those_of_the_same_name_in_its_choice(tmp_p
         for number, name in enumerate(names, start=1):
             outer.block(kind, name, Port=str(number))
     plant = Plant()
-    law = plant.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice="a", inner=outer.xml())
+    law = plant.block(
+        "SubSystem", "Choice", Variant="on", LabelModeActiveChoice="a", inner=outer.xml()
+    )
     for number, position in enumerate(plant.positions, start=1):
         plant.wire(position, f"{law}#in:{number}")
     plant.drive(f"{law}#out:1", f"{law}#out:2")
@@ -415,14 +477,19 @@ def test_ports_of_a_subsystem_that_are_signals_of_a_bus(tmp_path):
     level, maker, taker = Level(), Level(first=20), Level(first=40)
     for number, (name, value) in enumerate((("a", 2), ("b.x", 3), ("b.y", 5)), start=1):
         source = maker.block("Constant", f"C{number}", Value=value)
-        maker.wire(f"{source}#out:1", f"{element(maker, 'Outport', f'Out Bus Element{number}', name)}#in:1")
+        maker.wire(
+            f"{source}#out:1", f"{element(maker, 'Outport', f'Out Bus Element{number}', name)}#in:1"
+        )
     gain = taker.block("Gain", "ten", Gain="10")
     taker.wire(f"{element(taker, 'Inport', 'In Bus Element', 'b.y')}#out:1", f"{gain}#in:1")
     whole = element(taker, "Inport", "In Bus Element1", "b")
     pick = taker.block("BusSelector", "within", OutputSignals="x")
     taker.wire(f"{whole}#out:1", f"{pick}#in:1")
     taker.wire(f"{gain}#out:1", f"{taker.block('Outport', 'y')}#in:1")
-    made, taken = (level.block("SubSystem", name, inner=own.xml()) for name, own in (("M", maker), ("T", taker)))
+    made, taken = (
+        level.block("SubSystem", name, inner=own.xml())
+        for name, own in (("M", maker), ("T", taker))
+    )
     picked = level.block("BusSelector", "pick", OutputSignals="b.x,a,c")
     level.wire(f"{made}#out:1", f"{taken}#in:1", f"{picked}#in:1")
     level.wire(f"{taken}#out:1", f"{level.block('Scope', 'S')}#in:1")
@@ -459,7 +526,9 @@ def test_a_bus_that_the_choice_of_a_variant_makes(tmp_path):
             part.wire(f"{source}#out:1", f"{element(part, 'Outport', f'Out {name}', name)}#in:1")
         inner.block("SubSystem", label, VariantControl=label, inner=part.xml())
     inner.block("Outport", "bus")
-    made = level.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice="two", inner=inner.xml())
+    made = level.block(
+        "SubSystem", "Choice", Variant="on", LabelModeActiveChoice="two", inner=inner.xml()
+    )
     level.wire(f"{made}#out:1", f"{level.block('BusSelector', 'pick', OutputSignals='b')}#in:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (picked,) = (node for node in model.expanded.nodes if node.block.name == "pick")
@@ -469,16 +538,25 @@ def test_a_bus_that_the_choice_of_a_variant_makes(tmp_path):
 def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tmp_path):
     plant = Plant()
     plant.block(
-        "DataStoreMemory", "M", DataStoreName="Servo", InitialValue="struct('goal',1,'gains',struct('P',7,'D',[2 3]))"
+        "DataStoreMemory",
+        "M",
+        DataStoreName="Servo",
+        InitialValue="struct('goal',1,'gains',struct('P',7,'D',[2 3]))",
     )
-    write = plant.block("DataStoreWrite", "W", DataStoreName="Servo", DataStoreElements="Servo.other#Servo.goal")
+    write = plant.block(
+        "DataStoreWrite", "W", DataStoreName="Servo", DataStoreElements="Servo.other#Servo.goal"
+    )
     for place, number in enumerate(("4", "5"), start=1):
         plant.wire(f"{plant.block('Constant', number, Value=number)}#out:1", f"{write}#in:{place}")
     names = "Servo.goal#Servo.gains.P#Servo.gains.D#Servo.gains"
     plant.block("DataStoreRead", "R", DataStoreName="Servo", DataStoreElements=names)
     model = read_simulink(write_model(tmp_path / "a.slx", plant))
     node = next(one for one in model.expanded.nodes if one.block.name == "R")
-    assert [flat(model.tracer.output(node, number)) for number in (1, 2, 3)] == [[5.0], [7.0], [2.0, 3.0]]
+    assert [flat(model.tracer.output(node, number)) for number in (1, 2, 3)] == [
+        [5.0],
+        [7.0],
+        [2.0, 3.0],
+    ]
     (whole,) = flat(model.tracer.output(node, 4))  # a structure is no signal: left open
     assert [term.kind for term in terms_of(whole)] == ["open"]
     plant.block("DataStoreMemory", "Other", DataStoreName="Bus", InitialValue="0")
@@ -493,9 +571,15 @@ def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tm
 
 @pytest.mark.parametrize(
     ("kind", "parameters"),
-    [("DiscreteIntegrator", {}), ("DiscreteTransferFcn", {}), ("slpidlib/PID 1dof", {"TimeDomain": "Discrete-time"})],
+    [
+        ("DiscreteIntegrator", {}),
+        ("DiscreteTransferFcn", {}),
+        ("slpidlib/PID 1dof", {"TimeDomain": "Discrete-time"}),
+    ],
 )
-def test_a_sampled_block_that_is_left_open_says_that_no_sample_time_is_known(tmp_path, kind, parameters):
+def test_a_sampled_block_that_is_left_open_says_that_no_sample_time_is_known(
+    tmp_path, kind, parameters
+):
     plant = Plant()
     plant.drive(plant.chain(kind, "Sampled", plant.positions[0], **parameters), plant.positions[1])
     _, report = plant.laws(tmp_path)
@@ -528,9 +612,24 @@ def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
     world = level.block(WORLD, "World")
     joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
     body = level.block(INERTIA, "Body")
-    names = ("Angle", "Axis", "Q", "R", "X", "Rad", "Azim", "Dist", "Inc", "RadDot", "AzimDot", "DistDot")
+    names = (
+        "Angle",
+        "Axis",
+        "Q",
+        "R",
+        "X",
+        "Rad",
+        "Azim",
+        "Dist",
+        "Inc",
+        "RadDot",
+        "AzimDot",
+        "DistDot",
+    )
     sensor = level.block(
-        "sm_lib/Frames and Transforms/Transform Sensor", "Sensor", **{f"Sense{name}": "on" for name in names}
+        "sm_lib/Frames and Transforms/Transform Sensor",
+        "Sensor",
+        **{f"Sense{name}": "on" for name in names},
     )
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{sensor}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{sensor}#rconn:1")
@@ -546,7 +645,9 @@ def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
     found = {}
     for port, name in enumerate(ports, start=2):
         values = tracer.physical(node, "rconn", port)
-        found[name] = np.array([evaluated(value, leaf, {}) for value in values.flat]).reshape(values.shape)
+        found[name] = np.array([evaluated(value, leaf, {}) for value in values.flat]).reshape(
+            values.shape
+        )
     x, y, z = place
     rotation_vector = turn.as_rotvec()
     expected = {
@@ -559,17 +660,22 @@ def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
     sign = np.sign(found["Q"] @ expected["Q"])
     assert sign == 1
     for name in names:
-        np.testing.assert_allclose(found[name], np.reshape(expected[name], found[name].shape), atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            found[name], np.reshape(expected[name], found[name].shape), atol=1e-12, err_msg=name
+        )
 
 
 @pytest.mark.parametrize("kind", ["Integrator", "DiscreteIntegrator", "slpidlib/PID 1dof"])
 def test_a_reset_that_is_left_out_is_told(tmp_path, kind):
     plant = Plant()
     plant.drive(
-        plant.chain(kind, "I", plant.positions[0], ExternalReset="rising", SampleTime="0.01"), plant.positions[1]
+        plant.chain(kind, "I", plant.positions[0], ExternalReset="rising", SampleTime="0.01"),
+        plant.positions[1],
     )
     _, report = plant.laws(tmp_path)
-    assert ("I", "its reset is left out") in {(entry.element, entry.text) for entry in report.of("approximated")}
+    assert ("I", "its reset is left out") in {
+        (entry.element, entry.text) for entry in report.of("approximated")
+    }
 
 
 @pytest.mark.parametrize("zeros", ["0", "[1 2; 2 4]"])
@@ -578,7 +684,10 @@ def test_a_matrix_without_an_inverse_is_left_open(tmp_path, zeros):
     plant = Plant()
     nothing = plant.chain("Constant", "Zeros", Value=zeros)
     ratio = plant.chain("Product", "Ratio", nothing, Inputs="/", Multiplication="Matrix(*)")
-    plant.drive(plant.chain("Sum", "All", plant.chain("Reshape", "Flat", ratio), Inputs="+"), plant.positions[1])
+    plant.drive(
+        plant.chain("Sum", "All", plant.chain("Reshape", "Flat", ratio), Inputs="+"),
+        plant.positions[1],
+    )
     _, report = plant.laws(tmp_path)
     assert [entry.element for entry in report.of("open")] == ["Ratio"]
 
@@ -588,7 +697,10 @@ def test_a_matrix_without_an_inverse_is_left_open(tmp_path, zeros):
     [
         ("TransferFcn", {"Numerator": "[0.5 1]", "Denominator": "[1 3]"}),
         ("StateSpace", {"A": "-3", "B": "1", "C": "-0.5", "D": "0.5"}),
-        ("DiscreteIntegrator", {"SampleTime": "0.01", "IntegratorMethod": "Integration: Trapezoidal"}),
+        (
+            "DiscreteIntegrator",
+            {"SampleTime": "0.01", "IntegratorMethod": "Integration: Trapezoidal"},
+        ),
         ("ZeroOrderHold", {"SampleTime": "0.01"}),
     ],
 )
@@ -600,18 +712,25 @@ def test_a_loop_through_what_answers_at_once_is_late(tmp_path, kind, parameters)
     plant.wire(answer, f"{total}#in:2")
     plant.drive(answer, plant.positions[1])
     _, report = plant.laws(tmp_path)
-    assert any("an algebraic loop, late by 0.001 s" in entry.text for entry in report.of("approximated"))
+    assert any(
+        "an algebraic loop, late by 0.001 s" in entry.text for entry in report.of("approximated")
+    )
 
 
 @pytest.mark.parametrize("parameters", [{}, {"InitialCondition": "[1 2]"}])
 def test_elements_of_a_vector_are_integrated_each(tmp_path, parameters):
     plant = Plant()
-    both = plant.chain("Integrator", "I", plant.chain("Mux", "q", *plant.positions, Inputs="2"), **parameters)
+    both = plant.chain(
+        "Integrator", "I", plant.chain("Mux", "q", *plant.positions, Inputs="2"), **parameters
+    )
     plant.drive(*plant.split(both))
     laws, _ = plant.laws(tmp_path)
     blocks = [term.of for name in "AB" for term in laws[name].net.terms]
     assert [block.parameters["initial"] for block in blocks] == ([1, 2] if parameters else [0, 0])
-    assert [[term.of.name for term in terms_of(block.inputs()[0])] for block in blocks] == [["A"], ["B"]]
+    assert [[term.of.name for term in terms_of(block.inputs()[0])] for block in blocks] == [
+        ["A"],
+        ["B"],
+    ]
 
 
 def test_a_loop_carries_as_many_elements_as_come_into_it(tmp_path):
@@ -624,7 +743,8 @@ def test_a_loop_carries_as_many_elements_as_come_into_it(tmp_path):
     laws, _ = plant.laws(tmp_path)
     blocks = [term.of for name in "AB" for term in laws[name].net.terms]
     rates = [
-        {getattr(term.of, "name", term.of): own for term, own in block.inputs()[0].terms.items()} for block in blocks
+        {getattr(term.of, "name", term.of): own for term, own in block.inputs()[0].terms.items()}
+        for block in blocks
     ]
     assert rates == [{"A": 1, blocks[0]: -1}, {"B": 1, blocks[1]: -1}]
 
@@ -641,7 +761,8 @@ def test_a_matrix_times_what_has_no_width_or_lies_in_a_row(tmp_path, row):
     plant.drive(*plant.split(both))
     laws, _ = plant.laws(tmp_path)
     terms = [
-        {getattr(term.of, "name", term.index): own for term, own in law.net.terms.items()} for law in laws.values()
+        {getattr(term.of, "name", term.index): own for term, own in law.net.terms.items()}
+        for law in laws.values()
     ]
     assert terms == ([{"A": 1, "B": 2}, {"A": 3, "B": 4}] if row else [{0: 1, 1: 2}, {0: 3, 1: 4}])
 
@@ -662,4 +783,6 @@ def test_a_block_that_is_commented_through_hands_its_signal_on(tmp_path):
     through = plant.chain("Gain", "K", plant.positions[0], Gain="7", Commented="through")
     plant.drive(through, plant.positions[1])
     laws, _ = plant.laws(tmp_path)
-    assert laws["A"].net.terms == {term: 1 for term in laws["A"].net.terms if (term.kind, term.of.name) == ("q", "A")}
+    assert laws["A"].net.terms == {
+        term: 1 for term in laws["A"].net.terms if (term.kind, term.of.name) == ("q", "A")
+    }

@@ -77,7 +77,9 @@ VARIABLES = {
     ],
 )  # fmt: skip
 def test_expressions(text, expected):
-    np.testing.assert_allclose(Variables(variables=dict(VARIABLES)).value(text), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        Variables(variables=dict(VARIABLES)).value(text), expected, atol=1e-12
+    )
 
 
 def test_texts_and_structures():
@@ -137,7 +139,14 @@ set_param(gcb, 'Value', 'x=1'); f = get_param(gcb, 'Name');
 while true, g = 1; end
 """
     workspace = Variables(name="Mask", variables={"kind": "b"}, code=code)
-    expected = {"contact.b": 100, "r": [[0, 0, 2]], "d": 1, "e": 2, "s": [[1, 4, 9]], "m": [[1, 2], [3, 4]]}
+    expected = {
+        "contact.b": 100,
+        "r": [[0, 0, 2]],
+        "d": 1,
+        "e": 2,
+        "s": [[1, 4, 9]],
+        "m": [[1, 2], [3, 4]],
+    }
     for name, value in expected.items():
         np.testing.assert_allclose(workspace.value(name), np.atleast_2d(value), err_msg=name)
     for name in ("f", "g"):
@@ -157,13 +166,20 @@ def test_what_a_function_of_a_file_does_not_tell_is_unknown(tmp_path):
 
 def test_a_side_of_a_matrix_may_be_left_to_it():
     workspace = Variables(
-        name="Mask", variables={}, code="a = reshape([1 2; 3 4], [], 1); b = reshape([1 2; 3 4], 1, []);"
+        name="Mask",
+        variables={},
+        code="a = reshape([1 2; 3 4], [], 1); b = reshape([1 2; 3 4], 1, []);",
     )
-    assert [workspace.value(name).tolist() for name in "ab"] == [[[1], [3], [2], [4]], [[1, 3, 2, 4]]]
+    assert [workspace.value(name).tolist() for name in "ab"] == [
+        [[1], [3], [2], [4]],
+        [[1, 3, 2, 4]],
+    ]
 
 
 def test_code_that_makes_itself_without_end_is_passed_over():
-    workspace = Variables(name="Mask", variables={}, code="s = 'eval(s)';\neval(s);\nb = 2;\neval('c = 3;');")
+    workspace = Variables(
+        name="Mask", variables={}, code="s = 'eval(s)';\neval(s);\nb = 2;\neval('c = 3;');"
+    )
     assert [float(workspace.value(name)[0, 0]) for name in ("b", "c")] == [2, 3]
 
 
@@ -217,7 +233,10 @@ def packed(size: int) -> bytes:
     squeezer = zlib.compressobj()
     whole = element(6, bytes(8)) + element(5, struct.pack("<2i", 1, size)) + element(1, b"c")
     start = struct.pack("<II", 14, len(whole) + 8 + size) + whole + struct.pack("<II", 2, size)
-    parts = [squeezer.compress(start), *(squeezer.compress(bytes(10**6)) for _ in range(size // 10**6))]
+    parts = [
+        squeezer.compress(start),
+        *(squeezer.compress(bytes(10**6)) for _ in range(size // 10**6)),
+    ]
     content = b"".join(parts) + squeezer.flush()
     return struct.pack("<II", 15, len(content)) + content
 
@@ -239,7 +258,9 @@ def test_structures_of_several_elements(tmp_path, kind):
     file = tmp_path / "data.m"
     file.write_text(DATA_FILE, encoding="utf-8")
     if kind == "mat":
-        several = np.array([(0.5, [0, 0]), (7, [0, 4]), (0, [])], dtype=[("mass", object), ("inertia", object)])
+        several = np.array(
+            [(0.5, [0, 0]), (7, [0, 4]), (0, [])], dtype=[("mass", object), ("inertia", object)]
+        )
         file = tmp_path / "data.mat"
         savemat(file, {"smiData": {"Solid": several}, "one": {"mass": 3, "size": 2}})
     known = Variables(variables=variables_of({}, [file]))
@@ -255,7 +276,10 @@ def test_structures_of_several_elements(tmp_path, kind):
     ("content", "words"),
     [
         (nested(5000), "nests cells or structures more than 50 deep"),
-        (mat_matrix(1, (1, 500_000_000), b""), "counts 1 x 500000000 entries, and has no bytes for them"),
+        (
+            mat_matrix(1, (1, 500_000_000), b""),
+            "counts 1 x 500000000 entries, and has no bytes for them",
+        ),
         (mat_matrix(6, (-4, -4), b""), "counts -4 x -4 entries"),
         (None, "unpacks to more than 200 MB"),
         (mat_matrix(6, (0, 0), b"") * 2000, "holds more than 6000 elements"),
@@ -329,23 +353,47 @@ def test_units_that_do_not_fit(unit):
         ("run('some/where/figures.m'), x = arm.mass;", "x", 1.5),
         ("load data; x = k;", "x", 8),
         ("x = 2./[1 4] + 3.*[1 1] + [1 2].^2 + 1.5;", "x", [[7.5, 9.0]]),
-        ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
+        (
+            "a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);",
+            "x",
+            4 + 2 + 11,
+        ),
         ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
         ("x = counted(1, 5, 6);", "x", 2),
-        ("for i = 1:2, p(2*i-1,:) = [i 1]; p(2*i,:) = [0 i]; end, x = p;", "x", [[1, 1], [0, 1], [2, 1], [0, 2]]),
+        (
+            "for i = 1:2, p(2*i-1,:) = [i 1]; p(2*i,:) = [0 i]; end, x = p;",
+            "x",
+            [[1, 1], [0, 1], [2, 1], [0, 2]],
+        ),
         ("p = []; p(end+1,:) = [1 2]; p(end+1,:) = [3 4]; x = p;", "x", [[1, 2], [3, 4]]),
         (
             "x = [rot90([1 2; 3 4]) rot90([1 2; 3 4], -1); find([0 3 5]) find([0; 1; 1])'];",
             "x",
             [[2, 4, 3, 1], [1, 3, 4, 2], [2, 3, 2, 3]],
         ),
-        ("n = 5; x = linspace(0, 1, n/2);", "x", [[0.0, 1.0]]),  # of a number that is not whole the floor
-        ("[a, b] = max([3 9 2]); [c, d] = min([4 1; 0 7]); x = [a b c d];", "x", [[9, 2, 0, 1, 2, 1]]),
+        (
+            "n = 5; x = linspace(0, 1, n/2);",
+            "x",
+            [[0.0, 1.0]],
+        ),  # of a number that is not whole the floor
+        (
+            "[a, b] = max([3 9 2]); [c, d] = min([4 1; 0 7]); x = [a b c d];",
+            "x",
+            [[9, 2, 0, 1, 2, 1]],
+        ),
         ("[c, i, k] = unique([5 3 5]); x = [c i' k'];", "x", [[3, 5, 2, 1, 2, 1, 2]]),
-        ("x = [isscalar(2) isscalar([1 2]) isinf([1 -Inf]) atan2d(1, 1) asind(0.5)];", "x", [[1, 0, 0, 1, 45, 30]]),
+        (
+            "x = [isscalar(2) isscalar([1 2]) isinf([1 -Inf]) atan2d(1, 1) asind(0.5)];",
+            "x",
+            [[1, 0, 0, 1, 45, 30]],
+        ),
         ("x = interp1([1 2 4], [5 6 0], [3 2]);", "x", [[3.0, 6.0]]),
         ("y = 2;", "twice(3) + twice(y, 1)", 9 + 4),  # an expression of a block
-        ("x = 1; c = {}; if nargs(c) > 0 && c{1} > 2, x = 5; end, if true || c{1}, x = x + 1; end", "x", 2),
+        (
+            "x = 1; c = {}; if nargs(c) > 0 && c{1} > 2, x = 5; end, if true || c{1}, x = x + 1; end",
+            "x",
+            2,
+        ),
         (
             "t = {'a.x', 4; 'a.y', 0.5}; for k = 1:length(t), eval([t{k,1} '=' num2str(t{k,2}) ';']); end",
             "a.x + a.y",
@@ -361,7 +409,9 @@ def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path,
     )
     (tmp_path / "figures.m").write_text("arm.mass = 1.5; % kg\n")
     (tmp_path / "nargs.m").write_text("function n = nargs(c)\nn = numel(c);\n")
-    (tmp_path / "counted.m").write_text("function n = counted(u, varargin)\nn = length(varargin);\n")
+    (tmp_path / "counted.m").write_text(
+        "function n = counted(u, varargin)\nn = length(varargin);\n"
+    )
     savemat(tmp_path / "data.mat", {"k": 8.0})
     level = Variables(name="here", code=code, files=Libraries([tmp_path]))
     np.testing.assert_allclose(level.value(name), value)
@@ -373,7 +423,9 @@ def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path,
 def test_code_of_a_mask_may_ask_for_its_own_parameters():
     texts = {"radius": "2*r", "side": "left"}
     code = (
-        "x = get_param(gcb, 'value@radius'); y = strcmp(get_param(gcb, 'side'), 'left'); z = get_param('a/b', 'side');"
+        "x = get_param(gcb, 'value@radius'); "
+        "y = strcmp(get_param(gcb, 'side'), 'left'); "
+        "z = get_param('a/b', 'side');"
     )
     mask = Variables(code=code, texts=texts, pending={"radius": lambda: 6.0})
     assert (mask.value("x"), mask.value("y")) == (6.0, 1.0)
@@ -382,11 +434,16 @@ def test_code_of_a_mask_may_ask_for_its_own_parameters():
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    level = Variables(name="callbacks", code="x = 1; load other.mat; run nothing.m", files=Libraries([tmp_path]))
+    level = Variables(
+        name="callbacks", code="x = 1; load other.mat; run nothing.m", files=Libraries([tmp_path])
+    )
     assert level.value("x") == 1
     with pytest.raises(UndefinedVariable) as problem:
         level.value("y")
-    assert problem.value.why == "'callbacks' takes variables from nothing.m, other.mat, which is not there"
+    assert (
+        problem.value.why
+        == "'callbacks' takes variables from nothing.m, other.mat, which is not there"
+    )
 
 
 def test_a_script_called_as_the_file_that_is_not_there_comes_before_a_heap_of_variables(tmp_path):
@@ -407,19 +464,31 @@ def test_a_model_takes_variables_from_where_it_keeps_them(tmp_path):
         level = Level()
         level.block(INERTIA, "Rod", Mass=name)
         read = read_simulink(write_model(tmp_path / "a.slx", level, **where), variables=given)
-        return read.bodies.bodies[0].solids[0].weight.mass, [entry.text for entry in read.report.of("defaulted")]
+        return read.bodies.bodies[0].solids[0].weight.mass, [
+            entry.text for entry in read.report.of("defaulted")
+        ]
 
     (tmp_path / "figures.m").write_text("k = 3;")
     savemat(tmp_path / "kept.mat", {"k": 4.0})
     assert value("k", callbacks={"PreLoadFcn": "figures", "InitFcn": "k = 2*k;"}) == (6.0, [])
     assert value("k", {"k": np.array([[9.0]])}, callbacks={"PreLoadFcn": "figures"}) == (9.0, [])
-    assert value("k", {"half": np.array([[9.0]])}, callbacks={"InitFcn": "k = 2*half;"}) == (18.0, [])
-    assert value("k", source={"WSDataSource": "MATLAB File", "WSSourceFileName": "C:\\at home\\figures.m"}) == (3.0, [])
-    assert value("k", source={"WSDataSource": "MAT-File", "WSSourceFileName": "kept.mat"}) == (4.0, [])
+    assert value("k", {"half": np.array([[9.0]])}, callbacks={"InitFcn": "k = 2*half;"}) == (
+        18.0,
+        [],
+    )
+    assert value(
+        "k", source={"WSDataSource": "MATLAB File", "WSSourceFileName": "C:\\at home\\figures.m"}
+    ) == (3.0, [])
+    assert value("k", source={"WSDataSource": "MAT-File", "WSSourceFileName": "kept.mat"}) == (
+        4.0,
+        [],
+    )
     whole = io.BytesIO()
     savemat(whole, {"w": {"k": 5.0, "name": "a"}})
     data = bytearray(whole.getvalue())
-    data[168:176] = struct.pack("<II", 1, 0)  # a model file holds it without a name, and most of the header
+    data[168:176] = struct.pack(
+        "<II", 1, 0
+    )  # a model file holds it without a name, and most of the header
     assert value("k", stored=bytes(data[124:128]) + bytes(4) + bytes(data[128:])) == (5.0, [])
     assert value("k", stored=b"damaged", callbacks={"InitFcn": "k = 2; load('gone.mat')"}) == (
         2.0, ["takes variables from gone.mat, which lies in none of the folders"])  # fmt: skip

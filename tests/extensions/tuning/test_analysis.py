@@ -35,7 +35,10 @@ from simrob_drake.extensions.tuning.sweep_folder import SweepFolder
 ASKED = {
     "station": "double_pendulum",
     "overrides": {"duration": 0.02, "reference.duration": 0.01},
-    "vary": {"servo.kp": {"low": 10, "high": 1000, "start": 50, "log": True}, "servo.kd": {"low": 1, "high": 100}},
+    "vary": {
+        "servo.kp": {"low": 10, "high": 1000, "start": 50, "log": True},
+        "servo.kd": {"low": 1, "high": 100},
+    },
     "cost": {"tracking_error": 1},
     "search": {"cases": [{}, {"gravity": 1.62}, {"gravity": 15}]},
 }
@@ -45,9 +48,13 @@ STUDY = Study(**ASKED, prune=True)
 
 def record(number, kp, kd, errors):
     """Return a trial whose runs had some tracking errors."""
-    runs = [{"servo.kp": kp, "servo.kd": kd, "seed": 0, "ended": "completed", "message": ""} for _ in errors]
+    runs = [
+        {"servo.kp": kp, "servo.kd": kd, "seed": 0, "ended": "completed", "message": ""}
+        for _ in errors
+    ]
     return Record(
-        number=number, rows=[{**run, "tracking_error": error} for run, error in zip(runs, errors, strict=True)]
+        number=number,
+        rows=[{**run, "tracking_error": error} for run, error in zip(runs, errors, strict=True)],
     )
 
 
@@ -71,8 +78,12 @@ def test_trials_of_the_journal_are_those_of_optuna():
     for trial, one in zip(found.trials, made, strict=True):
         assert trial.params == {key: one.rows[0][key] for key in STUDY.vary}
         assert trial.user_attrs["tracking_error"] == pytest.approx(one.rows[0]["tracking_error"])
-        assert trial.value == (None if len(one.rows) < 3 else pytest.approx(STUDY.mean(one.rows)[0][0]))
-    assert found.best_trial.params["servo.kp"] == min(one.rows[0]["servo.kp"] for one in made if len(one.rows) == 3)
+        assert trial.value == (
+            None if len(one.rows) < 3 else pytest.approx(STUDY.mean(one.rows)[0][0])
+        )
+    assert found.best_trial.params["servo.kp"] == min(
+        one.rows[0]["servo.kp"] for one in made if len(one.rows) == 3
+    )
     assert found.trials[0].distributions["servo.kp"].log
 
 
@@ -93,23 +104,38 @@ def test_plots_tell_what_matters_and_leave_matplotlib_as_it_was(tmp_path):
 
 @pytest.mark.long
 def test_several_costs_have_plots_of_each_and_their_front(tmp_path):
-    study = Study(**{**ASKED, "cost": [{"tracking_error": 1}, {"tracking_error": 2}], "method": "genetic"})
-    files = save_plots(study_in_optuna("two", study, [one for one in records(12) if len(one.rows) == 3]), tmp_path)
-    assert {"slices_cost_1", "slices_cost_2", "trades_cost_2", "front"} < {file.stem for file in files}
+    study = Study(
+        **{**ASKED, "cost": [{"tracking_error": 1}, {"tracking_error": 2}], "method": "genetic"}
+    )
+    files = save_plots(
+        study_in_optuna("two", study, [one for one in records(12) if len(one.rows) == 3]), tmp_path
+    )
+    assert {"slices_cost_1", "slices_cost_2", "trades_cost_2", "front"} < {
+        file.stem for file in files
+    }
 
 
 def test_a_sweep_tells_which_key_each_measure_hangs_on(tmp_path):
-    sweep = Sweep(station="double_pendulum", vary={"servo.kp": "uniform:1:9", "solver.scheme": "radau3,cenic"}, seeds=9)
+    sweep = Sweep(
+        station="double_pendulum",
+        vary={"servo.kp": "uniform:1:9", "solver.scheme": "radau3,cenic"},
+        seeds=9,
+    )
     source, rows = np.random.default_rng(0), []
     for number in range(1, 61):
         kp, scheme = source.uniform(1, 9), ("radau3", "cenic")[number % 2]
         row = {"number": number, "ended": "completed", "servo.kp": kp, "solver.scheme": scheme}
-        rows.append({**row, "work": kp**2, "final_error": float(scheme == "cenic"), "overshoot": None})
+        rows.append(
+            {**row, "work": kp**2, "final_error": float(scheme == "cenic"), "overshoot": None}
+        )
     rows.append({"number": 61, "ended": "diverged", "servo.kp": 5.0, "solver.scheme": "cenic"})
     found = sweep_in_optuna("sweep", sweep.vary, rows)
     assert (found.metric_names, len(found.trials)) == (["work", "final_error"], 60)
     with pytest.warns(UserWarning, match="low"):
-        of = [optuna.importance.get_param_importances(found, target=lambda one, at=at: one.values[at]) for at in (0, 1)]
+        of = [
+            optuna.importance.get_param_importances(found, target=lambda one, at=at: one.values[at])
+            for at in (0, 1)
+        ]
     assert of[0]["servo.kp"] > 0.8
     assert of[1]["solver.scheme"] > 0.8
     save_sensitivity(tmp_path / "sensitivity.png", found)
@@ -155,7 +181,9 @@ def _bowl(monkeypatch):
     """Let runs cost the less the nearer kp is to 300."""
 
     def measured(case):
-        error = abs(np.log(case.overrides["servo.kp"] / 300)) + 1e-3 * case.overrides.get("gravity", 9.8)
+        error = abs(np.log(case.overrides["servo.kp"] / 300)) + 1e-3 * case.overrides.get(
+            "gravity", 9.8
+        )
         return [{"ended": "completed", "message": "", "tracking_error": error}]
 
     monkeypatch.setattr(Case, "measured", measured)
@@ -184,7 +212,10 @@ def test_hopeless_trials_are_left_early_and_the_winner_is_the_same(tmp_path):
 def kept_plots(monkeypatch):
     """Return a list of what is drawn, in place of drawing it."""
     drawn = []
-    for module, names in ((study_folder, ["save_plots"]), (sweep_folder, ["save_sensitivity", "save_sweep_plots"])):
+    for module, names in (
+        (study_folder, ["save_plots"]),
+        (sweep_folder, ["save_sensitivity", "save_sweep_plots"]),
+    ):
         monkeypatch.setattr(module, "plots_there", lambda: True)
         for name in names:
             monkeypatch.setattr(module, name, lambda *given: drawn.append(given))
@@ -194,8 +225,12 @@ def kept_plots(monkeypatch):
 @pytest.mark.usefixtures("_bowl")
 def test_folders_end_with_their_plots(tmp_path, monkeypatch):
     drawn = kept_plots(monkeypatch)
-    StudyFolder(tmp_path / "study", Study(**{**ASKED, "trials": 2, "search": {}})).run(progress=False)
-    SweepFolder(tmp_path / "sweep", Sweep(**{**SWEEP, "vary": {"servo.kp": "20,40"}})).run(progress=False)
+    StudyFolder(tmp_path / "study", Study(**{**ASKED, "trials": 2, "search": {}})).run(
+        progress=False
+    )
+    SweepFolder(tmp_path / "sweep", Sweep(**{**SWEEP, "vary": {"servo.kp": "20,40"}})).run(
+        progress=False
+    )
     (found, folder), _, (file, swept) = drawn
     assert (folder, len(found.trials)) == (tmp_path / "study/plots", 2)
     assert (file, len(swept.trials)) == (tmp_path / "sweep/plots/sensitivity.png", 2)
@@ -204,9 +239,15 @@ def test_folders_end_with_their_plots(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"cost": {"tracking_error": -1}}, r"prune: is for one cost that no run lowers, and tracking_error can"),
+        (
+            {"cost": {"tracking_error": -1}},
+            r"prune: is for one cost that no run lowers, and tracking_error can",
+        ),
         ({"cost": {"work": 1, "speed": 1}}, r"prune: .* and speed can count less than 0"),
-        ({"cost": [{"work": 1}, {"final_error": 1}], "method": "genetic"}, r"prune: .* and here are 2"),
+        (
+            {"cost": [{"work": 1}, {"final_error": 1}], "method": "genetic"},
+            r"prune: .* and here are 2",
+        ),
         ({"search": {}}, r"prune: has nothing to leave out: each trial is one run"),
     ],
 )

@@ -18,7 +18,16 @@ from tests.extensions.tuning.test_study import PENDULUM
 
 OVERRIDES = {"duration": 0.02, "reference.duration": 0.01}
 SWEEP = Sweep(station="double_pendulum", vary={"servo.kp": "20,40"}, overrides=OVERRIDES)
-STUDY = Study(**{**PENDULUM, "overrides": OVERRIDES, "trials": 2, "together": 2, "search": {}, "method": "random"})
+STUDY = Study(
+    **{
+        **PENDULUM,
+        "overrides": OVERRIDES,
+        "trials": 2,
+        "together": 2,
+        "search": {},
+        "method": "random",
+    }
+)
 FOLDERS = {"sweep": (SweepFolder, SWEEP), "study": (StudyFolder, STUDY)}
 
 
@@ -44,7 +53,11 @@ def whole(tmp_path_factory):
 def changed(line, **more):
     """Return a line whose first row has other columns; None leaves one out."""
     record = json.loads(line)
-    row = {key: value for key, value in {**record["rows"][0], **more}.items() if more.get(key, value) is not None}
+    row = {
+        key: value
+        for key, value in {**record["rows"][0], **more}.items()
+        if more.get(key, value) is not None
+    }
     return json.dumps({**record, "rows": [row]}).encode() + b"\n"
 
 
@@ -61,16 +74,34 @@ DAMAGES = {
     "a line twice": (lambda one, two: one + two + one, "line 3: run 1 stands there before"),
     "a number of none": (swap(b'"number": 2', b'"number": 77'), "line 2: run 77: is none"),
     "a number that is a text": (swap(b'"number": 2', b'"number": "2"'), "line 2: number"),
-    "another kind of value": (lambda one, two: one + changed(two, tracking_error="x"), "line 2: tracking_error"),
-    "no end": (lambda one, two: one + changed(two, ended=None), "line 2: ended: this key is needed"),
+    "another kind of value": (
+        lambda one, two: one + changed(two, tracking_error="x"),
+        "line 2: tracking_error",
+    ),
+    "no end": (
+        lambda one, two: one + changed(two, ended=None),
+        "line 2: ended: this key is needed",
+    ),
     "no rows": (lambda one, two: b'{"number": 1, "rows": []}\n', "line 1: rows"),
-    "not a number": (swap(b'"ended"', b'"a": NaN, "ended"'), "line 2: is not JSON: NaN is no finite number"),
+    "not a number": (
+        swap(b'"ended"', b'"a": NaN, "ended"'),
+        "line 2: is not JSON: NaN is no finite number",
+    ),
     "beyond floats": (swap(b'"ended"', b'"a": 1e999, "ended"'), "1e999 is no finite"),
     "a key twice": (swap(b'"ended"', b'"ended": "a", "ended"'), "a key stands twice"),
-    "of something else": (lambda one, two: one + changed(two, **{"servo.kp": 40.5}), "line 2: run 2: is "),
-    "nested without end": (lambda one, two: one + b"[" * 10**6 + b"\n", "line 2: is not JSON: too many levels"),
+    "of something else": (
+        lambda one, two: one + changed(two, **{"servo.kp": 40.5}),
+        "line 2: run 2: is ",
+    ),
+    "nested without end": (
+        lambda one, two: one + b"[" * 10**6 + b"\n",
+        "line 2: is not JSON: too many levels",
+    ),
     "huge": (lambda one, two: one + b" " * 11 * 10**6 + b"\n", "line 2: is longer than 10 MB"),
-    "binary": (lambda one, two: one + bytes(range(128, 250)) + b"\n", "line 2: is no text in UTF-8"),
+    "binary": (
+        lambda one, two: one + bytes(range(128, 250)) + b"\n",
+        "line 2: is no text in UTF-8",
+    ),
     "zeros": (lambda one, two: one + b"\0" * 5000 + b"\n", "line 2: is not JSON"),
 }
 
@@ -100,7 +131,11 @@ def test_what_is_lost_is_made_again_to_the_last_byte(whole, name):
     """Behind a torn line, also where the first trial is lost and the second is there."""
     folder, (one, two) = whole[name]
     kind, asked = FOLDERS[name]
-    for kept, torn, after in ((one, two[:-1], one + two), (two, b"\xc3", two + one), (b"", one[:9], one + two)):
+    for kept, torn, after in (
+        (one, two[:-1], one + two),
+        (two, b"\xc3", two + one),
+        (b"", one[:9], one + two),
+    ):
         (folder / ROWS).write_bytes(kept + torn)
         kind(folder, asked).run(progress=False)
         assert (folder / ROWS).read_bytes() == after
@@ -109,7 +144,9 @@ def test_what_is_lost_is_made_again_to_the_last_byte(whole, name):
 def test_trials_of_another_search_are_refused_when_it_goes_on(whole):
     folder, (one, two) = whole["study"]
     (folder / ROWS).write_bytes(one + changed(two, **{"servo.kp": 40.5}))
-    with pytest.raises(InvalidConfig, match=r"rows\.jsonl: holds trials of a search by other versions"):
+    with pytest.raises(
+        InvalidConfig, match=r"rows\.jsonl: holds trials of a search by other versions"
+    ):
         StudyFolder.there(folder).run(progress=False)
     (folder / ROWS).write_bytes(one + two)
 
@@ -120,13 +157,17 @@ def test_the_commands_say_it_in_one_line(whole, command, tmp_path, monkeypatch, 
     folder, (one, two) = whole[name]
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).symlink_to(folder)
-    (tmp_path / "study.yaml").write_text(yaml.safe_dump(STUDY.model_dump(mode="json", exclude_defaults=True)))
+    (tmp_path / "study.yaml").write_text(
+        yaml.safe_dump(STUDY.model_dump(mode="json", exclude_defaults=True))
+    )
     (folder / ROWS).write_bytes(one + b"null\n")
     try:
         assert run_command(command) == ExitCode.BAD_INPUT
     finally:
         (folder / ROWS).write_bytes(one + two)
-    assert capsys.readouterr().err.splitlines()[-1].startswith(f"simrob: {name}/rows.jsonl: line 2: ")
+    assert (
+        capsys.readouterr().err.splitlines()[-1].startswith(f"simrob: {name}/rows.jsonl: line 2: ")
+    )
 
 
 @pytest.mark.parametrize(
@@ -148,6 +189,16 @@ def test_a_winner_that_was_edited_is_looked_at(tmp_path, text, told):
 
 
 def test_plain_values_are_those_of_json():
-    given = {"a": (1, float("nan")), 3: [float("-inf"), True, None], "b": 10**400, "c": {"d": object}}
-    assert plain(given) == {"a": [1, None], "3": [None, True, None], "b": str(10**400), "c": {"d": "<class 'object'>"}}
+    given = {
+        "a": (1, float("nan")),
+        3: [float("-inf"), True, None],
+        "b": 10**400,
+        "c": {"d": object},
+    }
+    assert plain(given) == {
+        "a": [1, None],
+        "3": [None, True, None],
+        "b": str(10**400),
+        "c": {"d": "<class 'object'>"},
+    }
     assert json.loads(json.dumps(plain(given))) == plain(given)

@@ -32,8 +32,16 @@ def of(station, seeds, changes=None):
     [
         ("irb120_dynamic", {}, "pushes masses friction noise moves gains torque solver engine"),
         ("zjudancer_dynamic", {}, "pushes masses friction floor noise gains torque solver engine"),
-        ("zjudancer_dynamic", GAIT, "pushes masses friction floor noise moves gains torque solver engine"),
-        ("humanoid_balance", {}, "pushes masses friction floor noise gains torque latency solver engine"),
+        (
+            "zjudancer_dynamic",
+            GAIT,
+            "pushes masses friction floor noise moves gains torque solver engine",
+        ),
+        (
+            "humanoid_balance",
+            {},
+            "pushes masses friction floor noise gains torque latency solver engine",
+        ),
         ("two_irb120", {}, "pushes masses friction noise moves solver engine"),
         ("irb120_kinematic", {}, ""),
     ],
@@ -51,7 +59,9 @@ def test_each_doubt_changes_one_thing_by_draws_of_its_own(station, changes, kind
 def test_pushes_are_a_part_of_the_weight_and_masses_near_those_thought():
     weight = 4.7 * 9.80665  # ZJUDancer, within a tenth
     drawn = of("zjudancer_dynamic", 20)
-    forces = np.array([np.linalg.norm(change["forces.held_back.force"]) for change in drawn["pushes"]])
+    forces = np.array(
+        [np.linalg.norm(change["forces.held_back.force"]) for change in drawn["pushes"]]
+    )
     assert forces.min() > 0.09 * weight
     assert forces.max() < 0.22 * weight
     ballast = [change["pieces.held_back.mass"] for change in drawn["masses"]]
@@ -63,7 +73,9 @@ def test_pushes_are_a_part_of_the_weight_and_masses_near_those_thought():
 
 def test_gains_and_torques_are_doubted_within_a_tenth_and_down_to_seven_tenths():
     drawn = of("irb120_dynamic", 20)
-    gains = np.array([[change[f"servo.kp.{axis}"] for axis in range(6)] for change in drawn["gains"]])
+    gains = np.array(
+        [[change[f"servo.kp.{axis}"] for axis in range(6)] for change in drawn["gains"]]
+    )
     assert 900 <= gains.min() < 920
     assert 1080 < gains.max() <= 1100
     limits = np.array([change["servo.torque_limit"] for change in drawn["torque"]])
@@ -73,7 +85,14 @@ def test_gains_and_torques_are_doubted_within_a_tenth_and_down_to_seven_tenths()
 
 def rows(costs, ended="completed", **more):
     return [
-        {"of": of, "doubt": doubt, "draw": draw, "ended": ended if of == WON else "completed", "cost": cost, **more}
+        {
+            "of": of,
+            "doubt": doubt,
+            "draw": draw,
+            "ended": ended if of == WON else "completed",
+            "cost": cost,
+            **more,
+        }
         for doubt, draws in (("as thought", 1), ("noise", 4))
         for draw in range(draws)
         for of, cost in zip((START, WON), costs, strict=True)
@@ -97,7 +116,11 @@ def rows(costs, ended="completed", **more):
             True,
             "1 of 1 runs of the winner hold (21 to 100 %, 95 % sure).",
         ),
-        ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "fall"}], False, "less sure under noise"),
+        (
+            [{"of": WON, "doubt": "noise", "draw": 0, "ended": "fall"}],
+            False,
+            "less sure under noise",
+        ),
         (
             rows((2.0, 1.0), beyond="foot_slip"),
             True,
@@ -125,17 +148,29 @@ def pairs(doubt, gains, start=100.0):
     ("thought", "solver", "moves", "proven"),
     [
         ([8, 8, 8], [8, 7, 9], [6, 5, 7, 6, 8, 7], True),
-        ([1, 1, 1], [3, -2, 0.5], [1, 1, 1, 1, 1, 1], False),  # other solvers find another gain by 2
+        (
+            [1, 1, 1],
+            [3, -2, 0.5],
+            [1, 1, 1, 1, 1, 1],
+            False,
+        ),  # other solvers find another gain by 2
         (
             [8, 8, 8],
             [8, 7, 9],
             [6] * 15 + [-1] * 4,
             False,
         ),  # in 21 of 25 pairs: surely in the median, but not throughout
-        ([8, 8, 8], [8, 7, 9], [-22, -83, -40, 6, 8, 7], False),  # the winner of one move costs more in others
+        (
+            [8, 8, 8],
+            [8, 7, 9],
+            [-22, -83, -40, 6, 8, 7],
+            False,
+        ),  # the winner of one move costs more in others
     ],
 )
-def test_a_gain_is_proven_beyond_the_error_of_the_solvers_and_for_other_moves(thought, solver, moves, proven):
+def test_a_gain_is_proven_beyond_the_error_of_the_solvers_and_for_other_moves(
+    thought, solver, moves, proven
+):
     rows = [*pairs("as thought", thought), *pairs("solver", solver), *pairs("moves", moves)]
     found, words = conclusion(rows, ["floor", "engine"])
     assert found is proven
@@ -149,7 +184,9 @@ def test_a_gain_is_proven_beyond_the_error_of_the_solvers_and_for_other_moves(th
 def test_moves_are_doubted_within_what_was_thought():
     move = {"reference": {"kind": "move", "target_deg": [10, 20, 30, 0, 0, 60]}}
     drawn = of("irb120_dynamic", 20, move)["moves"]
-    targets = np.array([[change[f"reference.target_deg.{axis}"] for axis in range(6)] for change in drawn])
+    targets = np.array(
+        [[change[f"reference.target_deg.{axis}"] for axis in range(6)] for change in drawn]
+    )
     shares = targets[:, [0, 1, 2, 5]] / [10, 20, 30, 60]
     assert 0.5 <= shares.min() < 0.6
     assert 0.9 < shares.max() <= 1.0
@@ -160,7 +197,9 @@ def test_moves_are_doubted_within_what_was_thought():
     assert 0.1 <= command["ahead"] <= 0.2
     assert command["turn_deg"] / command["ahead"] == pytest.approx(25)
     assert command["time"] == 0.5
-    through = {"reference": {"kind": "sequence", "targets": [{"time": 0.5, "target_deg": {"joint_1": 10}}]}}
+    through = {
+        "reference": {"kind": "sequence", "targets": [{"time": 0.5, "target_deg": {"joint_1": 10}}]}
+    }
     (change,) = of("irb120_dynamic", 1, through)["moves"]
     (target,) = change["reference.targets"]
     assert 5 <= target["target_deg"]["joint_1"] <= 10
@@ -177,11 +216,19 @@ def test_a_winner_of_one_move_alone_is_not_proven():
 
 
 def test_what_moves_is_known_and_so_is_what_a_proof_itself_moves():
-    assert [moves(Scene.of(name, {})) for name in ("irb120_dynamic", "zjudancer_dynamic")] == [True, False]
+    assert [moves(Scene.of(name, {})) for name in ("irb120_dynamic", "zjudancer_dynamic")] == [
+        True,
+        False,
+    ]
     study = {"station": "irb120_kinematic", "vary": {"gravity": "uniform:1:2"}, "cost": {"work": 1}}
     for case, moved in (({"gravity": 3}, False), ({"reference.duration": 3}, True)):
-        own = Study(**study, proof={"vary": {key: {"values": [value]} for key, value in case.items()}, "count": 1})
-        made_of = Proof(station=own.station, parameters={START: {}, WON: {}}, conditions=[case], study=own)
+        own = Study(
+            **study,
+            proof={"vary": {key: {"values": [value]} for key, value in case.items()}, "count": 1},
+        )
+        made_of = Proof(
+            station=own.station, parameters={START: {}, WON: {}}, conditions=[case], study=own
+        )
         assert made_of.moved(["solver"]) is moved
         assert "backlash" in made_of.undoubted(["solver"])
         assert "solver" not in made_of.undoubted(["solver"])
@@ -205,10 +252,15 @@ HELPED = {
 
 
 @pytest.mark.long
-def test_prove_says_not_proven_of_a_winner_that_is_worse_on_other_moves(tmp_path, capsys, monkeypatch):
+def test_prove_says_not_proven_of_a_winner_that_is_worse_on_other_moves(
+    tmp_path, capsys, monkeypatch
+):
     """Such a one was once proven, by the very move that it was found for."""
     kept = ("as thought", "moves")
-    few = lambda scene, seeds: {kind: drawn for kind, drawn in doubts(scene, seeds).items() if kind in kept}  # noqa: E731
+
+    def few(scene, seeds):
+        return {kind: drawn for kind, drawn in doubts(scene, seeds).items() if kind in kept}
+
     monkeypatch.setattr(proof, "doubts", few)
     study, folder = Study(**HELPED), tmp_path / "study"
     StudyFolder(folder, study)
@@ -220,11 +272,17 @@ def test_prove_says_not_proven_of_a_winner_that_is_worse_on_other_moves(tmp_path
     assert "Not doubted: pushes" in said
     with (folder / "prove" / TABLE).open() as file:
         found = [row for row in csv.DictReader(file) if row["doubt"] == "as thought"]
-    costs = {of: np.array([float(row["cost"]) for row in found if row["of"] == of]) for of in (START, WON)}
+    costs = {
+        of: np.array([float(row["cost"]) for row in found if row["of"] == of])
+        for of in (START, WON)
+    }
     worse = costs[WON] / costs[START]
     assert worse.min() > 1.2
     assert worse.max() > 1.8
-    before, after = (made(study.cases(one, study.search)[0]).rows[0] for one in (study.start, winner_of(folder, study)))
+    before, after = (
+        made(study.cases(one, study.search)[0]).rows[0]
+        for one in (study.start, winner_of(folder, study))
+    )
     assert after["tracking_error"] < 0.85 * before["tracking_error"]  # on the move of the search
 
 
@@ -232,13 +290,21 @@ def test_a_study_proves_nothing_without_cases_that_the_search_has_not_seen(tmp_p
     alone = {key: value for key, value in PENDULUM.items() if key != "proof"} | {"trials": 3}
     (tmp_path / "study.yaml").write_text(yaml.safe_dump(alone))
     out = tmp_path / "study"
-    assert run_command(["tune", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1"]) == 0
+    assert (
+        run_command(["tune", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1"])
+        == 0
+    )
     assert "Not proven: the study has no cases of its own under proof." in capsys.readouterr().out
     assert run_command(["prove", str(out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "study.yaml: proof: is not there; a winner is proven under cases that its search has not seen" in line
+    assert (
+        "study.yaml: proof: is not there; a winner is proven under cases that its search has not seen"
+        in line
+    )
     same = {**PENDULUM, "proof": {"cases": [{}], "seeds": [3, 0]}}
-    with pytest.raises(InvalidConfig, match=r"proof.cases.0: is with seed 3 a run of the search, too"):
+    with pytest.raises(
+        InvalidConfig, match=r"proof.cases.0: is with seed 3 a run of the search, too"
+    ):
         Study(**same).check()  # nothing is random in it: another seed is no other run
 
 
@@ -255,8 +321,12 @@ def test_a_study_is_proven_where_it_was_never_tried_and_the_page_tells_it(tmp_pa
     assert page.count("data:image/png;base64,") == 1
     proof = Proof.of(str(folder), 1)
     winner = yaml.safe_load((folder / "winner.yaml").read_text())
-    kept = ProofFolder(folder / "prove", proof).run(workers=1, progress=False)  # nothing is run again
-    case = next(case for case in proof.cases() if case.shown == {"of": WON, "doubt": "friction", "draw": 0})
+    kept = ProofFolder(folder / "prove", proof).run(
+        workers=1, progress=False
+    )  # nothing is run again
+    case = next(
+        case for case in proof.cases() if case.shown == {"of": WON, "doubt": "friction", "draw": 0}
+    )
     alone = simulate(load_station("double_pendulum", case.overrides), progress=False)
     assert all(case.overrides[key] == value for key, value in winner.items())
     assert alone.ending == "completed"
@@ -266,6 +336,9 @@ def test_a_study_is_proven_where_it_was_never_tried_and_the_page_tells_it(tmp_pa
 
 def test_a_study_without_a_winner_and_no_study_are_told(tmp_path, capsys):
     StudyFolder(tmp_path / "study", Study(**PENDULUM))
-    for given, told in ((tmp_path / "study", "has no winner.yaml yet"), ("double_pendulun", "did you mean")):
+    for given, told in (
+        (tmp_path / "study", "has no winner.yaml yet"),
+        ("double_pendulun", "did you mean"),
+    ):
         assert run_command(["prove", str(given)]) == 2
         assert told in " ".join(capsys.readouterr().err.split())

@@ -42,7 +42,11 @@ def rows(spec, names, withstood):
 @pytest.mark.parametrize("directions", [1, 4, 36])
 def test_each_direction_has_a_bar_of_each_setting(directions, force, figures, tmp_path):
     spec = PushMap(
-        station="zjudancer_dynamic", directions=directions, phases=3, force=force, variant={"gait.step_time": 0.5}
+        station="zjudancer_dynamic",
+        directions=directions,
+        phases=3,
+        force=force,
+        variant={"gait.step_time": 0.5},
     )
     names = list(spec.settings)
     save_push_picture(spec, rows(spec, names, 0.1), tmp_path / "pushes.png")
@@ -65,7 +69,13 @@ def test_the_bar_of_a_sweeps_map_says_what_it_tells(figures, tmp_path):
     sweep = Sweep(station="irb120_dynamic", vary={"servo.kp": "1,2", "servo.kd": "1,2"})
     gains = [(kp, kd) for kp in (1, 2) for kd in (1, 2)]
     runs = [
-        {"number": number, "servo.kp": kp, "servo.kd": kd, "ended": "completed", "work": float(kp * kd)}
+        {
+            "number": number,
+            "servo.kp": kp,
+            "servo.kd": kd,
+            "ended": "completed",
+            "work": float(kp * kd),
+        }
         for number, (kp, kd) in enumerate(gains)
     ]
     save_sweep_plots(sweep, runs, tmp_path)

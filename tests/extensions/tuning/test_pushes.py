@@ -59,7 +59,11 @@ solver: {kind: continuous, scheme: cenic, max_step: 0.01, error_control: true}
 def block(tmp_path):
     """A block that stands on four corners, turned by 2.1 rad."""
     moments = (
-        MASS / 3 * np.array([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[1] ** 2])
+        MASS
+        / 3
+        * np.array(
+            [HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[1] ** 2]
+        )
     )
     corners = [[x * HALF[0], y * HALF[1], 0.001 - HALF[2]] for x in (-1, 1) for y in (-1, 1)]
     (tmp_path / "block.urdf").write_text(BLOCK.format(*moments))
@@ -87,7 +91,9 @@ def test_a_block_tips_as_mechanics_has_it(block):
 
     The bisection ends within 2 %. The push is not quite an impact: longer ones need less, by 1 % in 5 ms (2 % in 10).
     """
-    asked = PushMap(station=block, phases=1, start=0.2, duration=FORCE_TIME, after=1.5, close=0.02, first=1000)
+    asked = PushMap(
+        station=block, phases=1, start=0.2, duration=FORCE_TIME, after=1.5, close=0.02, first=1000
+    )
     (trial,) = asked.trials()
     rows = made(trial).rows
     assert [row["direction_deg"] for row in rows] == [0, 90, 180, 270]
@@ -119,7 +125,11 @@ def test_a_bracket_holds_the_largest(largest):
         (
             "zjudancer_dynamic",
             15.0,
-            {"gait.name": "walk", "gait.steps": 1, "solver": {"kind": "discrete", "time_step": 0.005}},
+            {
+                "gait.name": "walk",
+                "gait.steps": 1,
+                "solver": {"kind": "discrete", "time_step": 0.005},
+            },
         ),
     ],
 )
@@ -140,13 +150,22 @@ def test_what_goes_on_from_a_moment_is_the_whole_run(station, force, more, monke
     result = runner.run(reference=scene.reference)
     fork = runner.branch(moment, reference=scene.reference)
     fork.outcome({"push": {"start": moment, "force": [0, force, 0]}})
-    assert fork.outcome({"push": {"start": moment, "force": [force, 0, 0]}}).ending == result.ending == "completed"
+    assert (
+        fork.outcome({"push": {"start": moment, "force": [force, 0, 0]}}).ending
+        == result.ending
+        == "completed"
+    )
     whole, _, other, again = histories
     after = whole.times >= moment
     assert np.array_equal(whole.times[after], again.times)
-    for one, two in zip((whole.continuous, *whole.discrete), (again.continuous, *again.discrete), strict=True):
+    for one, two in zip(
+        (whole.continuous, *whole.discrete), (again.continuous, *again.discrete), strict=True
+    ):
         assert np.array_equal(one[after], two)
-    ends = [np.concatenate([run.continuous[-1], *(group[-1] for group in run.discrete)]) for run in (again, other)]
+    ends = [
+        np.concatenate([run.continuous[-1], *(group[-1] for group in run.discrete)])
+        for run in (again, other)
+    ]
     assert not np.array_equal(*ends)
 
 
@@ -182,10 +201,14 @@ def test_a_draw_is_a_robot_and_a_floor_of_many():
     doubled = {"robot.mass_factors": {"chest": 2.0}}
     heavier = mass_of(load_station("zjudancer_dynamic", doubled)) - mass_of(config)
     chest = next(
-        link for link in resolve(config).robots["robot"].model.element.iterfind("link") if link.get("name") == "chest"
+        link
+        for link in resolve(config).robots["robot"].model.element.iterfind("link")
+        if link.get("name") == "chest"
     )
     assert heavier == pytest.approx(float(chest.find("inertial/mass").get("value")))
-    with pytest.raises(SimrobError, match=r"no link \(under mass_factors\) 'chst'; did you mean 'chest'"):
+    with pytest.raises(
+        SimrobError, match=r"no link \(under mass_factors\) 'chst'; did you mean 'chest'"
+    ):
         mass_of(load_station("zjudancer_dynamic", {"robot.mass_factors": {"chst": 2.0}}))
 
 
@@ -198,12 +221,16 @@ def test_a_gait_goes_as_many_steps_as_the_pushes_take():
     assert trials[-1].scene().motion.duration > 3.375 + 0.1 + 2 + 1.5
     told = asked.model_copy(update={"overrides": {**walk, "gait.steps": 2}})
     assert told.trials()[-1].scene().motion.duration < 5
-    assert [trial.moment for trial in PushMap(station="roid1_dynamic", phases=2).trials()] == pytest.approx([3, 3.4])
+    assert [
+        trial.moment for trial in PushMap(station="roid1_dynamic", phases=2).trials()
+    ] == pytest.approx([3, 3.4])
 
 
 def test_moments_are_spread_over_two_steps_of_a_loop_that_walks():
     trials = PushMap(station="roid1_walking", phases=4).trials()
-    assert [trial.moment for trial in trials] == pytest.approx([3.0, 3.1151, 3.2302, 3.3453])  # steps of 0.2302 s
+    assert [trial.moment for trial in trials] == pytest.approx(
+        [3.0, 3.1151, 3.2302, 3.3453]
+    )  # steps of 0.2302 s
 
 
 @pytest.mark.long
@@ -221,9 +248,15 @@ def test_a_block_bears_the_slope_that_mechanics_has(block):
 def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
     """What goes less far than it is asked to, of its own way, is held up; the trunk bears the load."""
     walk = {"gait.name": "walk", "gait.settle": 0.1, "gait.ramp_steps": 0, "gait.steps": 2}
-    monkeypatch.setattr(burdens, "bracket", lambda holds, first, **_: (first, np.inf) if holds(first) else (0.0, first))
+    monkeypatch.setattr(
+        burdens,
+        "bracket",
+        lambda holds, first, **_: (first, np.inf) if holds(first) else (0.0, first),
+    )
     for least, figure, ended in ((0.5, 0.25, "completed"), (1.0, None, "held up")):
-        asked = Burdens(station="roid1_dynamic", overrides=walk, vary=["load"], seconds=0.8, least=least)
+        asked = Burdens(
+            station="roid1_dynamic", overrides=walk, vary=["load"], seconds=0.8, least=least
+        )
         rows = made(asked.trials()[0]).rows
         assert [(row["figure"], row["ended"]) for row in rows] == [(figure, ended)]
         assert asked.summary(rows)[0]["weakest"] == figure
@@ -233,7 +266,11 @@ def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
     ("station", "more", "told"),
     [
         ("irb120_dynamic", {}, "it must be a dynamic station with a robot on feet of its own"),
-        ("three_humanoids", {"at": "roid1.left_foot"}, "it must be a dynamic station with a robot on feet"),
+        (
+            "three_humanoids",
+            {"at": "roid1.left_foot"},
+            "it must be a dynamic station with a robot on feet",
+        ),
         ("three_humanoids", {}, "--at"),
         (
             "roid1_dynamic",
@@ -246,9 +283,17 @@ def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
             {"overrides": {"duration": 3}},
             "--set duration: the trial says how long a run is",
         ),
-        ("roid1_dynamic", {"variant": {"servo.kpp": 3}}, "--variant servo.kpp: unknown key; did you mean 'kp'"),
+        (
+            "roid1_dynamic",
+            {"variant": {"servo.kpp": 3}},
+            "--variant servo.kpp: unknown key; did you mean 'kp'",
+        ),
         ("roid1_dynamic", {"overrides": {"engine": "mujoco"}}, "engine: is to be left out"),
-        ("roid1_dynamic", {"overrides": {"servo.kp": 1}, "start": 1}, "falls by itself: robot fell"),
+        (
+            "roid1_dynamic",
+            {"overrides": {"servo.kp": 1}, "start": 1},
+            "falls by itself: robot fell",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_before_any_push(station, more, told, tmp_path):
@@ -275,7 +320,15 @@ def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys):
         "--newtons",
         "1",
     ]
-    command = ["pushes", block, *options, "--variant", "monitors.fall.tilt_deg=1e-6", "--out", str(folder)]
+    command = [
+        "pushes",
+        block,
+        *options,
+        "--variant",
+        "monitors.fall.tilt_deg=1e-6",
+        "--out",
+        str(folder),
+    ]
     assert run_command(command) == 0
     shown = capsys.readouterr().out
     assert "forward" in shown
@@ -284,12 +337,16 @@ def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys):
     assert len(rows) == 2 * 2 * 2
     beside = {row["settings"] for row in rows} - {UNCHANGED}
     assert beside == {"monitors.fall.tilt_deg=1e-06"}
-    assert all(row["ended"] == ("completed" if row["settings"] == UNCHANGED else "fall") for row in rows)
+    assert all(
+        row["ended"] == ("completed" if row["settings"] == UNCHANGED else "fall") for row in rows
+    )
     summary = json.loads((folder / "pushes.json").read_text())["summary"]
     assert [row["withstood"] for row in summary] == [1.0] * 3 + [0.0] * 3
     assert (folder / "pushes.png").stat().st_size > 10_000
     before = (folder / "rows.jsonl").read_text()
-    (folder / "rows.jsonl").write_text("".join(before.splitlines(keepends=True)[:3]) + '{"number": 4, "ro')
+    (folder / "rows.jsonl").write_text(
+        "".join(before.splitlines(keepends=True)[:3]) + '{"number": 4, "ro'
+    )
     assert run_command(command) == 0
     assert (folder / "rows.jsonl").read_text() == before
     assert (folder / "rows.jsonl").read_text().count("\n") == 4
@@ -306,5 +363,7 @@ def test_a_trial_that_cannot_be_made_withstands_nothing(block):
 
 @pytest.mark.parametrize("moment", [0.0, 0.1, 3.0])
 def test_a_run_is_left_at_a_moment_within_it(moment):
-    with pytest.raises(InvalidParameter, match=r"at is .*a moment within the run, over 0 and below 0.1 s"):
+    with pytest.raises(
+        InvalidParameter, match=r"at is .*a moment within the run, over 0 and below 0.1 s"
+    ):
         Runner(load_station("double_pendulum", {"duration": 0.1})).branch(moment)

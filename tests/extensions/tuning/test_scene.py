@@ -14,7 +14,12 @@ from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.programs.gaits.biped import walk
 from tests.programs.test_station_program import station as turning  # noqa: F401  # a fixture
 
-GAIT = {"gait": {"name": "walk", "steps": 1}, "gait.step_time": 0.3, "gait.bearing.height": 0.5, "duration": 1.0}
+GAIT = {
+    "gait": {"name": "walk", "steps": 1},
+    "gait.step_time": 0.3,
+    "gait.bearing.height": 0.5,
+    "duration": 1.0,
+}
 WAITS = {"moves": [{"wait": 0.1}]}
 PUSHED = {"duration": 0.2, "forces.shove": {"kind": "push", "start": 0.05, "force": [0, 0, 30]}}
 
@@ -25,7 +30,9 @@ def test_a_gait_is_planned_with_its_figures_changed_and_run():
     bearing = {"height": 0.5, "posture_deg": {"RodD": 40, "RodI": 40}}
     motion = walk("zjudancer", 1, step_time=0.3, bearing=bearing)
     assert np.array_equal(scene.motion.positions, motion.positions)
-    by_hand = simulate(motion.station({"duration": 1.0}), reference=motion.trajectory(), progress=False)
+    by_hand = simulate(
+        motion.station({"duration": 1.0}), reference=motion.trajectory(), progress=False
+    )
     assert np.array_equal(scene.run().values, by_hand.values)
     assert made(Case(1, "zjudancer_dynamic", GAIT)).rows[0]["ahead"] == measures(by_hand)["ahead"]
 
@@ -46,7 +53,10 @@ def test_the_same_is_run_in_the_other_engine():
     """A push moves the robot as far in both, to what their contacts differ by; the runs are none the less others."""
     pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
-    here, there = (Scene.of("zjudancer_dynamic", {**PUSHED, "engine": engine}) for engine in ("drake", "mujoco"))
+    here, there = (
+        Scene.of("zjudancer_dynamic", {**PUSHED, "engine": engine})
+        for engine in ("drake", "mujoco")
+    )
     assert here.digest != there.digest
     drake, mujoco = here.run(), there.run()
     assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=1e-3)
@@ -60,15 +70,27 @@ def test_the_same_is_run_in_the_other_engine():
     [
         ("zjudancer_dynamic", {"engine": "mujuco"}, "did you mean 'mujoco'"),
         ("irb120_kinematic", {"engine": "mujoco", "program": WAITS}, "does no programs"),
-        ("zjudancer_dynamic", {"gait.name": "wolk"}, "no gait of zjudancer 'wolk'; did you mean 'walk'"),
-        ("zjudancer_dynamic", {"gait.name": "walk", "gait.bearing.hight": 1}, "unknown key; did you mean 'height'"),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "wolk"},
+            "no gait of zjudancer 'wolk'; did you mean 'walk'",
+        ),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "walk", "gait.bearing.hight": 1},
+            "unknown key; did you mean 'height'",
+        ),
         ("zjudancer_dynamic", {"gait.name": "walk", "gait.step_length": 0.9}, "out of reach"),
         (
             "zjudancer_dynamic",
             {"gait.name": "walk", "gait.steps": 10**9},
             "steps is 1000000000; it must be a whole number",
         ),
-        ("zjudancer_dynamic", {"gait.name": "walk", "gait.steps": "1e3"}, "steps is '1e3'; it must be a whole number"),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "walk", "gait.steps": "1e3"},
+            "steps is '1e3'; it must be a whole number",
+        ),
         (
             "zjudancer_dynamic",
             {"gait.name": "walk", "gait.amplitude": "1e3"},
@@ -91,7 +113,9 @@ def test_what_cannot_be_is_told(station, changes, told):
         Scene.of(station, changes)
 
 
-@pytest.mark.parametrize(("key", "told"), [("moves.1.duration", "are 0 to 0"), ("moves.0.0", "unknown")])
+@pytest.mark.parametrize(
+    ("key", "told"), [("moves.1.duration", "are 0 to 0"), ("moves.0.0", "unknown")]
+)
 def test_so_is_a_place_that_a_program_has_not(key, told, tmp_path):
     file = tmp_path / "program.yaml"
     file.write_text(yaml.safe_dump({"moves": [{"target_deg": {"joint_1": 10}}]}))
@@ -104,7 +128,12 @@ def test_what_is_built_is_used_again_and_runs_are_those_of_simulate():
     """For other references, pushes and durations; not for other gains."""
     scene._KEPT.clear()
     ramp = {"reference.target_deg": 5, "reference.duration": 0.1}
-    changes = [PUSHED, {**PUSHED, "forces.shove.force": [0, 9, 0]}, {**PUSHED, **ramp}, {**PUSHED, "duration": 0.1}]
+    changes = [
+        PUSHED,
+        {**PUSHED, "forces.shove.force": [0, 9, 0]},
+        {**PUSHED, **ramp},
+        {**PUSHED, "duration": 0.1},
+    ]
     for change in [*changes, {**PUSHED, "servo.kp": 500}]:
         config = load_station("irb120_dynamic", change)
         assert np.array_equal(scene.run(config).values, simulate(config, progress=False).values)
@@ -121,7 +150,9 @@ def test_the_margin_is_the_largest_push_that_does_not_end_a_run():
     changes |= {"forces.shove": push, "monitors.box": box}
     largest = limit * mass / (0.1**2 / 2 + 0.1 * 0.5)
     for sizes in ([0.5, 0.99 * largest, 1.01 * largest, 4], [0.99 * largest], [1.01 * largest, 4]):
-        (row,) = made(Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes))).rows
+        (row,) = made(
+            Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes))
+        ).rows
         assert row["ended"] == "completed"
         assert row["margin"] == max([size for size in sizes if size < largest], default=0)
 

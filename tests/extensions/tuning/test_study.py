@@ -33,7 +33,10 @@ from tests.extensions.tuning.here import Here
 PENDULUM = {
     "station": "double_pendulum",
     "overrides": {"duration": 0.3, "reference.duration": 0.2},
-    "vary": {"servo.kp": {"low": 10, "high": 1000, "start": 50, "log": True}, "servo.kd": {"low": 1, "high": 100}},
+    "vary": {
+        "servo.kp": {"low": 10, "high": 1000, "start": 50, "log": True},
+        "servo.kd": {"low": 1, "high": 100},
+    },
     "cost": {"tracking_error": 1},
     "trials": 6,
     "together": 3,
@@ -57,9 +60,13 @@ def bowl(limit):
     return costs, asked, told
 
 
-@pytest.mark.parametrize("method", [name for name in get_args(Method) if name != "gp" or find_spec("torch")])
+@pytest.mark.parametrize(
+    "method", [name for name in get_args(Method) if name != "gp" or find_spec("torch")]
+)
 def test_every_method_comes_nearer_within_its_bounds_and_is_the_same_again(method):
-    runs = [bowl(14 if method == "gp" else 60) for _ in range(2)]  # a model of Gaussian processes takes its time
+    runs = [
+        bowl(14 if method == "gp" else 60) for _ in range(2)
+    ]  # a model of Gaussian processes takes its time
     for costs, _, _ in runs:
         search(method, np.full(6, 0.8), costs, together=6, seed=3)
     (_, first, told), (_, again, _) = runs
@@ -72,7 +79,11 @@ def test_every_method_comes_nearer_within_its_bounds_and_is_the_same_again(metho
 
 def test_what_a_run_costs():
     """Weights of measures, a price for what is beyond a limit, and a higher one for what does not go to its end."""
-    changed = {"cost": {"work": 2, "overshoot": 3}, "limits": {"peak_torque": 0.5}, "least": {"final_error": 0.2}}
+    changed = {
+        "cost": {"work": 2, "overshoot": 3},
+        "limits": {"peak_torque": 0.5},
+        "least": {"final_error": 0.2},
+    }
     study = Study(**{**PENDULUM, **changed, "failure": 10})
     measured = {"work": 4.0, "overshoot": 0.1, "peak_torque": 0.4, "final_error": 0.3}
     row = {"ended": "completed", **measured, "stop_time": 1.0, "duration": 4.0}
@@ -84,7 +95,10 @@ def test_what_a_run_costs():
         ({"overshoot": None}, 20, 2),
         ({"overshoot": float("nan")}, 20, 2),
     ]:
-        assert study.judged({**row, **change}) == (pytest.approx(np.array([cost])), pytest.approx(over))
+        assert study.judged({**row, **change}) == (
+            pytest.approx(np.array([cost])),
+            pytest.approx(over),
+        )
     assert study.judged({"ended": "refused"})[0] == 20
     study.check_measures([row, {**row, "overshoot": None}])
     with pytest.raises(InvalidConfig, match=r"cost\.overshoot: means nothing in this station"):
@@ -104,7 +118,10 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ({"vary": {"servo.kp": {"low": 2, "high": 1}}}, "low must be below high"),
         ({"vary": {"servo.kp": {"low": 0, "high": 1, "log": True}}}, "low must be positive"),
         ({"vary": {"servo.kp": {"low": 1, "high": 2, "start": 3}}}, "start must lie between"),
-        ({"vary": {"servo.kpp": {"low": 1, "high": 2}}}, "vary servo.kpp: unknown key; did you mean 'kp'"),
+        (
+            {"vary": {"servo.kpp": {"low": 1, "high": 2}}},
+            "vary servo.kpp: unknown key; did you mean 'kp'",
+        ),
         ({"cost": {"tracking_eror": 1}}, "did you mean 'tracking_error'"),
         ({"limits": {"torque": 1}}, "no measure 'torque'"),
         ({"least": {"marging": 1}}, "did you mean 'margin'"),
@@ -116,13 +133,22 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ({"vary": {"program.moves.0.duration": {"low": 0.1, "high": 1}}}, "program"),
         ({"search": {"cases": []}}, "search.cases"),
         ({"search": {"cases": [{"servo.kp": 3}]}}, "search.cases.0.servo.kp: varies"),
-        ({"proof": {"cases": [{"gravty": 3}]}}, "proof.cases.0 gravty: unknown key; did you mean 'gravity'"),
+        (
+            {"proof": {"cases": [{"gravty": 3}]}},
+            "proof.cases.0 gravty: unknown key; did you mean 'gravity'",
+        ),
         (
             {"proof": {"cases": [{"reference.target_deg": 1e300}]}},
             r"cases\[0\].reference.target_deg: a figure is zero or",
         ),
-        ({"proof": {"cases": [{"reference.target_deg": 1e6}]}}, "proof.cases.0: reference of joint_1 is .* limits"),
-        ({"proof": {"cases": [{"start": "/etc/passwd"}]}}, "start: /etc/passwd lies outside of the allowed folders"),
+        (
+            {"proof": {"cases": [{"reference.target_deg": 1e6}]}},
+            "proof.cases.0: reference of joint_1 is .* limits",
+        ),
+        (
+            {"proof": {"cases": [{"start": "/etc/passwd"}]}},
+            "start: /etc/passwd lies outside of the allowed folders",
+        ),
         ({"trials": "200"}, "trials: must be an integer"),
         ({"search": {"seeds": ["1"]}}, "search.seeds"),
         ({"method": "annealing"}, "method"),
@@ -144,7 +170,9 @@ QUICK_STUDIES = {"irb120_gains", "zjudancer_walk"}
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(file, id=file.stem, marks=[] if file.stem in QUICK_STUDIES else [pytest.mark.long])
+        pytest.param(
+            file, id=file.stem, marks=[] if file.stem in QUICK_STUDIES else [pytest.mark.long]
+        )
         for file in STUDIES
     ],
 )
@@ -157,7 +185,12 @@ EDGE = "controllers.walk.gait.feedback.zmp_limit"
 
 
 def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
-    changed = {"cost": {"tilt": 1}, "search": {"seeds": [1, 2], "drawn": True}, "overrides": {}, "proof": {}}
+    changed = {
+        "cost": {"tilt": 1},
+        "search": {"seeds": [1, 2], "drawn": True},
+        "overrides": {},
+        "proof": {},
+    }
     vary = {f"{EDGE}.1": {"low": 0, "high": 0.02}}
     study = Study(**{**PENDULUM, **changed, "station": "roid1_walking", "vary": vary})
     thought = load_station("roid1_walking")
@@ -173,18 +206,28 @@ def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
         load_station("roid1_walking", {f"{EDGE}.2": 0.004})
 
 
-DRAWN = {"vary": {"gravity": "uniform:1:9", "reference.duration": {"values": [0.1, 0.2]}}, "count": 4}
+DRAWN = {
+    "vary": {"gravity": "uniform:1:9", "reference.duration": {"values": [0.1, 0.2]}},
+    "count": 4,
+}
 
 
 def test_conditions_are_listed_and_drawn():
     """Every case with every draw and every seed."""
-    study = Study(**{**PENDULUM, "search": {"cases": [{}, {"servo.ki": 1}], **DRAWN}, "proof": None})
+    study = Study(
+        **{**PENDULUM, "search": {"cases": [{}, {"servo.ki": 1}], **DRAWN}, "proof": None}
+    )
     study.check()
     changes = [case.overrides for case in study.cases(study.start, study.search)]
     gravities = [change["gravity"] for change in changes]
     assert len(changes) == 8
     assert gravities[:4] == gravities[4:]
-    assert sorted(int((gravity - 1) / 2) for gravity in gravities[:4]) == [0, 1, 2, 3]  # Sobol: one in each quarter
+    assert sorted(int((gravity - 1) / 2) for gravity in gravities[:4]) == [
+        0,
+        1,
+        2,
+        3,
+    ]  # Sobol: one in each quarter
     assert [change["reference.duration"] for change in changes].count(0.1) == 4
     assert ["servo.ki" in change for change in changes] == [False] * 4 + [True] * 4
 
@@ -192,9 +235,18 @@ def test_conditions_are_listed_and_drawn():
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"search": DRAWN, "proof": DRAWN}, r"proof\.cases\.0, draw 1: is with seed 0 a run of the search, too"),
-        ({"proof": {"cases": [{"gravity": 9.81}]}}, r"proof\.cases\.0: is with seed 0 a run of the search"),  # as it is
-        ({"proof": {"seeds": [3]}}, r"proof\.cases\.0: is with seed 3 a run of the search"),  # nothing is random
+        (
+            {"search": DRAWN, "proof": DRAWN},
+            r"proof\.cases\.0, draw 1: is with seed 0 a run of the search, too",
+        ),
+        (
+            {"proof": {"cases": [{"gravity": 9.81}]}},
+            r"proof\.cases\.0: is with seed 0 a run of the search",
+        ),  # as it is
+        (
+            {"proof": {"seeds": [3]}},
+            r"proof\.cases\.0: is with seed 3 a run of the search",
+        ),  # nothing is random
         (
             {"proof": {"vary": {"servo.kp": "uniform:1:2"}}},
             r"proof\.cases\.0, draw 1\.servo\.kp: varies; a case cannot",
@@ -203,7 +255,10 @@ def test_conditions_are_listed_and_drawn():
             {"proof": {"vary": {"gravty": "uniform:1:2"}}},
             r"proof\.vary gravty: unknown key; did you mean 'gravity'",
         ),
-        ({"proof": {"vary": {"gravity": {"low": 2}}}}, r"proof\.vary\.gravity\.high: this key is needed"),
+        (
+            {"proof": {"vary": {"gravity": {"low": 2}}}},
+            r"proof\.vary\.gravity\.high: this key is needed",
+        ),
         ({"proof": {"sampling": "sobel"}}, "there is no 'sobel'; did you mean 'sobol'"),
     ],
 )
@@ -216,7 +271,9 @@ def test_a_proof_that_draws_others_is_one():
     Study(**{**PENDULUM, "search": DRAWN, "proof": {**DRAWN, "seed": 1}}).check()
 
 
-def test_names_and_whole_numbers_are_searched_and_keys_that_count_under_some_alone(tmp_path, monkeypatch):
+def test_names_and_whole_numbers_are_searched_and_keys_that_count_under_some_alone(
+    tmp_path, monkeypatch
+):
     vary = {
         "solver.scheme": {"values": ["radau3", "cenic"]},
         "robot.initial_deg": {"low": 30, "high": 40, "integer": True},
@@ -251,7 +308,10 @@ class TestFolder:
         assert [row["of"] for row in proof] == ["start", "best"]
         assert proof[1]["cost"] == pytest.approx(alone[2], rel=1e-12)
         assert load_station(tmp_path / "study/station.yaml").servo.kp == measured["servo.kp"]
-        with (tmp_path / "study" / TRIALS).open() as trials, (tmp_path / "study" / PROOF).open() as proven:
+        with (
+            (tmp_path / "study" / TRIALS).open() as trials,
+            (tmp_path / "study" / PROOF).open() as proven,
+        ):
             assert [float(row["cost"]) for row in csv.DictReader(trials)] == [
                 float(cost[0]) for _, cost in place.trials
             ]
@@ -264,7 +324,9 @@ class TestFolder:
         """What is kept is not run again; together they are the trials of one search."""
         whole = StudyFolder(tmp_path / "whole", Study(**PENDULUM))
         whole.run(workers=1, progress=False)
-        StudyFolder(tmp_path / "parts", Study(**{**PENDULUM, "trials": 4})).run(workers=1, progress=False)
+        StudyFolder(tmp_path / "parts", Study(**{**PENDULUM, "trials": 4})).run(
+            workers=1, progress=False
+        )
         parts = StudyFolder(tmp_path / "parts", Study(**PENDULUM))
         parts.run(workers=1, progress=False)
         assert parts.trials == whole.trials
@@ -274,7 +336,10 @@ class TestFolder:
         (tmp_path / "own.yaml").write_text(text)
         study = Study(**{**PENDULUM, "station": str(tmp_path / "own.yaml")})
         place = StudyFolder(tmp_path / "study", study)
-        with alone_in(tmp_path / "study"), pytest.raises(OutputError, match="another process is at work"):
+        with (
+            alone_in(tmp_path / "study"),
+            pytest.raises(OutputError, match="another process is at work"),
+        ):
             place.run(workers=1, progress=False)
         (tmp_path / "own.yaml").write_text(text.replace("gravity: 9.81", "gravity: 1.62"))
         with pytest.raises(InvalidConfig, match="has changed since"):
@@ -289,17 +354,23 @@ class TestFolder:
 def test_several_costs_end_as_a_front_of_trades(tmp_path):
     """None of the front is beaten in both costs, everything else is; the winner is one of them."""
     aims = [{"tracking_error": 1}, {"work": 1}]
-    study = Study(**{**PENDULUM, "cost": aims, "method": "genetic", "trials": 12, "together": 6, "search": {}})
+    study = Study(
+        **{**PENDULUM, "cost": aims, "method": "genetic", "trials": 12, "together": 6, "search": {}}
+    )
     place = StudyFolder(tmp_path / "study", study)
     proof = place.run(workers=1, progress=False)
     costs = np.array([cost for _, cost in place.trials])
-    beaten = [any((other <= cost).all() and (other < cost).any() for other in costs) for cost in costs]
+    beaten = [
+        any((other <= cost).all() and (other < cost).any() for other in costs) for cost in costs
+    ]
     assert place.front() == [number for number, lost in enumerate(beaten) if not lost]
     assert any(place.best[0] == place.trials[number][0] for number in place.front())
     assert {"cost_1", "cost_2"} <= set(proof[0])
     with (tmp_path / "study/front.csv").open() as file:
         assert [int(row["trial"]) - 1 for row in csv.DictReader(file)] == place.front()
-    assert [cost.tolist() for _, cost in StudyFolder.there(tmp_path / "study").trials] == costs.tolist()
+    assert [
+        cost.tolist() for _, cost in StudyFolder.there(tmp_path / "study").trials
+    ] == costs.tolist()
 
 
 def test_gaussian_processes_need_torch(monkeypatch):
@@ -314,8 +385,18 @@ def test_the_command_goes_on_after_kill_9_and_compares_methods(tmp_path, capsys)
     """No trial is lost or counted twice."""
     (tmp_path / "gains.yaml").write_text(yaml.safe_dump({**PENDULUM, "trials": 8, "search": {}}))
     methods = ["--method", "nelder_mead", "--method", "genetic"]
-    command = ["tune", str(tmp_path / "gains.yaml"), *methods, "--out", str(tmp_path / "out"), "--workers", "1"]
-    going = subprocess.Popen([sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True)
+    command = [
+        "tune",
+        str(tmp_path / "gains.yaml"),
+        *methods,
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+    ]
+    going = subprocess.Popen(
+        [sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True
+    )
     journal = tmp_path / "out/nelder_mead/rows.jsonl"
     while not journal.is_file() or journal.read_text().count("\n") < 2:
         assert going.poll() is None
@@ -350,4 +431,7 @@ def test_check_says_that_a_study_is_no_station(tmp_path, capsys):
     assert f"{file}: is no station but a study: simrob tune {file}" in capsys.readouterr().err
     (tmp_path / "sweep.yaml").write_text("station: irb120_dynamic")
     assert run_command(["run", str(tmp_path)]) == 2
-    assert f"is no station but the folder of a sweep: simrob sweep {tmp_path}" in capsys.readouterr().err
+    assert (
+        f"is no station but the folder of a sweep: simrob sweep {tmp_path}"
+        in capsys.readouterr().err
+    )

@@ -43,13 +43,21 @@ def test_every_combination_is_run_with_every_seed():
     assert [case.number for case in cases] == [1, 2, 3, 4, 5, 6]
     assert [case.shown["servo.kp"] for case in cases] == [50, 50, 50, 100, 100, 100]
     assert [case.seed for case in cases] == [0, 1, 2, 0, 1, 2]
-    assert [case.shown["servo.kd"] for case in cases[:3]] == [case.shown["servo.kd"] for case in cases[3:]]
-    seeds = [tuple(sensor.seed for sensor in case.scene().config.sensors.values()) for case in cases[:3]]
+    assert [case.shown["servo.kd"] for case in cases[:3]] == [
+        case.shown["servo.kd"] for case in cases[3:]
+    ]
+    seeds = [
+        tuple(sensor.seed for sensor in case.scene().config.sensors.values()) for case in cases[:3]
+    ]
     assert seeds == [(0, 1000, 7), (1, 1001, 7), (2, 1002, 7)]
 
 
 def test_all_keys_may_be_drawn_at_once():
-    asked = {"servo.kp": "loguniform:20:200", "servo.kd": {"low": 1, "high": 2}, "solver.scheme": "cenic,radau3"}
+    asked = {
+        "servo.kp": "loguniform:20:200",
+        "servo.kd": {"low": 1, "high": 2},
+        "solver.scheme": "cenic,radau3",
+    }
     cases = Sweep(station="double_pendulum", vary=asked, sampling="latin", count=8).cases()
     assert len(cases) == 8
     assert sorted(round(8 * (case.shown["servo.kd"] - 1) - 0.5) for case in cases) == list(range(8))
@@ -63,7 +71,10 @@ def test_all_keys_may_be_drawn_at_once():
     ("changed", "told"),
     [
         ({"count": 3}, "--count: it belongs to --sampling, which is not given; leave it out"),
-        ({"sampling": "grid", "vary": {"servo.kp": "uniform:1:2"}, "count": 9999, "seeds": 11}, "at most 100000"),
+        (
+            {"sampling": "grid", "vary": {"servo.kp": "uniform:1:2"}, "count": 9999, "seeds": 11},
+            "at most 100000",
+        ),
         ({"vary": {"servo.kpp": "1,2"}}, "--vary servo.kpp: unknown key; did you mean 'kp'"),
         ({"vary": {"servo.kp": "-1,2"}}, "--vary servo.kp"),
         ({"vary": {"duration": "1,2"}}, "--vary duration: --set gives this key already"),
@@ -78,7 +89,9 @@ def test_what_cannot_be_is_told_before_any_run(changed, told):
         Sweep(**{**PENDULUM.model_dump(), **changed}).cases()
 
 
-@pytest.mark.parametrize("changed", [{"seeds": 0}, {"seeds": 1001}, {"sede": 1}, {"vary": {"servo.kp": 3}}])
+@pytest.mark.parametrize(
+    "changed", [{"seeds": 0}, {"seeds": 1001}, {"sede": 1}, {"vary": {"servo.kp": 3}}]
+)
 def test_a_sweep_of_other_content_is_none(changed):
     with pytest.raises(InvalidConfig):
         Sweep(**{**PENDULUM.model_dump(), **changed})
@@ -88,13 +101,21 @@ def test_measures_are_those_of_the_signals():
     """What has no way to go cannot overshoot; what diverged has no figures."""
     run = simulate(load_station("irb120_dynamic"))
     found = measures(run)
-    joints = [(run[f"q_ref.{axis}"], run[f"q.{axis}"]) for axis in map("joint_{}".format, range(1, 7))]
+    joints = [
+        (run[f"q_ref.{axis}"], run[f"q.{axis}"]) for axis in map("joint_{}".format, range(1, 7))
+    ]
     errors = [reference - position for reference, position in joints]
-    assert found["tracking_error"] == pytest.approx(np.linalg.norm(errors) / np.sqrt(np.size(errors)))
+    assert found["tracking_error"] == pytest.approx(
+        np.linalg.norm(errors) / np.sqrt(np.size(errors))
+    )
     assert found["final_error"] == pytest.approx(max(abs(error[-1]) for error in errors))
-    assert found["overshoot"] == pytest.approx(max(max(q - r.max()) / (r.max() - r.min()) for r, q in joints))
+    assert found["overshoot"] == pytest.approx(
+        max(max(q - r.max()) / (r.max() - r.min()) for r, q in joints)
+    )
     assert found["overshoot"] > 0.01
-    still = simulate(load_station("double_pendulum", {"duration": 0.1, "reference": {"kind": "hold"}}))
+    still = simulate(
+        load_station("double_pendulum", {"duration": 0.1, "reference": {"kind": "hold"}})
+    )
     assert measures(still)["overshoot"] is None
     diverged = simulate(load_station("irb120_dynamic", {**WILD, "solver.scheme": "explicit_euler"}))
     assert diverged.ending == "diverged"
@@ -114,16 +135,27 @@ class TestFolder:
         assert float(table[1]["tracking_error"]) == alone["tracking_error"]
         columns = parquet.read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
         assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
-        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
+        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {
+            "over_servo.kp.png",
+            "spread.png",
+        }
 
     @pytest.mark.long
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
         """Lines that are whole count, half a line does not; nothing is made twice."""
         whole = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
         first = {**whole[0], "message": "kept"}
-        line = {"number": 1, "rows": [{key: value for key, value in first.items() if key != "number"}]}
-        (tmp_path / "sweep/rows.jsonl").write_bytes(f'{json.dumps(line)}\n{{"number": 2, "ser'.encode() + b"\xc3")
-        assert SweepFolder.there(tmp_path / "sweep").run(workers=1, progress=False) == [first, whole[1]]
+        line = {
+            "number": 1,
+            "rows": [{key: value for key, value in first.items() if key != "number"}],
+        }
+        (tmp_path / "sweep/rows.jsonl").write_bytes(
+            f'{json.dumps(line)}\n{{"number": 2, "ser'.encode() + b"\xc3"
+        )
+        assert SweepFolder.there(tmp_path / "sweep").run(workers=1, progress=False) == [
+            first,
+            whole[1],
+        ]
 
     def test_another_sweep_is_refused_and_so_is_a_station_that_has_changed(self, tmp_path):
         station = tmp_path / "own.yaml"
@@ -138,8 +170,15 @@ class TestFolder:
 
     @pytest.mark.long
     def test_a_run_that_cannot_be_or_diverges_is_a_row(self, tmp_path):
-        sweep = Sweep(station="irb120_dynamic", vary={"solver.scheme": "cenic,nope,explicit_euler"}, overrides=WILD)
-        ends = [row["ended"] for row in SweepFolder(tmp_path / "sweep", sweep).run(workers=1, progress=False)]
+        sweep = Sweep(
+            station="irb120_dynamic",
+            vary={"solver.scheme": "cenic,nope,explicit_euler"},
+            overrides=WILD,
+        )
+        ends = [
+            row["ended"]
+            for row in SweepFolder(tmp_path / "sweep", sweep).run(workers=1, progress=False)
+        ]
         assert ends == ["completed", "refused", "diverged"]
 
 
@@ -169,7 +208,9 @@ def test_the_command_goes_on_after_kill_9(tmp_path):
     settings = [f"--set={key}={value}" for key, value in SHORT.items()]
     vary = ["--vary", "servo.kp=lin:10:100:12"]
     command = ["sweep", "double_pendulum", *vary, *settings, "--out", str(folder), "--workers", "1"]
-    going = subprocess.Popen([sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True)
+    going = subprocess.Popen(
+        [sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True
+    )
     while not (folder / "rows.jsonl").is_file() or not (folder / "rows.jsonl").read_text():
         assert going.poll() is None
         time.sleep(0.01)
@@ -238,11 +279,22 @@ class TestCluster:
     @pytest.mark.long
     def test_its_rows_are_those_of_this_machine(self, scheduler, tmp_path):
         here = SweepFolder(tmp_path / "here", PENDULUM).run(workers=1, progress=False)
-        assert SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False) == here
+        assert (
+            SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False)
+            == here
+        )
 
     def test_a_task_that_killed_several_workers_takes_itself_alone(self, threads):
         """Dask tells so by what it raises for it."""
-        assert made_by(Cluster(threads), [(number,) for number in range(7)], killing) == [-3, 0, 1, 2, 4, 5, 6]
+        assert made_by(Cluster(threads), [(number,) for number in range(7)], killing) == [
+            -3,
+            0,
+            1,
+            2,
+            4,
+            5,
+            6,
+        ]
 
     @pytest.mark.long
     def test_a_worker_that_dies_takes_its_own_task_alone(self, scheduler, tmp_path):
@@ -258,7 +310,8 @@ class TestCluster:
             address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
         python = [sys.executable, "-m"]
         short_lived = subprocess.Popen(
-            [*python, "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address], stderr=subprocess.DEVNULL
+            [*python, "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address],
+            stderr=subprocess.DEVNULL,
         )
         worker = [*python, "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
         working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
@@ -269,7 +322,9 @@ class TestCluster:
         try:
             while True:
                 going = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-                while going.poll() is None and not (journal.exists() and b"\n" in journal.read_bytes()):
+                while going.poll() is None and not (
+                    journal.exists() and b"\n" in journal.read_bytes()
+                ):
                     time.sleep(0.01)
                 if going.poll() is None:
                     break
@@ -286,25 +341,33 @@ class TestCluster:
         place.run(scheduler=scheduler, progress=False)
         whole = SweepFolder(tmp_path / "whole", sweep)
         whole.run(workers=1, progress=False)
-        assert sorted(journal.read_bytes().splitlines()) == sorted((whole.folder / ROWS).read_bytes().splitlines())
+        assert sorted(journal.read_bytes().splitlines()) == sorted(
+            (whole.folder / ROWS).read_bytes().splitlines()
+        )
 
     @pytest.mark.parametrize(
         ("who", "package", "version", "told"),
-        [("scheduler", "drake", "0.1", "drake 0.1"), ("worker", "simrob-drake", None, "simrob-drake not at all")],
+        [
+            ("scheduler", "drake", "0.1", "drake 0.1"),
+            ("worker", "simrob-drake", None, "simrob-drake not at all"),
+        ],
     )
-    def test_another_version_anywhere_is_refused_in_one_line(self, threads, who, package, version, told, monkeypatch):
+    def test_another_version_anywhere_is_refused_in_one_line(
+        self, threads, who, package, version, told, monkeypatch
+    ):
         asked = Client.get_versions
 
         def versions(client, **more):
             found = asked(client, **more)
-            (found["scheduler"] if who == "scheduler" else [*found["workers"].values()][1])["packages"][package] = (
-                version
-            )
+            (found["scheduler"] if who == "scheduler" else [*found["workers"].values()][1])[
+                "packages"
+            ][package] = version
             return found
 
         monkeypatch.setattr(Client, "get_versions", versions)
         with pytest.raises(
-            SimrobError, match=rf"the {who} .*has {told}; it must have {package} \d+\.\d+\S+, as this"
+            SimrobError,
+            match=rf"the {who} .*has {told}; it must have {package} \d+\.\d+\S+, as this",
         ) as no:
             Cluster(threads)
         assert "\n" not in str(no.value)

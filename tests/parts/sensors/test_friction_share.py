@@ -31,7 +31,9 @@ class SlidingSledge:
         builder = DiagramBuilder()
         self.multibody, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         self.multibody.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -GRAVITY])
-        sledge = self.multibody.AddRigidBody("sledge", SpatialInertia.SolidBoxWithMass(MASS, 0.4, 0.4, 0.4))
+        sledge = self.multibody.AddRigidBody(
+            "sledge", SpatialInertia.SolidBoxWithMass(MASS, 0.4, 0.4, 0.4)
+        )
         material = CoulombFriction(FRICTION, FRICTION)
         pads = {"left": [0.0, 0.1, -0.2], "right": [0.0, -0.1, -0.2]}
         self.shapes = {
@@ -41,7 +43,9 @@ class SlidingSledge:
             for name, place in pads.items()
         }
         world = self.multibody.world_body()
-        floor = self.multibody.RegisterCollisionGeometry(world, RigidTransform(), HalfSpace(), "floor", material)
+        floor = self.multibody.RegisterCollisionGeometry(
+            world, RigidTransform(), HalfSpace(), "floor", material
+        )
         self.multibody.Finalize()
 
         self.plant = SimpleNamespace(plant=self.multibody, scene_graph=scene_graph)
@@ -86,7 +90,9 @@ def test_each_pad_gets_the_friction_in_proportion_to_its_load(left_share):
 
     friction = -FRICTION * WEIGHT
     assert left == pytest.approx([left_share * friction, 0.0, left_share * WEIGHT], abs=1e-9)
-    assert right == pytest.approx([(1 - left_share) * friction, 0.0, (1 - left_share) * WEIGHT], abs=1e-9)
+    assert right == pytest.approx(
+        [(1 - left_share) * friction, 0.0, (1 - left_share) * WEIGHT], abs=1e-9
+    )
 
 
 def test_the_shares_of_all_pads_add_up_to_the_friction_of_the_model():

@@ -8,20 +8,42 @@ from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stacked
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.climb_footholds import BallFootholds, SoleMargins, is_at_goal, profile_ahead
+from simrob_drake.programs.gaits.climb_footholds import (
+    BallFootholds,
+    SoleMargins,
+    is_at_goal,
+    profile_ahead,
+)
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_gait import planned_gait
 
 SOLE = SoleMargins(half=0.07, margin=0.02, overhang=0.03)
-SOLES = {"controllers": {}, "robot.feet": "soles", "contact.model": "hydroelastic_with_fallback", "floor.size": 8}
-STAIRS = {"kind": "stairs", "height": 0.025, "size": 0.25, "length": 0.25, "start": 0.12, "heading_deg": 90}
+SOLES = {
+    "controllers": {},
+    "robot.feet": "soles",
+    "contact.model": "hydroelastic_with_fallback",
+    "floor.size": 8,
+}
+STAIRS = {
+    "kind": "stairs",
+    "height": 0.025,
+    "size": 0.25,
+    "length": 0.25,
+    "start": 0.12,
+    "heading_deg": 90,
+}
 
 
 def way(*edges, distance=2.0):
     """Return a way with the heights behind places along it, ``(place, height)``, on both sides of it."""
-    places, heights = np.array([place for place, _ in edges]), np.array([0.0, *(height for _, height in edges)])
+    places, heights = (
+        np.array([place for place, _ in edges]),
+        np.array([0.0, *(height for _, height in edges)]),
+    )
     return profile_ahead(
-        lambda at: heights[np.searchsorted(places, at[:, 0], side="right")], distance, np.array([-0.1, 0.1])
+        lambda at: heights[np.searchsorted(places, at[:, 0], side="right")],
+        distance,
+        np.array([-0.1, 0.1]),
     )
 
 
@@ -41,7 +63,9 @@ def places(found):
 def test_treads_are_the_level_stretches():
     found = way((0.2, 0.03), (0.5, 0.0)).treads
     assert [round(each.height, 3) for each in found] == [0.0, 0.03, 0.0]
-    np.testing.assert_allclose([(each.begin, each.end) for each in found[:2]], [(-0.3, 0.2), (0.2, 0.5)], atol=0.003)
+    np.testing.assert_allclose(
+        [(each.begin, each.end) for each in found[:2]], [(-0.3, 0.2), (0.2, 0.5)], atol=0.003
+    )
     inclined = profile_ahead(lambda at: 0.1 * at[:, 0], 1.0, np.array([-0.1, 0.1]))
     assert inclined.next_stride(0.0, SOLE, 0.1, 1.0) is None
     across = profile_ahead(lambda at: 0.1 * at[:, 1], 1.0, np.array([-0.1, 0.1]))
@@ -74,13 +98,17 @@ def test_gaps_and_thresholds_are_stepped_over():
     over = next(each for each in bar if each.position > 0.2)
     assert over.over == pytest.approx(0.04)
     assert over.position - SOLE.half == pytest.approx(0.25 + SOLE.margin, abs=0.004)
-    assert all(each.position + SOLE.half < 0.2 - SOLE.margin + 0.004 for each in bar if each.position < 0.2)
+    assert all(
+        each.position + SOLE.half < 0.2 - SOLE.margin + 0.004 for each in bar if each.position < 0.2
+    )
 
 
 def test_what_is_too_short_for_a_sole_is_no_foothold():
     narrow = way((0.2, 0.03), (0.28, 0.06), distance=1.0)
     assert 0.03 not in [round(each.height, 2) for each in strides(narrow, distance=1.0)]
-    pits = way(*[(0.2 + 0.05 * number, -0.05 * (number % 2 == 0)) for number in range(40)], distance=1.0)
+    pits = way(
+        *[(0.2 + 0.05 * number, -0.05 * (number % 2 == 0)) for number in range(40)], distance=1.0
+    )
     assert places(strides(pits, distance=1.0))[-1] < 0.25
     assert not is_at_goal(0.2, 1.0)
 
@@ -117,7 +145,9 @@ def test_soles_clear_the_edge_and_the_weight_is_over_the_one_that_stands(rise):
         for end in (-half, half):
             ground = rise * (middle[:, 0] + end > edge)
             stands = abs(sole - rise) < 1e-6 if end < 0 else abs(sole) < 1e-6
-            assert ((sole > ground - 1e-6) | (stands & (abs(middle[:, 0] + end - edge) < 0.036))).all()
+            assert (
+                (sole > ground - 1e-6) | (stands & (abs(middle[:, 0] + end - edge) < 0.036))
+            ).all()
         swings = sole > max(rise, 0.0) + 0.02
         assert swings.any()
         standing = poses[other][swings, :3, 3] - origin
@@ -135,8 +165,13 @@ def test_soles_clear_the_edge_and_the_weight_is_over_the_one_that_stands(rise):
 def test_four_feet_roll_on_their_heights_with_the_weight_between_the_three_that_stand():
     walker, rises = Walker.of("yobotics"), {"front_left_foot": 0.04, "front_right_foot": 0.04}
     feet = {foot.name: foot for foot in walker.feet(None)}
-    start = {name: (foot.home[0], foot.home[1], 0.04 * name.startswith("front"), 0.0) for name, foot in feet.items()}
-    goals = {name: (x + 0.12, y, z + rises.get(name, 0.04), 0.0) for name, (x, y, z, _) in start.items()}
+    start = {
+        name: (foot.home[0], foot.home[1], 0.04 * name.startswith("front"), 0.0)
+        for name, foot in feet.items()
+    }
+    goals = {
+        name: (x + 0.12, y, z + rises.get(name, 0.04), 0.0) for name, (x, y, z, _) in start.items()
+    }
     motion = Climb.plan_by_name("yobotics", 0, "climb", start=start, goals=goals, over=0.08)
     poses, _ = soles_of(motion, walker, None)
     step, points = (
@@ -153,9 +188,17 @@ def test_four_feet_roll_on_their_heights_with_the_weight_between_the_three_that_
         assert height.max() == pytest.approx(0.08 + Climb.of(walker, "climb", {}).lift, abs=1e-3)
         # while it stands, the point that touches is at rest: v + ω × (-r e_z) = 0
         turned = pose[1:, :3, :3] @ pose[:-1, :3, :3].transpose(0, 2, 1)
-        spin = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1) / (2 * step)
-        touching = np.diff(pose[:, :2, 3], axis=0) / step - feet[name].over * np.column_stack([spin[:, 1], -spin[:, 0]])
-        up = (height > min(low, high) + 1e-9) & (abs(height - high) > 1e-9) & (abs(height - low) > 1e-9)
+        spin = np.stack(
+            [turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1
+        ) / (2 * step)
+        touching = np.diff(pose[:, :2, 3], axis=0) / step - feet[name].over * np.column_stack(
+            [spin[:, 1], -spin[:, 0]]
+        )
+        up = (
+            (height > min(low, high) + 1e-9)
+            & (abs(height - high) > 1e-9)
+            & (abs(height - low) > 1e-9)
+        )
         stands = ~up[1:] & ~up[:-1] & ~np.roll(up[1:], 2) & ~np.roll(up[1:], -2)
         assert np.linalg.norm(touching[stands], axis=1).max() < 0.01
         others = np.array([poses[each][:, :2, 3] for each in poses if each != name])[:, up]
@@ -191,7 +234,9 @@ def test_each_of_four_feet_finds_even_ground_near_its_place():
     found = all_of(footholds, places)
     for stride in found:
         for name, goal in stride.goals.items():
-            corners = goal[:2] + np.array([[x, y] for x in (-0.014, 0.014) for y in (-0.014, 0.014)])
+            corners = goal[:2] + np.array(
+                [[x, y] for x in (-0.014, 0.014) for y in (-0.014, 0.014)]
+            )
             assert (pits(corners) == 0.0).all(), name
             assert np.hypot(*(goal - places[name])[:2]) < 0.12 + 2 * 0.06
         assert set(stride.heights.values()) == {0.0}
@@ -205,19 +250,24 @@ def test_each_of_four_feet_finds_even_ground_near_its_place():
     for name, goal in stride.goals.items():
         assert goal - places[name] == pytest.approx([0.12, 0, 0], abs=1e-9)
     for aside, left in ((0.015, 0.0), (-0.05, -0.03)):
-        stride = level.next({name: place + np.array([0, aside, 0]) for name, place in places.items()})
+        stride = level.next(
+            {name: place + np.array([0, aside, 0]) for name, place in places.items()}
+        )
         assert np.mean([goal[1] for goal in stride.goals.values()]) == pytest.approx(left)
     with pytest.raises(SimrobError, match="no even place for"):
         all_of(four_feet(lambda at: 0.7 * np.clip(at[:, 0] - 0.5, 0.0, 0.5))[0], places)
     # pits as far apart as the feet: with short strides all come back to where they were
     apart = places["front_left_foot"][0] - places["rear_left_foot"][0]
     ditches = four_feet(
-        lambda at: np.where(((at[:, 0] - 0.25) % apart < 0.06) & (at[:, 0] > -0.15), -0.1, 0.0), stride=0.05
+        lambda at: np.where(((at[:, 0] - 0.25) % apart < 0.06) & (at[:, 0] > -0.15), -0.1, 0.0),
+        stride=0.05,
     )
     with pytest.raises(SimrobError, match="no even places for the feet farther ahead"):
         all_of(ditches[0], places)
     wall = four_feet(lambda at: np.where(at[:, 0] > 0.5, 0.1, 0.0))[0]
-    with pytest.raises(SimrobError, match=r"no even place for front_\w+_foot within 0.085 m of height"):
+    with pytest.raises(
+        SimrobError, match=r"no even place for front_\w+_foot within 0.085 m of height"
+    ):
         all_of(wall, places)
     over = four_feet(lambda at: 0.03 * ((at[:, 0] > 0.24) & (at[:, 0] < 0.26)))
     assert over[0].next(over[1]).over == 0.03
@@ -225,8 +275,18 @@ def test_each_of_four_feet_finds_even_ground_near_its_place():
 
 @pytest.mark.long
 def test_a_robot_on_four_legs_crosses_gaps():
-    gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "gap": 0.06, "length": 0.6, "start": 0.3, "seed": 4}
-    robot = LeggedRobot(load_station("yobotics_walking", {"controllers": {}, "floor.terrain": gaps}))
+    gaps = {
+        "kind": "gaps",
+        "height": 0.1,
+        "size": 0.25,
+        "gap": 0.06,
+        "length": 0.6,
+        "start": 0.3,
+        "seed": 4,
+    }
+    robot = LeggedRobot(
+        load_station("yobotics_walking", {"controllers": {}, "floor.terrain": gaps})
+    )
     result = robot.do({"climb": {"distance": 0.7}})
     assert result.ending == "completed"
     assert robot.base_pose.translation() == pytest.approx([0.7, 0.0, 0.3], abs=0.02)
@@ -246,7 +306,10 @@ def test_a_robot_climbs_a_step_and_comes_down_again():
 @pytest.mark.long
 def test_hips_come_down_where_a_stride_is_long():
     robot = LeggedRobot(load_station("zjudancer_walking", SOLES))
-    heights = [planned_gait(robot, "climb", {"stride": way}, bends=True).root[0, 2, 3] for way in (0.15, 0.16)]
+    heights = [
+        planned_gait(robot, "climb", {"stride": way}, bends=True).root[0, 2, 3]
+        for way in (0.15, 0.16)
+    ]
     assert heights == pytest.approx([0.48, 0.48 * 0.97])
     with pytest.raises(SimrobError, match=r"left_foot is out of reach by 3\.\d+ mm"):
         planned_gait(robot, "climb", {"stride": 0.16})
@@ -258,15 +321,22 @@ def test_hips_come_down_where_a_stride_is_long():
 @pytest.mark.parametrize("move", [{"act": "climb"}, {"climb": {"distance": 0.06}}], ids=str)
 def test_a_climb_on_spheres_is_refused_as_an_act_and_as_a_move(move):
     robot = LeggedRobot(load_station("zjudancer_dynamic"))
-    with pytest.raises(SimrobError, match=r"it must be soles with edges \(boxes\), .*: --set robot\.feet=soles$"):
+    with pytest.raises(
+        SimrobError, match=r"it must be soles with edges \(boxes\), .*: --set robot\.feet=soles$"
+    ):
         robot.do(move)
     assert robot.runs == []
 
 
 def test_the_feet_of_a_climber_among_others_are_chosen_in_its_own_section(tmp_path):
-    both = {name: {"model": "zjudancer", "base": [x, 0, 0.538, 0, 0, 0]} for name, x in (("a", 0.0), ("b", 1.0))}
+    both = {
+        name: {"model": "zjudancer", "base": [x, 0, 0.538, 0, 0, 0]}
+        for name, x in (("a", 0.0), ("b", 1.0))
+    }
     file = tmp_path / "two.yaml"
-    file.write_text(yaml.safe_dump({"robots": both, "floor": {"size": 3}, "contact": {"model": "point"}}))
+    file.write_text(
+        yaml.safe_dump({"robots": both, "floor": {"size": 3}, "contact": {"model": "point"}})
+    )
     with pytest.raises(SimrobError, match=r": --set robots\.b\.feet=soles$"):
         planned_gait(LeggedRobot(load_station(file), "b"), "climb", {})
 
@@ -274,21 +344,31 @@ def test_the_feet_of_a_climber_among_others_are_chosen_in_its_own_section(tmp_pa
 @pytest.mark.parametrize(
     ("changes", "move", "message"),
     [
-        ({"robot.feet": "spheres"}, {}, "feet of zjudancer is spheres; it must be soles with edges"),
+        (
+            {"robot.feet": "spheres"},
+            {},
+            "feet of zjudancer is spheres; it must be soles with edges",
+        ),
         ({"floor.terrain": {**STAIRS, "height": 0.08}}, {}, r"the move: 0\.\d\d m ahead: .*"),
         (
             {"floor.terrain": {**STAIRS, "size": 0.1, "length": 1.0}},
             {"distance": 1.2},
             r"distance is 1\.2 m; .*0\.147 m",
         ),
-        ({"floor.terrain": None, "floor.incline_deg": 5}, {}, "the ground beyond has no level place"),
+        (
+            {"floor.terrain": None, "floor.incline_deg": 5},
+            {},
+            "the ground beyond has no level place",
+        ),
         ({}, {"distance": 101}, "at most 100 m"),
         ({}, {"margins": 0.1}, "'margins'; did you mean 'margin'"),
         ({}, {"gait": "clim"}, "act of zjudancer 'clim'"),
     ],
 )
 def test_what_cannot_be_climbed_is_told_before_anything_moves(changes, move, message):
-    robot = LeggedRobot(load_station("zjudancer_walking", {**SOLES, "floor.terrain": STAIRS, **changes}))
+    robot = LeggedRobot(
+        load_station("zjudancer_walking", {**SOLES, "floor.terrain": STAIRS, **changes})
+    )
     with pytest.raises(SimrobError, match=message):
         robot.do({"climb": {"distance": 0.55, **move}})
     assert robot.cell.timeline.now == 0.0

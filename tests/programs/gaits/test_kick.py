@@ -25,15 +25,21 @@ def ball(ahead, left, **others):
     return {"model": "tennis_ball", "free": True, "pose": pose, "contact": SURFACE, **others}
 
 
-@pytest.mark.parametrize(("name", "speed", "ahead"), [("zjudancer", 0.7, 0.15), ("roid1", 0.4, 0.09)])
+@pytest.mark.parametrize(
+    ("name", "speed", "ahead"), [("zjudancer", 0.7, 0.15), ("roid1", 0.4, 0.09)]
+)
 def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ahead):
     walker, turn = Walker.of(name), np.deg2rad(10.0)
     feet = {foot.name: foot for foot in walker.feet()}
     left = feet["left_foot"].home[1]
-    motion = Kick.plan_by_name(name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0)
+    motion = Kick.plan_by_name(
+        name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0
+    )
     facing = facing_rotation(walker.gaits.facing_deg)
     roots = stacked(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
-    kicking, standing = (feet[side].poses(motion.positions, roots) for side in ("left_foot", "right_foot"))
+    kicking, standing = (
+        feet[side].poses(motion.positions, roots) for side in ("left_foot", "right_foot")
+    )
     origin = standing[0, :2, 3] - [0.0, feet["right_foot"].home[1]]
     toward = np.array([np.cos(turn), np.sin(turn)])
     tip = kicking[:, :2, 3] + feet["left_foot"].half[0] * toward - origin
@@ -66,7 +72,10 @@ def test_a_ball_flies_as_it_is_hit_and_rolls_as_a_hollow_one_does():
     flown = place[-1] - place[0]
     assert np.linalg.norm(flown) > 0.3
     assert abs(np.arctan2(flown[0] * way[1] - flown[1] * way[0], flown @ way)) < np.deg2rad(2.0)
-    speed, spin = motion[:, :2] @ way, np.cross([0.0, 0.0, 1.0], np.append(way, 0.0)) @ motion[:, 3:].T
+    speed, spin = (
+        motion[:, :2] @ way,
+        np.cross([0.0, 0.0, 1.0], np.append(way, 0.0)) @ motion[:, 3:].T,
+    )
     kept = speed[fastest + 8 :] + HOLLOW * RADIUS * spin[fastest + 8 :]
     np.testing.assert_allclose(kept, kept[-1], rtol=0.05)
     assert speed[-1] == pytest.approx(RADIUS * spin[-1], rel=0.03)  # it rolls
@@ -76,9 +85,17 @@ def test_a_ball_flies_as_it_is_hit_and_rolls_as_a_hollow_one_does():
 @pytest.mark.parametrize(
     ("move", "changes", "message"),
     [
-        ({"ball": "ball", "speed": 1.5}, {}, r"speed of the kick is 1\.5 m/s.*would turn at .* can at 5\.76"),
+        (
+            {"ball": "ball", "speed": 1.5},
+            {},
+            r"speed of the kick is 1\.5 m/s.*would turn at .* can at 5\.76",
+        ),
         ({"ball": "bal"}, {}, "piece 'bal'; did you mean 'ball'"),
-        ({"ball": "box"}, {"pieces.box": {"model": "cube", "free": True, "pose": [1, 1, 0.1, 0, 0, 0]}}, "a sphere"),
+        (
+            {"ball": "box"},
+            {"pieces.box": {"model": "cube", "free": True, "pose": [1, 1, 0.1, 0, 0, 0]}},
+            "a sphere",
+        ),
         ({"gait": "punt"}, {}, "act of zjudancer 'punt'"),
         ({"foot": "third_foot"}, {}, "'third_foot'"),
     ],
@@ -116,7 +133,9 @@ def test_legs_that_do_not_turn_kick_ahead_alone():
     motion = kick.plan(walker)
     foot = {foot.name: foot for foot in walker.feet()}["right_foot"]
     assert np.ptp(motion.positions[:, list(foot.axes)], axis=0).max() > 0.2
-    with pytest.raises(InvalidParameter, match=r"toward_deg is 5\.0; it must be 0, since the legs of humanoid"):
+    with pytest.raises(
+        InvalidParameter, match=r"toward_deg is 5\.0; it must be 0, since the legs of humanoid"
+    ):
         kick.with_changes({"toward_deg": 5}, 1.0, "kick").plan(walker)
 
 

@@ -18,14 +18,25 @@ COUNT = 50
 def test_legs_there_and_back(name):
     skeleton, facing = skeleton_of(name), load_gaits(name).facing_deg
     rng = np.random.default_rng(3)
-    root = stacked(rng.uniform(-0.1, 0.1, (COUNT, 3)), np.tile(facing_rotation(facing), (COUNT, 1, 1)))
-    bent = np.array([40.0 if "knee" in axis else -20.0 if "hip_pitch" in axis else 0.0 for axis in skeleton.model.axes])
+    root = stacked(
+        rng.uniform(-0.1, 0.1, (COUNT, 3)), np.tile(facing_rotation(facing), (COUNT, 1, 1))
+    )
+    bent = np.array(
+        [
+            40.0 if "knee" in axis else -20.0 if "hip_pitch" in axis else 0.0
+            for axis in skeleton.model.axes
+        ]
+    )
     for foot in feet_of(skeleton, facing):
         angles = np.deg2rad(bent + rng.uniform(-15, 15, (COUNT, len(bent))))
         wanted = foot.poses(angles, root)
-        found = leg_angles(skeleton.model, foot, wanted, root, np.tile(np.deg2rad(bent), (COUNT, 1)))
+        found = leg_angles(
+            skeleton.model, foot, wanted, root, np.tile(np.deg2rad(bent), (COUNT, 1))
+        )
         asked = [row for row in ROWS[len(foot.axes)] if row < 3]
-        np.testing.assert_allclose(foot.poses(found, root)[:, asked, 3], wanted[:, asked, 3], atol=1e-8)
+        np.testing.assert_allclose(
+            foot.poses(found, root)[:, asked, 3], wanted[:, asked, 3], atol=1e-8
+        )
         if len(foot.axes) == 6:  # nothing is free: the angles themselves come back
             np.testing.assert_allclose(found[:, foot.axes], angles[:, foot.axes], atol=1e-4)
 

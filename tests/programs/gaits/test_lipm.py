@@ -22,7 +22,11 @@ def test_it_answers_a_step_before_and_after_as_the_closed_form():
     """For p = 0 before t0 and 1 after it the bounded solution is exp(w (t - t0)) / 2, and 1 - exp(-w (t - t0)) / 2."""
     since = TIMES - 4.0
     com = com_from_zmp((since >= 0).astype(float)[:, np.newaxis], step=STEP, height=HEIGHT)[:, 0]
-    exact = np.where(since < 0, np.exp(RATE * np.minimum(since, 0)) / 2, 1 - np.exp(-RATE * np.maximum(since, 0)) / 2)
+    exact = np.where(
+        since < 0,
+        np.exp(RATE * np.minimum(since, 0)) / 2,
+        1 - np.exp(-RATE * np.maximum(since, 0)) / 2,
+    )
     np.testing.assert_allclose(com, exact, atol=RATE * STEP)  # the jump lies between two samples
 
 
@@ -34,7 +38,9 @@ def test_a_sine_comes_back_smaller_by_the_pendulum():
     np.testing.assert_allclose(com[middle], wanted[middle] / (1 + 25 / RATE**2), atol=2e-5)
 
 
-@pytest.mark.parametrize("wrong", [{"height": 0.0}, {"height": np.nan}, {"step": -1.0}, {"gravity": 0.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"height": 0.0}, {"height": np.nan}, {"step": -1.0}, {"gravity": 0.0}]
+)
 def test_figures_must_be_positive(wrong):
     with pytest.raises(InvalidParameter, match=next(iter(wrong))):
         com_from_zmp(np.zeros((5, 1)), **{"step": 0.01, "height": 0.2, **wrong})

@@ -15,9 +15,22 @@ from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, gait_plan
-from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, nearest_inside, three_legs, trot
+from simrob_drake.programs.gaits.quadruped import (
+    CRAWL_ORDER,
+    crawl,
+    nearest_inside,
+    three_legs,
+    trot,
+)
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.programs.gaits.walker import Foot, Walker, facing_rotation, feet_of, rolled_distances, rotations_about
+from simrob_drake.programs.gaits.walker import (
+    Foot,
+    Walker,
+    facing_rotation,
+    feet_of,
+    rolled_distances,
+    rotations_about,
+)
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.clearance import standing
 from simrob_drake.stations.plant import add_plant
@@ -74,7 +87,9 @@ def standing_corners(plan, row):
     for foot in plan.feet:
         position = plan.positions[foot.name][row]
         if position[2] < ON_FLOOR:
-            corners += [position[:2] + foot.half * sign for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            corners += [
+                position[:2] + foot.half * sign for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))
+            ]
     return np.array(corners)
 
 
@@ -91,7 +106,9 @@ def test_soles_stay_flat_and_rest_while_they_stand(robot, name):
         rotations = plan.rotations[foot.name]
         is_standing = positions[:, 2] < ON_FLOOR
         stays_down = is_standing[1:] & is_standing[:-1]
-        np.testing.assert_allclose(rotations, np.broadcast_to(np.eye(3), rotations.shape), atol=1e-4)
+        np.testing.assert_allclose(
+            rotations, np.broadcast_to(np.eye(3), rotations.shape), atol=1e-4
+        )
         assert positions[:, 2].min() > -1e-5
         assert positions[:, 2].max() == pytest.approx(lift, abs=1e-3)
         assert np.abs(np.diff(positions[:, 0])[stays_down]).max() < 1e-5
@@ -106,7 +123,9 @@ def test_the_zero_moment_point_of_a_walk_stays_over_the_standing_soles(robot, na
     plan = feet_in_plan(motion)
 
     for row in range(0, len(plan.zmp), 3):
-        assert margin(standing_corners(plan, row), plan.zmp[row]) > 0.005, f"at {motion.times[row]:.2f} s"
+        assert margin(standing_corners(plan, row), plan.zmp[row]) > 0.005, (
+            f"at {motion.times[row]:.2f} s"
+        )
 
 
 @pytest.mark.parametrize(("robot", "name"), WALKS)
@@ -162,7 +181,9 @@ def test_the_zero_moment_point_of_a_crawl_stays_inside_the_standing_feet():
     plan = feet_in_plan(motion)
 
     for row in range(0, len(plan.zmp), 3):
-        corners = [position[row, :2] for position in plan.positions.values() if position[row, 2] < ON_FLOOR]
+        corners = [
+            position[row, :2] for position in plan.positions.values() if position[row, 2] < ON_FLOOR
+        ]
         assert margin(np.array(corners), plan.zmp[row]) > 0.02, f"at {motion.times[row]:.2f} s"
 
 
@@ -256,7 +277,11 @@ def test_a_swing_rises_and_lands_on_its_foothold():
 @pytest.mark.parametrize(
     ("plan", "error", "says"),
     [
-        (lambda: walk("roid1", 10, step_length=0.2), OutOfReach, r"_foot is out of reach by \d+ mm"),
+        (
+            lambda: walk("roid1", 10, step_length=0.2),
+            OutOfReach,
+            r"_foot is out of reach by \d+ mm",
+        ),
         (lambda: walk("humanoid", 10, height=1), InvalidConfig, "height"),
         (lambda: walk("humanoid", 10, turn_deg=5), InvalidParameter, "turn"),
         (lambda: walk("humanoid", 0), InvalidParameter, "steps"),
@@ -269,12 +294,28 @@ def test_a_swing_rises_and_lands_on_its_foothold():
             UnknownName,
             r"gait of yobotics under walks 'walk'; known: .*crawl \(crawls\), fast",
         ),
-        (lambda: walk("humanoide", 10), UnknownName, "there is no robot 'humanoide'; did you mean 'humanoid'"),
+        (
+            lambda: walk("humanoide", 10),
+            UnknownName,
+            "there is no robot 'humanoide'; did you mean 'humanoid'",
+        ),
         (lambda: trot("yobotics", 0), InvalidParameter, "steps"),
-        (lambda: crawl("yobotics", 0), InvalidParameter, "steps is 0; it must be a whole number, 1 to"),
-        (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
+        (
+            lambda: crawl("yobotics", 0),
+            InvalidParameter,
+            "steps is 0; it must be a whole number, 1 to",
+        ),
+        (
+            lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1),
+            InvalidConfig,
+            "seconds",
+        ),
         (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),
-        (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
+        (
+            lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5),
+            OutOfReach,
+            "rear_left",
+        ),
     ],
 )
 def test_wrong_parameters_are_refused(plan, error, says):
@@ -305,4 +346,6 @@ def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
     assert config.inputs == ("reference_velocity",)
     assert config.robots["robot"].feet == motion.feet
     assert config.duration == motion.duration
-    np.testing.assert_allclose(motion.trajectory().value(0)[:, 0], plant.robots["robot"].initial, atol=1e-12)
+    np.testing.assert_allclose(
+        motion.trajectory().value(0)[:, 0], plant.robots["robot"].initial, atol=1e-12
+    )

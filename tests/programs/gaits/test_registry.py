@@ -38,7 +38,9 @@ def test_every_gait_is_planned_by_its_name(robot):
         half = gait.with_changes({}, 0.5, name)
         assert gait.plan(walker, 2, 1.0).duration < half.plan(walker, 3, 0.5).duration
     for name, gait in gaits_of(robot, steps=False).items():
-        short, long = (gait.with_changes({"rest": rest}, 1.0, name).plan(walker, 0, 1.0) for rest in (0.5, 3.0))
+        short, long = (
+            gait.with_changes({"rest": rest}, 1.0, name).plan(walker, 0, 1.0) for rest in (0.5, 3.0)
+        )
         assert long.duration > short.duration + 2.4
 
 
@@ -52,11 +54,15 @@ def walker_by_commands(folder):
     own = folder / "mine"
     shutil.copytree(models_root() / "zjudancer", own)
     gaits = yaml.safe_load((own / GAITS_FILE).read_text())
-    (own / GAITS_FILE).write_text(yaml.safe_dump({key: gaits[key] for key in ("facing_deg", "reacting")}))
+    (own / GAITS_FILE).write_text(
+        yaml.safe_dump({key: gaits[key] for key in ("facing_deg", "reacting")})
+    )
     return own
 
 
-def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(tmp_path, monkeypatch):
+def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(
+    tmp_path, monkeypatch
+):
     own = walker_by_commands(tmp_path)
     station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
     said = r"robot mine: it has no planned walk, and walks by commands; "
@@ -64,7 +70,9 @@ def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(tm
         LeggedRobot(station).walk(3)
     (own / "walking.yaml").touch()
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidParameter, match=said + r"type simrob run mine/walking\.yaml, or use \{go: "):
+    with pytest.raises(
+        InvalidParameter, match=said + r"type simrob run mine/walking\.yaml, or use \{go: "
+    ):
         LeggedRobot(station).walk(3)
 
 

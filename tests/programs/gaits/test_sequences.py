@@ -13,7 +13,9 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.resolve import resolve
 
 ALL = [
-    (robot, name) for robot in ("humanoid", "roid1", "zjudancer", "yobotics") for name in load_gaits(robot).sequences
+    (robot, name)
+    for robot in ("humanoid", "roid1", "zjudancer", "yobotics")
+    for name in load_gaits(robot).sequences
 ]
 
 
@@ -22,13 +24,19 @@ def test_the_height_at_which_a_robot_stands_is_that_of_its_station(robot):
     config = load_station(f"{robot}_dynamic")
     entry = config.robots["robot"]
     angles = resolve(config).robots["robot"].initial
-    assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
+    assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(
+        entry.base[2], abs=1e-5
+    )
 
 
 def test_left_and_right_change_places_and_turns_their_sense():
     model = load_robot("roid1")
-    values = model.axis_vector({"left_knee": 10, "right_hip_yaw": 5, "torso_yaw": 3, "right_hip_roll": 2}, "values")
-    wanted = model.axis_vector({"right_knee": 10, "left_hip_yaw": -5, "torso_yaw": -3, "left_hip_roll": 2}, "values")
+    values = model.axis_vector(
+        {"left_knee": 10, "right_hip_yaw": 5, "torso_yaw": 3, "right_hip_roll": 2}, "values"
+    )
+    wanted = model.axis_vector(
+        {"right_knee": 10, "left_hip_yaw": -5, "torso_yaw": -3, "left_hip_roll": 2}, "values"
+    )
     np.testing.assert_array_equal(exchange_sides(model, values), wanted)
 
 
@@ -42,7 +50,10 @@ def test_sequences_stay_within_the_joints_limits(robot, name):
 
 def test_a_sequence_is_where_it_shall_be_when_it_shall_be():
     motion = posing("humanoid", "step")
-    at = {round(time, 2): np.rad2deg(row) for time, row in zip(motion.times, motion.positions, strict=True)}
+    at = {
+        round(time, 2): np.rad2deg(row)
+        for time, row in zip(motion.times, motion.positions, strict=True)
+    }
     index = load_robot("humanoid").axis_index
     assert at[0.5][index("CadIF")] == pytest.approx(30)  # straight lines, as in the thesis
     assert at[1.0][index("RodI")] == pytest.approx(60)
@@ -60,8 +71,12 @@ def test_the_soles_of_the_march_stay_flat():
 
 
 def test_figures_of_sequences_and_marches_can_be_changed():
-    assert march("humanoid", 4, move_time=0.5).duration == pytest.approx((march("humanoid", 4).duration - 1) / 2 + 1)
-    assert posing("humanoid", "bow", rest=0).duration == pytest.approx(posing("humanoid", "bow").duration - 1)
+    assert march("humanoid", 4, move_time=0.5).duration == pytest.approx(
+        (march("humanoid", 4).duration - 1) / 2 + 1
+    )
+    assert posing("humanoid", "bow", rest=0).duration == pytest.approx(
+        posing("humanoid", "bow").duration - 1
+    )
 
 
 def test_the_march_scales_with_its_amplitude():
@@ -73,7 +88,11 @@ def test_the_march_scales_with_its_amplitude():
     ("plan", "error", "says"),
     [
         (lambda: posing("humanoid", "jump"), UnknownName, "jump"),
-        (lambda: posing("humanoid", "bow", targets=[{"time": 1, "target_deg": {}}] * 2), InvalidParameter, "targets"),
+        (
+            lambda: posing("humanoid", "bow", targets=[{"time": 1, "target_deg": {}}] * 2),
+            InvalidParameter,
+            "targets",
+        ),
         (lambda: march("roid1", 4), UnknownName, "march"),
         (lambda: march("humanoid", 0), InvalidParameter, "steps"),
         (lambda: march("humanoid", 4, amplitude=0), InvalidParameter, "amplitude"),

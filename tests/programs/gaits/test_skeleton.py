@@ -47,12 +47,18 @@ def test_frames_mass_and_inertia_are_those_of_drake(name):
     com = plant.CalcCenterOfMassPositionInWorld(context)
     assert skeleton.mass == pytest.approx(plant.CalcTotalMass(context), rel=1e-12)
     points = skeleton.mass_points(frames)[0]
-    np.testing.assert_allclose(np.average(points, axis=0, weights=skeleton.point_masses), com, atol=1e-12)
+    np.testing.assert_allclose(
+        np.average(points, axis=0, weights=skeleton.point_masses), com, atol=1e-12
+    )
     second = np.einsum("k,kx,ky->xy", skeleton.point_masses, points, points)
     inertia = np.trace(second) * np.eye(3) - second
     bodies = [body.index() for body in (plant.get_body(i) for i in plant.GetBodyIndices(plant.GetModelInstanceByName(
         plant.GetModelInstanceName(plant.GetFrameByName(skeleton.model.root).model_instance()))))]  # fmt: skip
-    exact = plant.CalcSpatialInertia(context, plant.world_frame(), bodies).CalcRotationalInertia().CopyToFullMatrix3()
+    exact = (
+        plant.CalcSpatialInertia(context, plant.world_frame(), bodies)
+        .CalcRotationalInertia()
+        .CopyToFullMatrix3()
+    )
     np.testing.assert_allclose(inertia, exact, rtol=1e-9, atol=1e-12)
 
 
@@ -69,11 +75,17 @@ def test_the_zero_moment_point_is_that_of_inverse_dynamics():
             context = posed(plant, name, root, motion.positions[sample])
             states.append(plant.GetPositions(context).copy())
         context = posed(plant, name, RigidTransform(motion.root[row, :3, 3]), motion.positions[row])
-        plant.SetVelocities(context, plant.MapQDotToVelocity(context, (states[2] - states[0]) / (2 * SAMPLE)))
-        rates = plant.MapQDotToVelocity(context, (states[2] - 2 * states[1] + states[0]) / SAMPLE**2)
+        plant.SetVelocities(
+            context, plant.MapQDotToVelocity(context, (states[2] - states[0]) / (2 * SAMPLE))
+        )
+        rates = plant.MapQDotToVelocity(
+            context, (states[2] - 2 * states[1] + states[0]) / SAMPLE**2
+        )
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, forces)
-        wrench = plant.CalcInverseDynamics(context, rates, forces)[body.floating_velocities_start_in_v() :][:6]
+        wrench = plant.CalcInverseDynamics(context, rates, forces)[
+            body.floating_velocities_start_in_v() :
+        ][:6]
         moment = wrench[:3] + np.cross(motion.root[row, :3, 3], wrench[3:])
         exact = np.array([-moment[1], moment[0]]) / wrench[5]
         np.testing.assert_allclose(ours[row], exact, atol=2e-4)  # differences of the second order

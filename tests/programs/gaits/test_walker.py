@@ -34,7 +34,11 @@ def copy(tmp_path: Path) -> Path:
     text = text.replace(text[at:end], f'xyz="{x} {y} {float(z) - 0.01}')
     urdf.write_text(text)
     length = own.gaits.section("walks")["walk"]["step_length"]
-    gaits.write_text(gaits.read_text().replace(f"step_length: {length:.2f}", f"step_length: {length + LONGER:.2f}", 1))
+    gaits.write_text(
+        gaits.read_text().replace(
+            f"step_length: {length:.2f}", f"step_length: {length + LONGER:.2f}", 1
+        )
+    )
     return folder / ROBOT_FILE
 
 
@@ -45,7 +49,8 @@ def way(motion: JointMotion) -> float:
 def test_a_copy_of_a_robot_walks_with_its_own_legs_and_figures(copy: Path) -> None:
     theirs, own = walk(load_robot_file(copy), 6), walk("zjudancer", 6)
     assert way(theirs) == pytest.approx(
-        way(own) * (1 + LONGER / Walker.of("zjudancer").gaits.section("walks")["walk"]["step_length"])
+        way(own)
+        * (1 + LONGER / Walker.of("zjudancer").gaits.section("walks")["walk"]["step_length"])
     )
     knee = Walker.of("zjudancer").model.axis_index("left_knee")
     bend = theirs.positions[0, knee] - own.positions[0, knee]
@@ -61,5 +66,7 @@ def test_a_station_with_a_copy_walks_as_the_copy(copy: Path) -> None:
 
 def test_a_copy_without_gaits_has_none(copy: Path) -> None:
     (copy.parent / GAITS_FILE).unlink()
-    with pytest.raises(InvalidParameter, match=r"robot zjudancer is one without gaits.*gaits\.yaml"):
+    with pytest.raises(
+        InvalidParameter, match=r"robot zjudancer is one without gaits.*gaits\.yaml"
+    ):
         walk(load_robot_file(copy), 6)

@@ -85,14 +85,18 @@ def test_a_turning_walk_turns_the_robot():
 def test_a_foot_stays_up_for_as_long_as_asked():
     motion = three_legs("yobotics", foot="front_left_foot", seconds=2.0)
     result, found = walked(motion)
-    foot = next(foot for foot in feet_of(skeleton_of("yobotics"), 0.0) if foot.name == "front_left_foot")
+    foot = next(
+        foot for foot in feet_of(skeleton_of("yobotics"), 0.0) if foot.name == "front_left_foot"
+    )
     plant = result.plant.plant
     context = plant.CreateDefaultContext()
     times = np.arange(0.0, motion.duration, 0.05)
     heights = []
     for row in result.positions_at(times):
         plant.SetPositions(context, row)
-        heights.append((plant.GetFrameByName(foot.link).CalcPoseInWorld(context) @ foot.point)[2] - foot.over)
+        heights.append(
+            (plant.GetFrameByName(foot.link).CalcPoseInWorld(context) @ foot.point)[2] - foot.over
+        )
     assert found.upright
     assert (np.array(heights) > 0.02).sum() * 0.05 >= 2.0
 
@@ -106,7 +110,9 @@ def test_the_humanoid_keeps_its_balance_in_postures(name):
 
 
 @pytest.mark.parametrize("steps", [1, pytest.param(2, marks=pytest.mark.long), 4])
-@pytest.mark.parametrize("plan", [partial(walk, "humanoid"), partial(trot, "yobotics")], ids=["humanoid", "trot"])
+@pytest.mark.parametrize(
+    "plan", [partial(walk, "humanoid"), partial(trot, "yobotics")], ids=["humanoid", "trot"]
+)
 def test_so_many_steps_are_so_many_step_lengths(plan, steps):
     motion, length = plan(steps), {"humanoid": 0.10, "yobotics": 0.15}[plan.args[0]]
     assert planned_way(motion) == pytest.approx(steps * length, abs=1e-3)
@@ -131,7 +137,9 @@ def test_hands_meet_the_floor_in_a_fall_and_hold_trunk_and_head_over_it():
     assert set().union(*touching) == {"world", "left_foot", "right_foot", "left_hand", "right_hand"}
     assert not {"left_hand", "right_hand"} & touching[100]  # while it tips
     assert {"left_hand", "right_hand"} < touching[-1]
-    hands = [Contacts.of(contacts).forces[:, 2] for contacts in result.contacts_at(result.times[-1:])]
+    hands = [
+        Contacts.of(contacts).forces[:, 2] for contacts in result.contacts_at(result.times[-1:])
+    ]
     assert np.abs(hands).sum() == pytest.approx(2.292 * 9.80665, rel=0.02)  # its weight: at rest
 
 
@@ -141,7 +149,11 @@ def test_what_the_station_of_a_motion_is_told_stays():
     config = motion.station()
     entry = LeggedRobot("roid1_dynamic")
     adapted = motion.adapt_station(entry.cell.config, "robot")
-    assert (adapted.floor, adapted.inputs, adapted.solver) == (config.floor, config.inputs, config.solver)
+    assert (adapted.floor, adapted.inputs, adapted.solver) == (
+        config.floor,
+        config.inputs,
+        config.solver,
+    )
     assert adapted.servo_of("robot") == config.servo_of("robot")
     assert (config.solver.max_step, config.engine.has_fixed_steps) == (MAX_STEP, True)
     given = {"servo": {"kp": 7.0}, "inputs": [], "floor.size": 1.5, "solver.max_step": 0.015}

@@ -40,7 +40,10 @@ def test_a_humanoid_gets_up_by_contact_alone(name):
 def test_zjudancer_gets_off_its_belly_on_its_motors_whether_hands_and_feet_slide_or_stick(friction):
     surface = {"static": friction, "dynamic": friction}
     changes = {"robot.base": LYING["zjudancer"], "contact.friction": surface, "monitors": {}}
-    assert "it got up at attempt 1" in LeggedRobot(load_station("zjudancer_walking", changes)).get_up().message
+    assert (
+        "it got up at attempt 1"
+        in LeggedRobot(load_station("zjudancer_walking", changes)).get_up().message
+    )
 
 
 @pytest.mark.long
@@ -81,7 +84,11 @@ class Life:
 
     def sample(self, lean_deg, height, speed=0.0):
         memory, _ = self.block.now(self.context)
-        read = {"base_pose": pose(lean_deg, height), "base_velocity": np.full(6, speed), "asked": np.zeros(1)}
+        read = {
+            "base_pose": pose(lean_deg, height),
+            "base_velocity": np.full(6, speed),
+            "asked": np.zeros(1),
+        }
         self.block.remember(self.context, self.block.sample(memory, read))
         return self.block.now(self.context)[0]
 
@@ -96,14 +103,19 @@ def test_it_waits_until_it_lies_still_and_goes_by_the_trunk():
     life = Life(rising())
     assert life.sample(90.0, 0.1, 1.0)["active"][0] == 1
     assert all(life.sample(90.0, 0.1, 1.0)["attempt"][0] == 0 for _ in range(100))
-    assert life.until(lambda memory: memory["attempt"][0] == 1, 90.0, 0.1) == pytest.approx(0.3, abs=0.02)
-    assert life.until(lambda memory: memory["target"][0] == 0.9, 90.0, 0.1) == pytest.approx(0.2, abs=0.02)
+    assert life.until(lambda memory: memory["attempt"][0] == 1, 90.0, 0.1) == pytest.approx(
+        0.3, abs=0.02
+    )
+    assert life.until(lambda memory: memory["target"][0] == 0.9, 90.0, 0.1) == pytest.approx(
+        0.2, abs=0.02
+    )
     with pytest.raises(RunEnds, match="nobody stands: it got up at attempt 1"):
         life.until(lambda memory: False, 5.0, 0.45)
 
 
 @pytest.mark.parametrize(
-    ("lean", "after"), [(90.0, (20.0, 0.45)), (90.0, (0.0, 0.39)), (120.0, (120.0, 0.1)), (-90.0, (-90.0, 0.1))]
+    ("lean", "after"),
+    [(90.0, (20.0, 0.45)), (90.0, (0.0, 0.39)), (120.0, (120.0, 0.1)), (-90.0, (-90.0, 0.1))],
 )
 def test_it_begins_anew_where_the_trunk_is_not_as_it_should_be_and_gives_up(lean, after):
     life = Life(rising())
@@ -122,7 +134,9 @@ def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
     life = Life(rising(ends=False))
     assert life.sample(0.0, 0.45)["active"][0] == 0
     life.until(lambda memory: memory["target"][0] == 0.9, 90.0, 0.1)
-    assert life.until(lambda memory: memory["active"][0] == 0, 0.0, 0.45) == pytest.approx(1.0, abs=0.05)
+    assert life.until(lambda memory: memory["active"][0] == 0, 0.0, 0.45) == pytest.approx(
+        1.0, abs=0.05
+    )
 
 
 def test_what_cannot_get_up_is_refused():

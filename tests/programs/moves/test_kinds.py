@@ -39,7 +39,13 @@ ENTRIES = [
     {"move_l": {"targets_deg": [0.1, 0.2, 0.3, 0.0, 0.0, 90.0], "speed": 0.1}},
     {"move_c": {"targets": [0.1, 0.2, 0.3], "via": [0.0, 0.2, 0.3]}},
     {"tool": "pencil"},
-    {"together": [{"move_j": [0.1, 0.2, 0.3]}, {"move_abs_j": {"targets": [0.1], "robot": "belt"}}], "duration": 2.0},
+    {
+        "together": [
+            {"move_j": [0.1, 0.2, 0.3]},
+            {"move_abs_j": {"targets": [0.1], "robot": "belt"}},
+        ],
+        "duration": 2.0,
+    },
 ]
 
 
@@ -51,7 +57,12 @@ def test_every_kind_that_there_is_is_in_the_list():
         return {kind} | {one for child in kind.__subclasses__() for one in below(child)}
 
     shipped = {kind for kind in below(Move) if kind.__module__.startswith("simrob_drake.")}
-    assert shipped - set(KINDS.values()) == {Move, ArmMotion, GaitMove, FingerMove}  # which are no kinds themselves
+    assert shipped - set(KINDS.values()) == {
+        Move,
+        ArmMotion,
+        GaitMove,
+        FingerMove,
+    }  # which are no kinds themselves
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -111,7 +122,9 @@ def test_one_verb_for_arms_and_legs():
 def test_what_a_move_leaves_is_known_before_it_is_done():
     robot = LeggedRobot(Workcell("humanoid_box"))
     outlook = Outlook(robot.cell.config)
-    check_move({"attach": {"piece": "parcel", "pose": [0, 0, -0.05, 0, 0, 0]}}).stage(robot, outlook, "the move")
+    check_move({"attach": {"piece": "parcel", "pose": [0, 0, -0.05, 0, 0, 0]}}).stage(
+        robot, outlook, "the move"
+    )
     assert outlook.changed
     assert outlook.station.pieces["parcel"].parent == "robot"
     assert robot.cell.config.pieces["parcel"].parent != "robot"  # nothing was done

@@ -37,7 +37,10 @@ _SHOWN = 3  # groups of geoms from here on are hidden in MuJoCo's viewer
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # a geom with another colour than this covers its material's
 _LOST = {
     _PLANE: message("mujoco.planes_lost", "planes: a station has a floor of its own (floor:)"),
-    _HILLS: message("mujoco.height_fields_lost", "height fields: a station has terrain of its own (floor.terrain:)"),
+    _HILLS: message(
+        "mujoco.height_fields_lost",
+        "height fields: a station has terrain of its own (floor.terrain:)",
+    ),
 }
 
 
@@ -84,7 +87,9 @@ def _tops(model: Any, name: str, report: ImportReport) -> list[int]:
         raise report.refusal(
             "",
             message(
-                "mujoco.several_robots", "holds several robots ({names}); choose one with --model NAME", names=listed
+                "mujoco.several_robots",
+                "holds several robots ({names}); choose one with --model NAME",
+                names=listed,
             ),
         )
     rest = [body for body in tops if body not in (*left, *moving)]
@@ -155,7 +160,9 @@ class _Writer:
         else:
             self.links[0] = ET.SubElement(self.robot, "link", name=self._names.take(ROOT))
         for body in range(1, len(model.body_parentid)):
-            if body in tops or (model.body_parentid[body] in self.links and model.body_parentid[body] != 0):
+            if body in tops or (
+                model.body_parentid[body] in self.links and model.body_parentid[body] != 0
+            ):
                 self._add_body(body)
         for body in self.links:
             self._add_shapes(body)
@@ -171,14 +178,20 @@ class _Writer:
         model, name = self.model, body_name(self.model, body)
         parent = int(model.body_parentid[body])
         first = max(int(model.body_jntadr[body]), 0)
-        mine = [joint for joint in range(first, first + int(model.body_jntnum[body])) if model.jnt_type[joint] != _FREE]
+        mine = [
+            joint
+            for joint in range(first, first + int(model.body_jntnum[body]))
+            if model.jnt_type[joint] != _FREE
+        ]
         motions = [motion for joint in mine for motion in self._motions(joint, name)]
         link = ET.Element("link", name=name)
         shift = np.array(model.jnt_pos[mine[-1]]) if mine else np.zeros(3)
         self.links[body], self._shifts[body] = link, shift
         mass = float(self.model.body_mass[body])
         if mass > 0:
-            place = RigidTransform(-shift) @ frame(self.model.body_ipos[body], self.model.body_iquat[body])
+            place = RigidTransform(-shift) @ frame(
+                self.model.body_ipos[body], self.model.body_iquat[body]
+            )
             set_inertia(link, mass=mass, moments=self.model.body_inertia[body].tolist(), pose=place)
         if parent in self.links:
             self._connect(link, body, motions, parent)
@@ -187,25 +200,43 @@ class _Writer:
             self.report.add(
                 "lost",
                 message("mujoco.body_called", "body '{name}'", name=name),
-                message("mujoco.gravcomp", "gravcomp {value:g}: all has its weight", value=model.body_gravcomp[body]),
+                message(
+                    "mujoco.gravcomp",
+                    "gravcomp {value:g}: all has its weight",
+                    value=model.body_gravcomp[body],
+                ),
             )
 
     def _connect(self, link: ET.Element, body: int, motions: list[_Motion], parent: int) -> None:
         """Hang a link on its parent by its joints, one link between each two."""
         name, carrier = link.get("name", ""), self.links[parent].get("name", "")
-        place, shift = RigidTransform(-self._shifts[parent]) @ pose_in(self.model, "body", body), np.zeros(3)
+        place, shift = (
+            RigidTransform(-self._shifts[parent]) @ pose_in(self.model, "body", body),
+            np.zeros(3),
+        )
         for index, motion in enumerate(motions):
             anchor = np.array(self.model.jnt_pos[motion.joint])
-            mass, moment = float(self.model.body_mass[body]), float(np.max(self.model.body_inertia[body]))
+            mass, moment = (
+                float(self.model.body_mass[body]),
+                float(np.max(self.model.body_inertia[body])),
+            )
             last = index == len(motions) - 1
             child = name if last else add_between(self.robot, self._names, name, mass, moment)
             pose = place @ RigidTransform(anchor - shift) @ motion.back
-            joint = add_joint(self.robot, motion.name, parent=carrier, child=child, pose=pose, kind=motion.kind)
+            joint = add_joint(
+                self.robot, motion.name, parent=carrier, child=child, pose=pose, kind=motion.kind
+            )
             ET.SubElement(joint, "axis", xyz=format_numbers(motion.axis))
             self.joints.append(UrdfJoint(joint, motion.joint, motion.part))
             carrier, place, shift = child, RigidTransform(), anchor
         if not motions:
-            add_joint(self.robot, self._joint_names.take(f"{name}_fixed"), parent=carrier, child=name, pose=place)
+            add_joint(
+                self.robot,
+                self._joint_names.take(f"{name}_fixed"),
+                parent=carrier,
+                child=name,
+                pose=place,
+            )
         if len(motions) > 1:
             listed = ", ".join(motion.name for motion in motions)
             sentence = message(
@@ -214,7 +245,9 @@ class _Writer:
                 count=len(motions),
                 names=listed,
             )
-            self.report.add("repaired", message("mujoco.body_called", "body '{name}'", name=name), sentence)
+            self.report.add(
+                "repaired", message("mujoco.body_called", "body '{name}'", name=name), sentence
+            )
 
     def _motions(self, joint: int, body: str) -> list[_Motion]:
         model, kind = self.model, self.model.jnt_type[joint]
@@ -222,12 +255,22 @@ class _Writer:
         turning = "revolute" if model.jnt_limited[joint] else "continuous"
         if kind == _BALL:
             text = message(
-                "mujoco.ball_joint", "is a ball; three joints x, y, z, which lose one freedom where y is at 90 deg"
+                "mujoco.ball_joint",
+                "is a ball; three joints x, y, z, which lose one freedom where y is at 90 deg",
             )
-            self.report.add("approximated", message("mujoco.joint_called", "joint '{name}'", name=name), text)
+            self.report.add(
+                "approximated", message("mujoco.joint_called", "joint '{name}'", name=name), text
+            )
             axes = zip("xyz", np.eye(3), strict=True)
             return [
-                _Motion(self._joint_names.take(f"{name}_{letter}"), joint, turning, axis, RigidTransform(), part)
+                _Motion(
+                    self._joint_names.take(f"{name}_{letter}"),
+                    joint,
+                    turning,
+                    axis,
+                    RigidTransform(),
+                    part,
+                )
                 for part, (letter, axis) in enumerate(axes)
             ]
         axis, zero = np.array(model.jnt_axis[joint]), float(model.qpos0[model.jnt_qposadr[joint]])
@@ -262,7 +305,9 @@ class _Writer:
             for link in self.robot.iterfind("link"):
                 for collision in link.findall("collision"):
                     ET.SubElement(link, "visual").extend(deepcopy(list(collision)))
-        still = int(np.count_nonzero((self.model.geom_bodyid == 0) & (self.model.geom_type != _PLANE)))
+        still = int(
+            np.count_nonzero((self.model.geom_bodyid == 0) & (self.model.geom_type != _PLANE))
+        )
         if outside and still:
             self._lost[
                 message(
@@ -274,7 +319,10 @@ class _Writer:
             self.report.add("dropped", "", compound("{count} {what}", count=count, what=what))
         if self._frictions - {_FRICTION}:
             interval = message(
-                "mujoco.interval", "{least:g} to {most:g}", least=min(self._frictions), most=max(self._frictions)
+                "mujoco.interval",
+                "{least:g} to {most:g}",
+                least=min(self._frictions),
+                most=max(self._frictions),
             )
             self.report.add(
                 "lost",
@@ -298,9 +346,13 @@ class _Writer:
             shape = ET.Element("box", size=format_numbers(2 * size))
         elif kind in (_CAPSULE, _CYLINDER):
             tag = "cylinder" if kind == _CYLINDER else f"{DRAKE}capsule"
-            shape = ET.Element(tag, radius=format_number(size[0]), length=format_number(2 * size[1]))
+            shape = ET.Element(
+                tag, radius=format_number(size[0]), length=format_number(2 * size[1])
+            )
         elif kind == _ELLIPSOID:
-            shape = ET.Element(f"{DRAKE}ellipsoid", dict(zip("abc", map(format_number, size), strict=True)))
+            shape = ET.Element(
+                f"{DRAKE}ellipsoid", dict(zip("abc", map(format_number, size), strict=True))
+            )
         else:
             self._lost[_LOST.get(kind, "shapes that are given by a function")] += 1
         return shape, RigidTransform()
@@ -315,7 +367,9 @@ class _Writer:
         file, scale = str(model.mesh_file[mesh]), model.mesh_scale[mesh]
         turn = frame(np.zeros(3), model.mesh_refquat[mesh]).rotation().inverse()
         if not file:
-            self._lost[message("mujoco.written_meshes_lost", "meshes that are written in the file itself")] += 1
+            self._lost[
+                message("mujoco.written_meshes_lost", "meshes that are written in the file itself")
+            ] += 1
             return None, RigidTransform()
         if not turn.IsNearlyIdentity(1e-9) and np.ptp(scale) > 1e-9 * np.max(np.abs(scale)):
             self._lost[
@@ -327,12 +381,16 @@ class _Writer:
             return None, RigidTransform()
         own = pose_in(model, "mesh", mesh).inverse()
         moved = RigidTransform(turn, -scale * (turn @ model.mesh_refpos[mesh]))
-        shape = ET.Element("mesh", {"filename": file, PLAIN: "true"})  # MuJoCo heeds no colours of mesh files
+        shape = ET.Element(
+            "mesh", {"filename": file, PLAIN: "true"}
+        )  # MuJoCo heeds no colours of mesh files
         if not np.array_equal(scale, np.ones(3)):
             shape.set("scale", format_numbers(scale))
         return shape, own @ moved
 
-    def _element(self, link: ET.Element, tag: str, geom: int, shape: ET.Element, pose: RigidTransform) -> ET.Element:
+    def _element(
+        self, link: ET.Element, tag: str, geom: int, shape: ET.Element, pose: RigidTransform
+    ) -> ET.Element:
         name = str(self.model.geom_name[geom])
         element = ET.SubElement(link, tag, {"name": name} if name else {})
         place(element, pose)

@@ -14,7 +14,26 @@ import mujoco
 from simrob_drake.importer.reading.child import ask, serve
 
 SECONDS = 100  # of processor time that a model may take: hulls of many large meshes take long
-_OCTAHEDRON = [1.0, 0, 0, -1, 0, 0, 0, 2, 0, 0, -2, 0, 0, 0, 3, 0, 0, -3]  # its own frame is that of its corners
+_OCTAHEDRON = [
+    1.0,
+    0,
+    0,
+    -1,
+    0,
+    0,
+    0,
+    2,
+    0,
+    0,
+    -2,
+    0,
+    0,
+    0,
+    3,
+    0,
+    0,
+    -3,
+]  # its own frame is that of its corners
 _FIELDS = {
     "body": "parentid jntadr jntnum pos quat ipos iquat mass inertia mocapid gravcomp",
     "jnt": "type bodyid dofadr qposadr pos axis limited range stiffness actfrclimited actfrcrange",
@@ -46,7 +65,8 @@ def compiled(job: dict[str, Any]) -> dict[str, Any]:
     weighed, missing = _weighed(spec), []
     files = job["meshes"]
     places = {
-        mesh.name: (files.get(mesh.name, ""), mesh.refpos.tolist(), mesh.refquat.tolist()) for mesh in spec.meshes
+        mesh.name: (files.get(mesh.name, ""), mesh.refpos.tolist(), mesh.refquat.tolist())
+        for mesh in spec.meshes
     }
     assets = {}
     for number, mesh in enumerate(mesh for mesh in spec.meshes if mesh.name in files):
@@ -69,7 +89,9 @@ def compiled(job: dict[str, Any]) -> dict[str, Any]:
     for kind, called in _NAMED.items():
         number = getattr(mujoco.mjtObj, f"mjOBJ_{called.upper()}")
         count = len(read[f"{kind}_{_FIELDS[kind].split()[0]}"])
-        read[f"{kind}_name"] = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
+        read[f"{kind}_name"] = [
+            mujoco.mj_id2name(model, number, index) or "" for index in range(count)
+        ]
     for place, key in enumerate(("file", "refpos", "refquat")):
         read[f"mesh_{key}"] = [places[name][place] for name in read["mesh_name"]]
     return {**read, "qpos0": model.qpos0.tolist(), "mesh_missing": missing}
@@ -79,7 +101,11 @@ def _weighed(spec: Any) -> set[str]:
     """Return the names of the meshes from which MuJoCo takes masses or the sizes of other shapes."""
     every = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     fitted = {geom.meshname for geom in spec.geoms if geom.type != mujoco.mjtGeom.mjGEOM_MESH}
-    bodies = [body for body in spec.bodies if body.name != "world" and (every or not body.explicitinertial)]
+    bodies = [
+        body
+        for body in spec.bodies
+        if body.name != "world" and (every or not body.explicitinertial)
+    ]
     return fitted | {geom.meshname for body in bodies for geom in body.geoms}
 
 

@@ -72,10 +72,15 @@ class DriveWriter:
         pulled = {int(target[0]) for kind, target in targets if kind == _TENDON}
         for tendon in set(range(len(self.model.tendon_num))) - pulled:
             text = message(
-                "mujoco.tendons_not_simulated", "tendons are not simulated: what it held or coupled moves freely"
+                "mujoco.tendons_not_simulated",
+                "tendons are not simulated: what it held or coupled moves freely",
             )
             self.report.add(
-                "lost", message("mujoco.tendon_called", "tendon '{name}'", name=self.model.tendon_name[tendon]), text
+                "lost",
+                message(
+                    "mujoco.tendon_called", "tendon '{name}'", name=self.model.tendon_name[tendon]
+                ),
+                text,
             )
 
     @cached_property
@@ -83,17 +88,27 @@ class DriveWriter:
         """Indices of the joints that follow another joint by an active equality."""
         model = self.model
         equalities = zip(model.eq_type, model.eq_active0, model.eq_obj1id, strict=True)
-        return {int(joint) for kind, is_active, joint in equalities if kind == _COUPLED and is_active}
+        return {
+            int(joint) for kind, is_active, joint in equalities if kind == _COUPLED and is_active
+        }
 
     def _read_actuator(self, actuator: int) -> None:
         model, where = (
             self.model,
-            message("mujoco.actuator_called", "actuator '{name}'", name=self.model.actuator_name[actuator]),
+            message(
+                "mujoco.actuator_called",
+                "actuator '{name}'",
+                name=self.model.actuator_name[actuator],
+            ),
         )
         levers = self._levers(actuator)
         if not levers:
             self.report.add(
-                "lost", where, message("mujoco.drives_no_joint", "drives no joint; only motors of joints are simulated")
+                "lost",
+                where,
+                message(
+                    "mujoco.drives_no_joint", "drives no joint; only motors of joints are simulated"
+                ),
             )
             return
         if model.actuator_trntype[actuator] == _TENDON:
@@ -107,7 +122,9 @@ class DriveWriter:
                     joints=listed,
                 ),
             )
-        plain = model.actuator_gaintype[actuator] == _FIXED and model.actuator_biastype[actuator] in (_NONE, _AFFINE)
+        plain = model.actuator_gaintype[actuator] == _FIXED and model.actuator_biastype[
+            actuator
+        ] in (_NONE, _AFFINE)
         if model.actuator_dyntype[actuator] or not plain:
             text = message(
                 "mujoco.own_force_law",
@@ -116,14 +133,20 @@ class DriveWriter:
             self.report.add("approximated", where, text)
         gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
         if plain and not model.actuator_dyntype[actuator] and not gain.any() and not bias.any():
-            text = message("mujoco.has_no_force", "its gain is 0, so that it has no force; it is no motor")
+            text = message(
+                "mujoco.has_no_force", "its gain is 0, so that it has no force; it is no motor"
+            )
             self.report.add("dropped", where, text)
             return
         for joint, lever in levers.items():
             drive = self._drives.setdefault(joint, _Drive())
             if model.actuator_forcelimited[actuator]:
                 peak = float(np.abs(model.actuator_forcerange[actuator]).max())
-            elif model.actuator_ctrllimited[actuator] and plain and model.actuator_biastype[actuator] == _NONE:
+            elif (
+                model.actuator_ctrllimited[actuator]
+                and plain
+                and model.actuator_biastype[actuator] == _NONE
+            ):
                 peak = abs(gain[0]) * float(np.abs(model.actuator_ctrlrange[actuator]).max())
             else:
                 peak = 0.0
@@ -162,26 +185,40 @@ class DriveWriter:
             add_note(element, KD, drive.kd)
         dof = model.jnt_dofadr[number] + joint.part
         friction = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
-        ET.SubElement(element, "dynamics", {key: format_number(value) for key, value in friction.items() if value})
+        ET.SubElement(
+            element,
+            "dynamics",
+            {key: format_number(value) for key, value in friction.items() if value},
+        )
         # In a file with actuators, joints without one are passive, unless an equality makes them follow other joints.
         if number in self._drives or number in self._followers or not self._drives:
             motor = add_motor(self.robot, name_of(element), drive=f"{name_of(element)}_drive")
             if model.dof_armature[dof] > 0:
-                ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=format_number(model.dof_armature[dof]))
+                ET.SubElement(
+                    motor, f"{DRAKE}rotor_inertia", value=format_number(model.dof_armature[dof])
+                )
         elif model.dof_armature[dof] > 0:
             armature = message(
                 "mujoco.armature_without_motor",
                 "no actuator drives it, and an armature ({armature:g}) is simulated as the rotor of a motor only",
                 armature=model.dof_armature[dof],
             )
-            self.report.add("lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), armature)
+            self.report.add(
+                "lost",
+                message("mujoco.joint_called", "joint '{name}'", name=name_of(element)),
+                armature,
+            )
         if model.jnt_stiffness[number] > 0:
             text = message(
                 "mujoco.joint_spring",
                 "a spring of {stiffness:g} per rad or m: springs at joints are not simulated",
                 stiffness=model.jnt_stiffness[number],
             )
-            self.report.add("lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), text)
+            self.report.add(
+                "lost",
+                message("mujoco.joint_called", "joint '{name}'", name=name_of(element)),
+                text,
+            )
 
     def _propose_home(self) -> None:
         """Propose the posture of the keyframe called home, or of the first, or else MuJoCo's own."""
@@ -194,7 +231,11 @@ class DriveWriter:
         if not any(values):
             return
         for joint, value in zip(own, values, strict=True):
-            lower, upper = model.jnt_range[joint.joint] if model.jnt_limited[joint.joint] else (-np.inf, np.inf)
+            lower, upper = (
+                model.jnt_range[joint.joint]
+                if model.jnt_limited[joint.joint]
+                else (-np.inf, np.inf)
+            )
             add_note(joint.element, HOME, float(np.clip(value, lower, upper)))
         if names:
             self.report.add(
@@ -207,7 +248,9 @@ class DriveWriter:
         """Write couplings of joints as a URDF does; closed loops are for the next stage to refuse or leave out."""
         model, first = self.model, {joint.joint: joint.element for joint in reversed(self.joints)}
         for index, kind in enumerate(model.eq_type):
-            name = str(model.eq_name[index]) or message("mujoco.equality", "equality {index}", index=index + 1)
+            name = str(model.eq_name[index]) or message(
+                "mujoco.equality", "equality {index}", index=index + 1
+            )
             ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
             if model.eq_objtype[index] == _SITE:
                 ends = [int(model.site_bodyid[site]) for site in ends]
@@ -243,17 +286,23 @@ class DriveWriter:
             ends: indices of the two bodies in the model.
         """
         # MuJoCo gives the anchor in the frames of both bodies.
-        anchor, other_anchor = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR_NUMBERS]).reshape(2, _ANCHOR_NUMBERS)
+        anchor, other_anchor = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR_NUMBERS]).reshape(
+            2, _ANCHOR_NUMBERS
+        )
         return LoopCoupling(
             name=re.sub(r"\W+", "_", name, flags=re.ASCII),  # a key of a station's file
             kind="ball",
             body=name_of(self.bodies[ends[0]]),
             other=name_of(self.bodies[ends[1]]),
-            place=[round(number, _DIGITS) + 0.0 for number in anchor.tolist()],  # the sum makes 0 of -0
+            place=[
+                round(number, _DIGITS) + 0.0 for number in anchor.tolist()
+            ],  # the sum makes 0 of -0
             other_place=[round(number, _DIGITS) + 0.0 for number in other_anchor.tolist()],
         )
 
-    def _write_mimic(self, index: int, name: str, ends: Sequence[int], elements: Mapping[int, ET.Element]) -> None:
+    def _write_mimic(
+        self, index: int, name: str, ends: Sequence[int], elements: Mapping[int, ET.Element]
+    ) -> None:
         """Write an equality of two joints as an element ``mimic`` of the first joint, which makes it follow the second.
 
         MuJoCo's equality is y - y0 = sum of c_k (x - x0)^k, with the position y of the first joint, the position x of
@@ -282,14 +331,19 @@ class DriveWriter:
         if ends[1] < 0:
             # A mimic must name a leader. With a multiplier of 0 it does not matter which: the joint names itself.
             position = format_number(follower_zero + constant)
-            ET.SubElement(follower, "mimic", joint=name_of(follower), multiplier="0", offset=position)
+            ET.SubElement(
+                follower, "mimic", joint=name_of(follower), multiplier="0", offset=position
+            )
             return
         leader = elements.get(ends[1])
         if leader is None:
             self.report.add(
                 "lost",
                 where,
-                message("mujoco.other_joint_missing", "its other joint is not there: it is not simulated"),
+                message(
+                    "mujoco.other_joint_missing",
+                    "its other joint is not there: it is not simulated",
+                ),
             )
             return
         if any(higher):
@@ -302,11 +356,19 @@ class DriveWriter:
             self.report.add(
                 "lost",
                 where,
-                message("mujoco.higher_polynomial", "a polynomial of higher degree; {problem}", problem=problem),
+                message(
+                    "mujoco.higher_polynomial",
+                    "a polynomial of higher degree; {problem}",
+                    problem=problem,
+                ),
             )
         # y = c_1 x + offset, with offset = y0 + c_0 - c_1 x0.
         leader_zero = float(model.qpos0[model.jnt_qposadr[ends[1]]])
         offset = follower_zero + constant - slope * leader_zero
         ET.SubElement(
-            follower, "mimic", joint=name_of(leader), multiplier=format_number(slope), offset=format_number(offset)
+            follower,
+            "mimic",
+            joint=name_of(leader),
+            multiplier=format_number(slope),
+            offset=format_number(offset),
         )

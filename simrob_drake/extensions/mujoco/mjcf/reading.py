@@ -37,12 +37,15 @@ _MOST_COPIES = 1000
 _SOFT = {
     "deformable": message("mujoco.soft_not_simulated", "what is soft is not simulated"),
     "flexcomp": message("mujoco.soft_not_simulated", "what is soft is not simulated"),
-    "composite": message("mujoco.soft_or_many_bodies", "what is soft, or made of many bodies, is not simulated"),
+    "composite": message(
+        "mujoco.soft_or_many_bodies", "what is soft, or made of many bodies, is not simulated"
+    ),
 }
 _LEFT_OUT = _SOFT | {
     "sensor": message("mujoco.own_sensors", "a station has sensors of its own"),
     "contact": message(
-        "mujoco.parts_pass_through", "parts of a robot pass through each other unless contact.self_collision is set"
+        "mujoco.parts_pass_through",
+        "parts of a robot pass through each other unless contact.self_collision is set",
     ),
     "skin": message("mujoco.rigid_shapes_only", "only rigid shapes are shown"),
     "extension": message("mujoco.plugins_not_loaded", "plugins are never loaded"),
@@ -50,28 +53,41 @@ _LEFT_OUT = _SOFT | {
 }  # what is left out, and why
 _UNUSED = ("visual", "statistic", "custom", "size", "option", "camera", "light", "texture", "layer")
 _COMPILER = (
-    *("angle", "eulerseq", "autolimits", "alignfree", "inertiafromgeom", "inertiagrouprange", "balanceinertia"),
+    *(
+        "angle",
+        "eulerseq",
+        "autolimits",
+        "alignfree",
+        "inertiafromgeom",
+        "inertiagrouprange",
+        "balanceinertia",
+    ),
     *("boundmass", "boundinertia", "settotalmass"),
 )  # settings of the compiler that make a difference to a robot
 _GRAVITY = (0, 0, -9.81)
 _FLUID = ("density", "viscosity", "wind")
 
 
-def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+def read_mjcf(
+    root: ET.Element, path: Path, options: ImportOptions, report: ImportReport
+) -> ET.Element:
     """Return the ``robot`` element that a ``mujoco`` element stands for, as MuJoCo understands it.
 
     The element of the file, whose path is absolute, is changed. Raises InvalidModel: MuJoCo is not installed or refuses
     it, or it holds no robot.
     """
     if find_spec("mujoco") is None:
-        raise report.refusal("", lacking(message("mujoco.is_mjcf", "is an MJCF file, which"), "mujoco"))
+        raise report.refusal(
+            "", lacking(message("mujoco.is_mjcf", "is an MJCF file, which"), "mujoco")
+        )
     source = _Source(root, MeshPlaces(path, options.mesh_path, options.package_folders), report)
     source.put_in_includes(root)
     if root.find(".//attach") is not None or root.find("asset/model") is not None:
         raise report.refusal(
             "<attach>",
             message(
-                "mujoco.puts_other_model_in", "puts another model in; let MuJoCo save all as one file (mj_saveLastXML)"
+                "mujoco.puts_other_model_in",
+                "puts another model in; let MuJoCo save all as one file (mj_saveLastXML)",
             ),
         )
     files = source.take_file_names()
@@ -93,10 +109,17 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
         report.add(
             "lost",
             message("mujoco.mesh_called", "mesh '{name}'", name=name),
-            message("mujoco.mesh_unread", "cannot be read, and masses are made of it: they lack its part"),
+            message(
+                "mujoco.mesh_unread",
+                "cannot be read, and masses are made of it: they lack its part",
+            ),
         )
-    arrays = {key: np.array(value) if isinstance(value, list) else value for key, value in fields.items()}
-    return robot_from_model(SimpleNamespace(**arrays), root.get("model") or path.stem, options.model, report)
+    arrays = {
+        key: np.array(value) if isinstance(value, list) else value for key, value in fields.items()
+    }
+    return robot_from_model(
+        SimpleNamespace(**arrays), root.get("model") or path.stem, options.model, report
+    )
 
 
 @dataclass
@@ -111,7 +134,13 @@ class _Source:
         """Put files in the place of ``include`` elements; raises InvalidModel: none there, not to be read, too many."""
         for _ in range(_MOST_FILES + 1):
             found = next(
-                ((owner, child) for owner in element.iter() for child in owner if child.tag == "include"), None
+                (
+                    (owner, child)
+                    for owner in element.iter()
+                    for child in owner
+                    if child.tag == "include"
+                ),
+                None,
             )
             if found is None:
                 return
@@ -121,11 +150,19 @@ class _Source:
             if sum(1 for _ in element.iter()) > MOST_TAGS:
                 raise self.report.refusal(
                     "<include>",
-                    message("mujoco.too_many_tags", "more than {most} tags with all that is included", most=MOST_TAGS),
+                    message(
+                        "mujoco.too_many_tags",
+                        "more than {most} tags with all that is included",
+                        most=MOST_TAGS,
+                    ),
                 )
         raise self.report.refusal(
             "<include>",
-            message("mujoco.too_many_files", "more than {most} files, or a file in itself", most=_MOST_FILES),
+            message(
+                "mujoco.too_many_files",
+                "more than {most} files, or a file in itself",
+                most=_MOST_FILES,
+            ),
         )
 
     def _included(self, name: str) -> ET.Element:
@@ -153,19 +190,30 @@ class _Source:
         """Return a file's name relative to the MJCF file, as the compiler's settings have it."""
         folder = self._settings.get(key, self._settings.get("assetdir", ""))
         name = PurePosixPath(file.replace("\\", "/"))
-        return str(PurePosixPath(folder) / (name.name if self._settings.get("strippath") == "true" else name))
+        return str(
+            PurePosixPath(folder)
+            / (name.name if self._settings.get("strippath") == "true" else name)
+        )
 
     @cached_property
     def _settings(self) -> dict[str, str]:
-        return {key: value for element in self.root.iterfind("compiler") for key, value in element.attrib.items()}
+        return {
+            key: value
+            for element in self.root.iterfind("compiler")
+            for key, value in element.attrib.items()
+        }
 
     def _colour_materials(self) -> None:
         """Let materials with a texture have its mean colour, since only colours are shown."""
         textures = {
-            texture.get("name", PurePosixPath(texture.get("file", "")).stem): texture.get("file", "")
+            texture.get("name", PurePosixPath(texture.get("file", "")).stem): texture.get(
+                "file", ""
+            )
             for texture in self.root.iterfind("asset/texture")
         }
-        for material in [element for element in self.root.iter("material") if element.get("texture")]:
+        for material in [
+            element for element in self.root.iter("material") if element.get("texture")
+        ]:
             name = textures.get(material.attrib.pop("texture"), "")
             mean = self._mean(self._path(name, "texturedir")) if name else None
             if mean is None:
@@ -182,7 +230,9 @@ class _Source:
         from PIL import Image
 
         try:
-            image = decode_texture(Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE))))
+            image = decode_texture(
+                Image.open(io.BytesIO(content_of(self.places.find(name).path, LARGEST_FILE)))
+            )
         except (MeshMissing, OutsideBorder, OSError, ValueError):
             return None
         return None if image is None else mean_colour(image)
@@ -236,11 +286,15 @@ def _check_replicates(root: ET.Element, report: ImportReport) -> None:
         # The copies of the content are checked before the content is visited, so that the message names the replicate,
         # and an empty one is refused, too.
         if total > _MOST_COPIES or child_copies > _MOST_COPIES:
-            where = f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
+            where = (
+                f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
+            )
             raise report.refusal(
                 where,
                 message(
-                    "mujoco.too_many_copies", "more than {most} elements with all that is replicated", most=_MOST_COPIES
+                    "mujoco.too_many_copies",
+                    "more than {most} elements with all that is replicated",
+                    most=_MOST_COPIES,
                 ),
             )
         elements_left += [_CopiedElement(child, child_copies) for child in element]

@@ -36,7 +36,10 @@ from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.move_j import MoveJ
 
-_PIECES, _TOOLS = "pieces", "tools"  # what the forms of moves ask for that change what is in the arm's hand
+_PIECES, _TOOLS = (
+    "pieces",
+    "tools",
+)  # what the forms of moves ask for that change what is in the arm's hand
 _TAB = "arm"  # name of the tab
 _ARROW_KEYS = """(event) => {
   const by = { ArrowDown: 1, ArrowUp: -1 }[event.key];
@@ -56,7 +59,11 @@ def build(session: Session, t: Words) -> None:
         return found
 
     def state() -> list[Any]:
-        return [session.book.robot, robot().get("kind"), [axis["name"] for axis in robot().get("axes", ())]]
+        return [
+            session.book.robot,
+            robot().get("kind"),
+            [axis["name"] for axis in robot().get("axes", ())],
+        ]
 
     def show() -> None:
         if robot().get("kind") == "arm":
@@ -75,7 +82,11 @@ def build(session: Session, t: Words) -> None:
 def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
     axes = robot["axes"]
     phrases, place = Phrases(t, axes), ArmState(session)
-    others = [kind for kind in KINDS.values() if kind.of_arms and not {_PIECES, _TOOLS} & _asked_things(kind)]
+    others = [
+        kind
+        for kind in KINDS.values()
+        if kind.of_arms and not {_PIECES, _TOOLS} & _asked_things(kind)
+    ]
     parts: dict[str, Callable[[], object]] = {
         "jog": lambda: Jogging(session, phrases, axes, place),
         "program": lambda: _build_program(session, phrases, robot, place),
@@ -102,14 +113,20 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
             pieces.append(("around" if takes else "carried", piece))
             _put(session, t("arm.take_piece" if takes else "arm.leave_piece"), kind, piece)
     tool.on_value_change(
-        lambda event: event.value not in (None, place.values.get("tool")) and session.arm.tool(tool.value)
+        lambda event: (
+            event.value not in (None, place.values.get("tool")) and session.arm.tool(tool.value)
+        )
     )
 
     def show() -> None:
         values = place.values
-        tool.set_options(values["tools"], value=values["tool"] if values["tool"] in values["tools"] else None)
+        tool.set_options(
+            values["tools"], value=values["tool"] if values["tool"] in values["tools"] else None
+        )
         for where, field in pieces:
-            field.set_options(values[where], value=field.value if field.value in values[where] else None)
+            field.set_options(
+                values[where], value=field.value if field.value in values[where] else None
+            )
 
     place.subscribe(show)
 
@@ -120,28 +137,36 @@ def _asked_things(kind: type[Move]) -> set[str | float | None]:
 
 
 def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
-    field = ui.select(options or [], label=label, value=value).props("dense outlined options-dense").classes("grow")
+    field = (
+        ui.select(options or [], label=label, value=value)
+        .props("dense outlined options-dense")
+        .classes("grow")
+    )
     return field.style("min-width: 7rem; flex-basis: 7rem")
 
 
 def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> None:
     """Build the button that does a kind of move with the piece that is chosen."""
     name = next(name for name, asked in labels_of(kind).form.items() if asked == _PIECES)
-    button = ui.button(text, on_click=lambda: session.try_move({kind.key: {name: piece.value}})).props(
-        "outline no-caps"
-    )
+    button = ui.button(
+        text, on_click=lambda: session.try_move({kind.key: {name: piece.value}})
+    ).props("outline no-caps")
     piece.on_value_change(lambda event: button.set_enabled(bool(event.value)))
     button.set_enabled(False)
 
 
-def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any], place: ArmState) -> None:
+def _build_program(
+    session: Session, phrases: Phrases, robot: Mapping[str, Any], place: ArmState
+) -> None:
     """Build what teaches a target, adds a line that goes there, the list of them, and what was tried and not stored."""
     t, kinds = phrases.t, motions()
     build_teaching(session, t, place)
 
     def tried() -> None:
         if session.book.pending:
-            what = "; ".join(phrases.move(move, session.book.targets) for move in session.book.pending)
+            what = "; ".join(
+                phrases.move(move, session.book.targets) for move in session.book.pending
+            )
             with ui.row().classes("w-full items-center gap-2"):
                 ui.label(t("arm.tried", what=what)).classes("grow")
                 ui.button(t("legs.add"), on_click=session.add).props("dense no-caps")
@@ -197,14 +222,25 @@ def build_teaching(session: Session, t: Words, place: ArmState) -> None:
 
     def frames() -> None:
         known = work_objects(place.values["frames"])
-        frame.set_options(frame_words(t, known), value=frame.value if frame.value in known else WORLD)
+        frame.set_options(
+            frame_words(t, known), value=frame.value if frame.value in known else WORLD
+        )
 
     with ui.row().classes("w-full items-center gap-2"):
-        name = ui.input(t("arm.name")).props("dense outlined clearable").classes("grow").style("min-width: 7rem")
+        name = (
+            ui.input(t("arm.name"))
+            .props("dense outlined clearable")
+            .classes("grow")
+            .style("min-width: 7rem")
+        )
         name.on("keydown.enter", teach)
-        frame = ui.select({WORLD: t("arm.frame_world")}, value=WORLD, label=t("arm.goes_with"), with_input=True)
+        frame = ui.select(
+            {WORLD: t("arm.frame_world")}, value=WORLD, label=t("arm.goes_with"), with_input=True
+        )
         frame.props("dense outlined options-dense").classes("grow").style("min-width: 8rem")
-        set_keys(ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps"), "Alt+T")
+        set_keys(
+            ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps"), "Alt+T"
+        )
     place.subscribe(frames)
 
 
@@ -223,12 +259,20 @@ def build_targets(session: Session, t: Words) -> None:
 
 def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) -> None:
     frame = taught["frame"]
-    parts = [pose_words(t, taught["pose"]), "" if frame == WORLD else t("arm.in_frame", frame=frame), taught["tool"]]
+    parts = [
+        pose_words(t, taught["pose"]),
+        "" if frame == WORLD else t("arm.in_frame", frame=frame),
+        taught["tool"],
+    ]
     with ui.element("li").classes("w-full"), ui.row().classes("w-full items-center gap-2 no-wrap"):
         ui.label(name).classes("font-medium").style("min-width: 3rem; overflow-wrap: anywhere")
         ui.label(" · ".join(filter(None, parts))).classes("grow text-sm")
-        icon_button("near_me", t("arm.go_to", name=name), partial(session.arm.jog_axes, taught["axes"]))
-        icon_button("call_split", t("arm.branches_of", name=name), partial(session.arm.branches, name))
+        icon_button(
+            "near_me", t("arm.go_to", name=name), partial(session.arm.jog_axes, taught["axes"])
+        )
+        icon_button(
+            "call_split", t("arm.branches_of", name=name), partial(session.arm.branches, name)
+        )
         icon_button("delete", t("arm.forget", name=name), partial(session.arm.remove_target, name))
 
 
@@ -239,7 +283,9 @@ def build_branches(session: Session, phrases: Phrases) -> None:
     """
     t = phrases.t
     with ui.row().classes("w-full items-center gap-2"):
-        ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.arm.branches, None)).props("no-caps")
+        ui.button(
+            t("arm.branches"), icon="call_split", on_click=partial(session.arm.branches, None)
+        ).props("no-caps")
         hide = ui.button(t("arm.hide"), on_click=session.arm.hide_ghosts).props("flat no-caps")
 
     hint = ui.label(t("arm.step_postures")).classes("text-sm opacity-70")
@@ -265,31 +311,45 @@ def build_branches(session: Session, phrases: Phrases) -> None:
     def mark_shown() -> None:
         for number, entry in enumerate(entries):
             is_shown = number == session.arm.shown_ghost
-            entry.classes(add="pendant-shown" if is_shown else "", remove="" if is_shown else "pendant-shown")
+            entry.classes(
+                add="pendant-shown" if is_shown else "", remove="" if is_shown else "pendant-shown"
+            )
             entry.props["aria-current"] = "true" if is_shown else None
             entry.update()
             if is_shown:
-                entry.client.run_javascript(f"getHtmlElement({entry.id})?.scrollIntoView({{block: 'nearest'}})")
+                entry.client.run_javascript(
+                    f"getHtmlElement({entry.id})?.scrollIntoView({{block: 'nearest'}})"
+                )
 
     # First the entries, then the mark of one of them.
     rebuild(session, lambda: list(session.arm.ghosts), show, "program")
     follow(session, mark_shown, "program")
 
 
-def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> ui.element:
+def _branch(
+    session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]
+) -> ui.element:
     """Build the entry of one, with the reason why it is impossible if it is, and return it."""
     t, usable = phrases.t, branch["usable"]
     icon, colour = ("check", "positive") if usable else ("block", "negative")
-    with ui.element("li").classes("w-full py-1 px-1").style("border-top: 1px solid var(--line)") as entry:
+    with (
+        ui.element("li")
+        .classes("w-full py-1 px-1")
+        .style("border-top: 1px solid var(--line)") as entry
+    ):
         for event in ("mouseenter", "click"):
             entry.on(event, partial(session.arm.show_branch, number))
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
             ui.label(f"{number + 1}").classes("font-medium")
-            axes = "  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items())
+            axes = "  ".join(
+                _position(phrases, axis, value) for axis, value in branch["axes"].items()
+            )
             ui.label(axes).classes("grow tabular-nums")
             button = ui.button(t("arm.choose"), on_click=partial(session.arm.choose_branch, number))
-            button.props(f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"')
+            button.props(
+                f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"'
+            )
             button.set_enabled(usable)
         if not usable:
             reasons = "; ".join(_reasons(phrases, branch))
@@ -305,7 +365,9 @@ def _reasons(phrases: Phrases, branch: Mapping[str, Any]) -> list[str]:
     if branch["room"]["left"] < 0:
         reasons.append(_room(phrases, branch))
     if branch["load"]["share"] > 1:
-        reasons.append(phrases.t("arm.too_heavy", axis=joint_words(phrases, branch["load"]["axis"])))
+        reasons.append(
+            phrases.t("arm.too_heavy", axis=joint_words(phrases, branch["load"]["axis"]))
+        )
     if branch["collision"]:
         first, _, other = branch["collision"].partition(" in ")
         things = {"first": first.replace("_", " "), "other": other.replace("_", " ")}
@@ -315,8 +377,16 @@ def _reasons(phrases: Phrases, branch: Mapping[str, Any]) -> list[str]:
 
 def _load(phrases: Phrases, branch: Mapping[str, Any]) -> str:
     axis = branch["load"]["axis"]
-    share, torque, limit = 100 * branch["load"]["share"], abs(branch["torque"][axis]), branch["limit"][axis]
-    numbers = {"share": f"{share:.0f}", "torque": phrases.t.figure(round(torque, 2)), "limit": phrases.t.figure(limit)}
+    share, torque, limit = (
+        100 * branch["load"]["share"],
+        abs(branch["torque"][axis]),
+        branch["limit"][axis],
+    )
+    numbers = {
+        "share": f"{share:.0f}",
+        "torque": phrases.t.figure(round(torque, 2)),
+        "limit": phrases.t.figure(limit),
+    }
     return phrases.t("arm.load", axis=joint_words(phrases, axis), **numbers)
 
 
@@ -332,7 +402,9 @@ def _gap(phrases: Phrases, branch: Mapping[str, Any]) -> str:
     (first, second), distance = branch["gap"]["between"], round(branch["gap"]["distance"] / MILLI)
     key = "arm.inside" if distance < 0 else "arm.gap"
     things = {"first": first.replace("_", " "), "other": second.replace("_", " ")}
-    return phrases.t(key, distance=phrases.t.figure(distance), depth=phrases.t.figure(-distance), **things)
+    return phrases.t(
+        key, distance=phrases.t.figure(distance), depth=phrases.t.figure(-distance), **things
+    )
 
 
 def _position(phrases: Phrases, axis: str, value: float) -> str:

@@ -9,7 +9,13 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.extensions.pendant.pages.elements import Dial, NumberField, follow, set_keys, set_label
+from simrob_drake.extensions.pendant.pages.elements import (
+    Dial,
+    NumberField,
+    follow,
+    set_keys,
+    set_label,
+)
 from simrob_drake.extensions.pendant.pages.joints import Marks, axis_dial
 from simrob_drake.extensions.pendant.pages.words import MILLI, Phrases, frame_words, joint_words
 from simrob_drake.extensions.pendant.run import level_of
@@ -27,7 +33,9 @@ _QUIET = 0.4  # s without a jog until the sliders show where the arm is: more ma
 class Jogging:
     """Sliders that move the arm while they are moved; where the arm goes by other means, they follow."""
 
-    def __init__(self, session: Session, phrases: Phrases, axes: list[Mapping[str, Any]], place: ArmState) -> None:
+    def __init__(
+        self, session: Session, phrases: Phrases, axes: list[Mapping[str, Any]], place: ArmState
+    ) -> None:
         """Build the sliders."""
         self._session, self._t, self._place = session, phrases.t, place
         self._awaited, self._by_tool = 0, False
@@ -57,15 +65,28 @@ class Jogging:
         t = self._t
         with ui.row().classes("w-full items-center gap-2"):
             self._frame = ui.select(["base"], value="base", label=t("arm.frame"), with_input=True)
-            self._frame.props("dense outlined options-dense").classes("grow").style("min-width: 9rem")
+            self._frame.props("dense outlined options-dense").classes("grow").style(
+                "min-width: 9rem"
+            )
             self._frame.on_value_change(self._reframe)
             self._way, self._turn = (
-                ui.number(t("arm.range"), value=value, min=low, max=high, suffix=unit, on_change=self._range)
+                ui.number(
+                    t("arm.range"),
+                    value=value,
+                    min=low,
+                    max=high,
+                    suffix=unit,
+                    on_change=self._range,
+                )
                 for value, low, high, unit in ((WAY, 1, 2000, "mm"), (TURN, 1, 180, "°"))
             )
             for field, name in ((self._way, "range_mm"), (self._turn, "range_deg")):
-                field.props(f'dense outlined prefix="±" debounce=600 aria-label="{t(f"arm.{name}")}"').classes("w-28")
-            ui.button(t("arm.centre"), icon="filter_center_focus", on_click=self._recentre).props("flat dense no-caps")
+                field.props(
+                    f'dense outlined prefix="±" debounce=600 aria-label="{t(f"arm.{name}")}"'
+                ).classes("w-28")
+            ui.button(t("arm.centre"), icon="filter_center_focus", on_click=self._recentre).props(
+                "flat dense no-caps"
+            )
         self._dials = [
             Dial(t, name, low=-far, high=far, unit=unit, live=True, moved=self._jog_tool)
             for names, far, unit in ((_WAYS, WAY, " mm"), (_TURNS, TURN, "°"))
@@ -79,8 +100,12 @@ class Jogging:
                 for name in names
             ]
         for one, name in zip(self._pose, (*_WAYS, *_TURNS), strict=True):
-            set_label(one.field, f"{name}: {t('arm.pose')}")  # else it would be called as the slider above
-            one.field.classes("grow tabular-nums").style("flex: 1 1 30%").on("keydown.enter", self._go)
+            set_label(
+                one.field, f"{name}: {t('arm.pose')}"
+            )  # else it would be called as the slider above
+            one.field.classes("grow tabular-nums").style("flex: 1 1 30%").on(
+                "keydown.enter", self._go
+            )
 
     def _range(self) -> None:
         for number, dial in enumerate(self._dials):
@@ -103,7 +128,9 @@ class Jogging:
         self._by_tool = True
         held = [value for dial in self._dials if (value := dial.value) is not None]
         if len(held) == len(self._dials):
-            self._await(self._session.arm.jog_tool(_in_metres(held), self._place.frame, start=self._middle))
+            self._await(
+                self._session.arm.jog_tool(_in_metres(held), self._place.frame, start=self._middle)
+            )
 
     def _go(self) -> None:
         """Go to the pose that was typed."""
@@ -139,7 +166,10 @@ class Jogging:
         for name, value in values["axes"].items():
             self._joints[name].show(value)
         before, self._at = self._at, values["base_pose"]
-        stays = before and max(abs(now - then) for now, then in zip(self._at, before, strict=True)) < _SAME
+        stays = (
+            before
+            and max(abs(now - then) for now, then in zip(self._at, before, strict=True)) < _SAME
+        )
         if not stays and not (self._awaited and self._by_tool):
             self._recentre()
 

@@ -76,7 +76,9 @@ class BlockPicture:
                     icon_button(icon, t(f"station.{icon}"), partial(self._fold, folds))
                 for icon, factor in _ZOOMS.items():
                     button = icon_button(icon, t(f"station.{icon}"))
-                    button.on("click", js_handler=f"(event) => window.blocks.zoom(event.target, {factor})")
+                    button.on(
+                        "click", js_handler=f"(event) => window.blocks.zoom(event.target, {factor})"
+                    )
             self._place = ui.html("")
         for event, what in (("wheel", "wheel"), ("pointermove", "drag"), ("keydown", "key")):
             place.on(event, js_handler=f"(event) => window.blocks.{what}(event)")
@@ -92,7 +94,8 @@ class BlockPicture:
         self._svg, self.labels, self._wire = svg, labels_of(svg), ""
         self._values = {}
         self.wires = {
-            number: (unescape(source), unescape(targets).split("|")) for number, source, targets in _WIRE.findall(svg)
+            number: (unescape(source), unescape(targets).split("|"))
+            for number, source, targets in _WIRE.findall(svg)
         }
         self.choose(self.chosen if self.chosen in self.labels else "")
 
@@ -168,7 +171,9 @@ def with_buttons(svg: str, chosen: str = "", wire: str = "", changed: Collection
 
     size = rf'style="--own: \2px; min-width: calc({_SMALLEST} * \2px); max-width: calc(2 * \2px)"'
     drawn = _NODE.sub(button, _WIDTH.sub(rf"<svg {size} \1", svg, count=1))
-    return drawn.replace(f'class="wire" data-wire="{wire}"', f'class="wire chosen" data-wire="{wire}"')
+    return drawn.replace(
+        f'class="wire" data-wire="{wire}"', f'class="wire chosen" data-wire="{wire}"'
+    )
 
 
 def with_values(svg: str, values: Mapping[str, str]) -> str:

@@ -32,8 +32,12 @@ def build(session: Session, t: Words) -> None:
             ui.label(t("drive.hint")).classes("pendant-drive-hint")
     for side, (_, _, key) in zip(sides, _SIDEWAYS, strict=True):
         side.props(f"data-key={key} tabindex=-1")
-    pad.on("steer", lambda event: driving.command(client.id, *event.args["detail"]), args=["detail"])
-    button = icon_button("sports_esports", t("drive.begin"), keys="Shift+D", t=t).classes("pendant-drive")
+    pad.on(
+        "steer", lambda event: driving.command(client.id, *event.args["detail"]), args=["detail"]
+    )
+    button = icon_button("sports_esports", t("drive.begin"), keys="Shift+D", t=t).classes(
+        "pendant-drive"
+    )
     client.on_disconnect(lambda: driving.end(client.id))
 
     watched = ""
@@ -55,9 +59,15 @@ def build(session: Session, t: Words) -> None:
 
     def tell(limits: dict[str, float]) -> None:
         asked.text = t("drive.asked", **_words(t, driving.asked))
-        speeds = _speeds(session.run.history.get(signal_of(session, _POSE), ()), radians(limits.get("facing_deg", 0.0)))
+        speeds = _speeds(
+            session.run.history.get(signal_of(session, _POSE), ()),
+            radians(limits.get("facing_deg", 0.0)),
+        )
         done.text = t("drive.done", **_words(t, speeds))
-        clock.text = t("run.ratio", ratio=t.decimals(session.run.ratio, 1)) + f"  {t.decimals(session.run.time, 2)} s"
+        clock.text = (
+            t("run.ratio", ratio=t.decimals(session.run.ratio, 1))
+            + f"  {t.decimals(session.run.time, 2)} s"
+        )
 
     button.on_click(lambda: driving.begin(client.id))
     follow(session, show, "description", "phase", "tick")

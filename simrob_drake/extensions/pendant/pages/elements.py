@@ -18,7 +18,9 @@ _SLACK_OF_ANGLES = 0.01
 """The same of angles [deg]: limits are often round numbers of degrees that a file has as rounded radians."""
 _SAME = 1e-6
 """Numbers that differ by less are the same."""
-_DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
+_DEBOUNCE = (
+    600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
+)
 
 
 def limit_text(t: Words, value: float, unit: str, *, is_upper: bool) -> str:
@@ -77,7 +79,9 @@ class NumberField:
         """Build it in the present place; it shows its label if it is titled, and the unit behind the number."""
         step = step or step_of(unit)
         self._t, self.low, self.high, self._unit, self._whole = t, low, high, unit, whole
-        self.field = ui.number(label if titled else None, value=value, step=step, suffix=unit.strip() or None)
+        self.field = ui.number(
+            label if titled else None, value=value, step=step, suffix=unit.strip() or None
+        )
         self.field.props("dense outlined hide-bottom-space no-error-icon").validation = self.problem
         set_label(self.field, label)
 
@@ -88,7 +92,9 @@ class NumberField:
         if value is None or self.problem(value) is not None:
             return None
         limited = min(max(float(value), self.low), self.high)
-        return int(value) if self._whole else limited if abs(limited - value) > _SAME else float(value)
+        return (
+            int(value) if self._whole else limited if abs(limited - value) > _SAME else float(value)
+        )
 
     def needed(self) -> float | None:
         """Return what it holds; where that is nothing or refused, None, and the user is taken there."""
@@ -104,12 +110,15 @@ class NumberField:
         if within and not (self._whole and value is not None and value % 1):
             return None
         low, high = (
-            limit_text(self._t, limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high)
+            limit_text(self._t, limit, self._unit, is_upper=limit == self.high)
+            for limit in (self.low, self.high)
         )
         kind = "whole_limits" if self._whole else "limits"
         if low and high:
             return self._t(f"legs.{kind}", low=low, high=high)
-        return self._t(f"legs.{kind}_low", low=low) if low else self._t(f"legs.{kind}_high", high=high)
+        return (
+            self._t(f"legs.{kind}_low", low=low) if low else self._t(f"legs.{kind}_high", high=high)
+        )
 
 
 class Slider(ui.slider):
@@ -147,7 +156,9 @@ class Dial:
         """
         self._t, self._moved, self._unit, self._side, self._quiet = t, moved, unit, side, False
         self._marked: object = None
-        with ui.row().classes("pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded") as self.row:
+        with ui.row().classes(
+            "pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded"
+        ) as self.row:
             with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
                 ui.label(name)
                 if about:
@@ -156,7 +167,11 @@ class Dial:
             self.number = NumberField(t, name, 0.0, unit=unit, titled=False)
             self.number.field.classes("w-28").props(f"debounce={_DEBOUNCE}" if live else "")
             with ui.column().classes("gap-0 grow relative").style("flex-basis: 7rem"):
-                self._slider = Slider(min=0, max=1, step=step_of(unit), value=0).props("dense").classes("w-full px-2")
+                self._slider = (
+                    Slider(min=0, max=1, step=step_of(unit), value=0)
+                    .props("dense")
+                    .classes("w-full px-2")
+                )
                 set_label(self._slider, name)
                 self._tick = ui.element("div").classes("pendant-tick").props("aria-hidden=true")
                 with ui.row().classes("w-full justify-between text-xs opacity-70"):
@@ -256,7 +271,11 @@ class KeyTable:
     def free_letter(self, text: str) -> str:
         """Find the first letter of a text that is free with Alt. Returns an empty text if there is none."""
         letters = (letter for letter in text.upper() if letter.isascii() and letter.isalpha())
-        free = (letter for letter in letters if letter not in _BROWSER_LETTERS and self.is_free(f"Alt+{letter}"))
+        free = (
+            letter
+            for letter in letters
+            if letter not in _BROWSER_LETTERS and self.is_free(f"Alt+{letter}")
+        )
         return next(free, "")
 
 
@@ -279,7 +298,11 @@ def set_keys(element: ui.element, keys: str) -> None:
 
 def _name_of(element: ui.element) -> str:
     """Return the name by which users know an element."""
-    return str(element.props.get("aria-label") or element.props.get("label") or getattr(element, "text", ""))
+    return str(
+        element.props.get("aria-label")
+        or element.props.get("label")
+        or getattr(element, "text", "")
+    )
 
 
 _KEY_NAMES = "Space", "Home", "Shift", "Control"
@@ -338,7 +361,11 @@ def set_label(element: ui.element, text: str) -> None:
 
 def shortcuts(t: Words) -> list[tuple[str, str]]:
     """List all keys of the present page, and what they do, in the language of the page's texts."""
-    found = [element for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
+    found = [
+        element
+        for element in ElementFilter(local_scope=False, only_visible=True)
+        if KEYS in element.props
+    ]
     return [(keys_in_words(t, element.props[KEYS]), _name_of(element)) for element in found]
 
 
@@ -361,7 +388,9 @@ def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
         nonlocal waiting
         if not waiting and (not topics or topic in topics):
             waiting = True
-            asyncio.get_running_loop().call_later(_PAUSE_OF_TICKS if topic == "tick" else _PAUSE, look)
+            asyncio.get_running_loop().call_later(
+                _PAUSE_OF_TICKS if topic == "tick" else _PAUSE, look
+            )
 
     def look() -> None:
         nonlocal waiting
@@ -380,7 +409,9 @@ def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
     update()
 
 
-def rebuild(session: Any, state: Callable[[], Any], build: Callable[[], object], *topics: str) -> Callable[[], None]:
+def rebuild(
+    session: Any, state: Callable[[], Any], build: Callable[[], object], *topics: str
+) -> Callable[[], None]:
     """Build a part in the present place now, and anew after changes of some topics where its state is another.
 
     ``state`` tells what the part is built of. What is returned looks whether that has changed.
@@ -409,7 +440,9 @@ def card(title: str, number: int = 0, about: str = "") -> ui.column:
     """Make a part of a page with a heading; ``number`` is its place in the order of use."""
     with ui.column().classes("pendant-plate w-full min-w-0 gap-2 p-3").props("role=group") as found:
         set_label(found, title)
-        ui.label(numbered(title, number)).classes("text-base font-bold").props("role=heading aria-level=2")
+        ui.label(numbered(title, number)).classes("text-base font-bold").props(
+            "role=heading aria-level=2"
+        )
         if about:
             ui.label(about).classes("text-sm opacity-70")
     return found

@@ -46,7 +46,12 @@ class FormView:
             update(field)
 
     def _draw(self, field: Field) -> Callable[[Field], object]:
-        draw = {"switch": self._switch, "section": self._section, "choice": self._choice, "entries": self._entries}
+        draw = {
+            "switch": self._switch,
+            "section": self._section,
+            "choice": self._choice,
+            "entries": self._entries,
+        }
         return draw.get(field.kind, self._typed)(field)
 
     def _name(self, field: Field) -> str:
@@ -65,7 +70,9 @@ class FormView:
     def _switched(self, field: Field, value: Callable[[bool], Any]) -> Callable[[Field], object]:
         """Draw a switch with its help below, or what is wrong."""
         with ui.column().classes("w-full gap-0"):
-            switch = ui.switch(self._name(field), value=bool(field.value)).props("dense").classes("pt-2")
+            switch = (
+                ui.switch(self._name(field), value=bool(field.value)).props("dense").classes("pt-2")
+            )
             message = ui.label()
         shown = [switch.value]
 
@@ -115,7 +122,10 @@ class FormView:
                 box.error = None
                 return
             try:
-                box.error = await self._give(field.key, as_value(field, self._as_typed(field, text))) or None
+                box.error = (
+                    await self._give(field.key, as_value(field, self._as_typed(field, text)))
+                    or None
+                )
             except SimrobError as problem:
                 box.error = self._t.render(str(problem))
 
@@ -142,16 +152,24 @@ class FormView:
 
     def _as_typed(self, field: Field, text: str) -> str:
         """Read a number with either decimal sign. Other values are YAML, in which a comma separates."""
-        is_number = field.kind == "number" or (field.kind == "value" and _COMMA_NUMBER.fullmatch(text.strip()))
+        is_number = field.kind == "number" or (
+            field.kind == "value" and _COMMA_NUMBER.fullmatch(text.strip())
+        )
         return text.replace(",", ".") if is_number and self._t.has_decimal_comma else text
 
     def _help(self, field: Field) -> str:
         """Describe a field, with its bounds and its default, or the value in force and its origin."""
         ends = (("≥", field.low), ("≤", field.high))
-        bounds = [f"{sign} {self._t.figure(bound)}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
+        bounds = [
+            f"{sign} {self._t.figure(bound)}"
+            for sign, bound in ends
+            if bound is not None and abs(bound) < _HUGE
+        ]
         if field.in_force is not None:
             value = self._shown(field.in_force)
-            source = self._t("station.in_force", value=value, origin=self._t(f"station.origin_{field.origin}"))
+            source = self._t(
+                "station.in_force", value=value, origin=self._t(f"station.origin_{field.origin}")
+            )
         else:
             default = self._shown(field.default)
             source = self._t("station.default", value=default) if default else ""
@@ -162,14 +180,20 @@ class FormView:
         """Draw what puts a new entry into a section of entries: its name, its kind, and its keys as YAML."""
         with ui.row().classes("w-full items-start gap-2"):
             name = ui.input(self._t("station.entry_name")).props("dense").classes("w-32")
-            kind = ui.select(list(field.choices), label=self._t("station.entry_kind")).props("dense").classes("w-36")
+            kind = (
+                ui.select(list(field.choices), label=self._t("station.entry_kind"))
+                .props("dense")
+                .classes("w-36")
+            )
             kind.set_visibility(bool(field.choices))
             keys = ui.input(self._t("station.entry_keys"), placeholder="{force: [5, 0, 0]}")
             keys.props("dense").classes("grow")
 
             async def add() -> None:
                 try:
-                    entry = as_value(Field(f"{field.key}.{name.value}", "value", default={}), keys.value or "")
+                    entry = as_value(
+                        Field(f"{field.key}.{name.value}", "value", default={}), keys.value or ""
+                    )
                 except SimrobError as problem:
                     keys.error = self._t.render(str(problem))
                     return

@@ -24,7 +24,9 @@ PICTURES = "pictures"
 soon as any tab is closed."""
 
 
-def build(session: Session, t: Words, load: Callable[[str], object], take: Callable[[Files], object]) -> None:
+def build(
+    session: Session, t: Words, load: Callable[[str], object], take: Callable[[Files], object]
+) -> None:
     """Build the button in the present place, and what it opens.
 
     ``load`` loads another robot or station, ``take`` files of the user's own.
@@ -44,7 +46,10 @@ def build(session: Session, t: Words, load: Callable[[str], object], take: Calla
         own = ui.button(t("shell.own_files"), icon="upload_file").props("outline no-caps")
         own.on("click", js_handler=f"() => getElement({uploads.id}).$refs.qRef.pickFiles()")
         ui.label(t("shell.own_files_help")).classes("text-sm opacity-70")
-    set_keys(ui.button(t("shell.robots"), icon="apps", on_click=dialog.open).props("flat dense no-caps"), "Alt+G")
+    set_keys(
+        ui.button(t("shell.robots"), icon="apps", on_click=dialog.open).props("flat dense no-caps"),
+        "Alt+G",
+    )
 
     entries = [*pictures.items(), *names.items()]
 
@@ -75,7 +80,11 @@ def _uploads(t: Words, take: Callable[[Files], object]) -> ui.upload:
         ui.notify(t("shell.own_files_large", size=f"{MOST // 1_000_000}"), type="negative")
 
     uploads = ui.upload(
-        multiple=True, auto_upload=True, max_total_size=MOST, on_multi_upload=received, on_rejected=refused
+        multiple=True,
+        auto_upload=True,
+        max_total_size=MOST,
+        on_multi_upload=received,
+        on_rejected=refused,
     )
     return uploads.classes("pendant-own")
 
@@ -115,4 +124,8 @@ def _picture(name: str, load: Callable[[str], object]) -> ui.element:
 
 
 def _station(name: str, load: Callable[[str], object]) -> ui.element:
-    return ui.button(name.replace("_", " "), on_click=lambda: load(name)).props("outline dense no-caps").classes("px-2")
+    return (
+        ui.button(name.replace("_", " "), on_click=lambda: load(name))
+        .props("outline dense no-caps")
+        .classes("px-2")
+    )

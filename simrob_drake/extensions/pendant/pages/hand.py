@@ -20,25 +20,43 @@ def build(session: Session, t: Words) -> Callable[[], None]:
     Returns:
         what tells the view of these, once it is loaded.
     """
-    pull = icon_button("pan_tool_alt", t("shell.drag"), keys="D", t=t).classes("pendant-drag pendant-mood")
-    hand = icon_button("open_with", t("hand.begin"), keys="G", t=t).classes("pendant-hand pendant-mood")
+    pull = icon_button("pan_tool_alt", t("shell.drag"), keys="D", t=t).classes(
+        "pendant-drag pendant-mood"
+    )
+    hand = icon_button("open_with", t("hand.begin"), keys="G", t=t).classes(
+        "pendant-hand pendant-mood"
+    )
     with ui.element("div").classes("pendant-grip").props("role=group") as settings:
         set_label(settings, t("hand.settings"))
-        own = ui.toggle({False: t("hand.world"), True: t("hand.own")}, value=False).props("dense no-caps")
-        names = {key: t("hand.step", mm=mm, deg=deg) if mm else t("hand.free") for key, (mm, deg) in _STEPS.items()}
-        step = ui.select(names, value="", label=t("hand.steps")).props("dense options-dense outlined")
+        own = ui.toggle({False: t("hand.world"), True: t("hand.own")}, value=False).props(
+            "dense no-caps"
+        )
+        names = {
+            key: t("hand.step", mm=mm, deg=deg) if mm else t("hand.free")
+            for key, (mm, deg) in _STEPS.items()
+        }
+        step = ui.select(names, value="", label=t("hand.steps")).props(
+            "dense options-dense outlined"
+        )
         ui.label(t("hand.hint")).classes("pendant-grip-hint")
     moods = {"pull": pull, "on": hand}
     on = ""
 
     def tell() -> None:
         move, turn = _STEPS[step.value]
-        state = {**{name: name == on for name in moods}, "own": own.value, "step": move, "turn": turn}
+        state = {
+            **{name: name == on for name in moods},
+            "own": own.value,
+            "step": move,
+            "turn": turn,
+        }
         for name, button in moods.items():
             button.props["aria-pressed"] = "true" if name == on else "false"
             button.update()
         settings.set_visibility(on == "on")
-        ui.run_javascript(f"document.getElementById('{FRAME}').contentWindow.setHand?.({dumps(state)})")
+        ui.run_javascript(
+            f"document.getElementById('{FRAME}').contentWindow.setHand?.({dumps(state)})"
+        )
 
     def choose(name: str) -> None:
         nonlocal on

@@ -25,16 +25,27 @@ class Joints:
     """A list of joints in which targets are set."""
 
     def __init__(
-        self, phrases: Phrases, axes: Sequence[Content], *, changed: Callable[[], None], entered: Callable[[], object]
+        self,
+        phrases: Phrases,
+        axes: Sequence[Content],
+        *,
+        changed: Callable[[], None],
+        entered: Callable[[], object],
     ) -> None:
         """Build the list.
 
         ``changed`` is called after each change of a target, ``entered`` when the user ends a number with the key Enter.
         """
         t, self._changed = phrases.t, changed
-        self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
+        self._search = ui.input(t("legs.search"), on_change=self._find).props(
+            "clearable dense outlined type=search"
+        )
         self._search.classes("w-full")
-        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").classes("pendant-joints"):
+        with (
+            ui.column()
+            .classes("w-full gap-0 overflow-y-auto flex-nowrap")
+            .classes("pendant-joints")
+        ):
             self._rows = [_Row(phrases, axis, changed, entered) for axis in axes]
             self._nothing = ui.label(t("legs.no_joint"))
         self._find()
@@ -96,16 +107,24 @@ class _Row:
     """One joint, which is set or not."""
 
     def __init__(
-        self, phrases: Phrases, axis: Content, changed: Callable[[], None], entered: Callable[[], object]
+        self,
+        phrases: Phrases,
+        axis: Content,
+        changed: Callable[[], None],
+        entered: Callable[[], object],
     ) -> None:
         self.name: str = axis["name"]
         self.is_set, self._changed, self._at = False, changed, float(axis["now"])
         words = phrases.axis(self.name)
         self.called = (words, self.name, *axis["aliases"])
-        self.dial = axis_dial(phrases, axis, words, about=" · ".join((*self.called[2:], self.name)), moved=self._moved)
+        self.dial = axis_dial(
+            phrases, axis, words, about=" · ".join((*self.called[2:], self.name)), moved=self._moved
+        )
         self.dial.number.field.on("keydown.enter", entered)
         with self.dial.row:
-            self._back = icon_button("backspace", f"{phrases.t('legs.take_back')}: {words}", self._take_back)
+            self._back = icon_button(
+                "backspace", f"{phrases.t('legs.take_back')}: {words}", self._take_back
+            )
         self.settle(None)
 
     @property
@@ -164,7 +183,9 @@ def axis_dial(phrases: Phrases, axis: Content, name: str, **how: Any) -> Dial:
 def axis_field(phrases: Phrases, axis: Content, value: float) -> NumberField:
     """Build a field for the target of an axis [deg or m], which is refused beyond the limits."""
     name, low, high = axis["name"], axis["low"], axis["high"]
-    return NumberField(phrases.t, phrases.axis(name), value, low=low, high=high, unit=phrases.unit(name))
+    return NumberField(
+        phrases.t, phrases.axis(name), value, low=low, high=high, unit=phrases.unit(name)
+    )
 
 
 _SIGNALS = ("reference", "position", "torque")
@@ -191,13 +212,20 @@ class Marks:
     """Of all joints of the robot that is taught."""
 
     def __init__(
-        self, session: Session, phrases: Phrases, axes: Sequence[Content], dials: Mapping[str, Dial], place: ui.element
+        self,
+        session: Session,
+        phrases: Phrases,
+        axes: Sequence[Content],
+        dials: Mapping[str, Dial],
+        place: ui.element,
     ) -> None:
         """Mark dials of axes by their names, as long as an element of the page is there."""
         self._session, self._phrases, self._axes, self._dials = session, phrases, axes, dials
         self._limits: Sequence[float] = [inf] * len(axes)
         self._client = context.client
-        plots.watch(session, [name for kind in _SIGNALS if (name := signal_of(session, kind))], place)
+        plots.watch(
+            session, [name for kind in _SIGNALS if (name := signal_of(session, kind))], place
+        )
         follow(session, self._ask, "program", "description", "phase")
         follow(session, self._show, "tick", "phase")
 
@@ -209,7 +237,11 @@ class Marks:
         """Ask what the drives can do, which changes with settings, also while something runs."""
         limits = await wrap_future(self._session.client.ask("torque_limits"))
         if limits and not self._client.is_deleted:
-            self._limits = limits if self._session.description.get("mode") == "dynamic" else [inf] * len(limits)
+            self._limits = (
+                limits
+                if self._session.description.get("mode") == "dynamic"
+                else [inf] * len(limits)
+            )
             self._show()
 
     def _show(self) -> None:
@@ -232,16 +264,25 @@ class Marks:
                 limit=self._limits[number],
             )
             runs_on = gap.reason in ("", "moving", "gains") and self._session.phase == "running"
-            why = "" if runs_on else self._why(axis, gap.reason, where, gap.off, torque, self._limits[number])
+            why = (
+                ""
+                if runs_on
+                else self._why(axis, gap.reason, where, gap.off, torque, self._limits[number])
+            )
             self._dials[axis["name"]].mark(where, gap.level, why)
 
-    def _why(self, axis: Content, reason: str, done: float, off: float, torque: float, limit: float) -> str:
+    def _why(
+        self, axis: Content, reason: str, done: float, off: float, torque: float, limit: float
+    ) -> str:
         if not reason and abs(off) < _NOTED[axis["unit"]]:
             return ""
         reason = reason or "measured"
         unit, force = self._phrases.unit(axis["name"]), _FORCES[axis["unit"]]
         digits = 1 if axis["unit"] == "deg" else 4
         figure = self._phrases.t.figure
-        lengths = {name: f"{figure(round(value, digits))}{unit}" for name, value in (("done", done), ("off", abs(off)))}
+        lengths = {
+            name: f"{figure(round(value, digits))}{unit}"
+            for name, value in (("done", done), ("off", abs(off)))
+        }
         forces = {"torque": figure(round(abs(torque), 2)), "limit": f"{figure(limit)} {force}"}
         return self._phrases.t(f"shortfall.{reason}", **lengths, **forces)

@@ -38,7 +38,10 @@ def build(session: Session, t: Words) -> None:
         return found
 
     def state() -> list[Any]:
-        axes = [{key: value for key, value in axis.items() if key != "now"} for axis in robot().get("axes", ())]
+        axes = [
+            {key: value for key, value in axis.items() if key != "now"}
+            for axis in robot().get("axes", ())
+        ]
         loops = [loop["name"] for loop in session.description.get("loops", ())]
         return [{**robot(), "axes": axes}, loops, session.description.get("pieces")]
 
@@ -58,7 +61,12 @@ def _build(session: Session, t: Words, robot: Content) -> None:
         MoveList(session, phrases, robot)
     with card(t("legs.motions")):
         _button(t("legs.step"), session.step, keys="Alt+P")
-        offers(session, phrases, choices_of(session, robot), [kind for kind in KINDS.values() if kind.of_legs])
+        offers(
+            session,
+            phrases,
+            choices_of(session, robot),
+            [kind for kind in KINDS.values() if kind.of_legs],
+        )
     if session.description.get("loops"):
         with card(t("legs.loops")):
             _loops(session, phrases)
@@ -94,12 +102,18 @@ class _Teaching:
             with ui.row().classes("w-full items-center gap-2"):
                 self._duration = duration_field(t)
                 self._duration.field.classes("w-24")
-                self._suggested = self._duration.value  # what the field shows until the user sets another duration
+                self._suggested = (
+                    self._duration.value
+                )  # what the field shows until the user sets another duration
                 _button(t("legs.test"), self._test, 2, "Alt+T")
                 self._add = _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
-                _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props("outline")
-                _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
+                _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props(
+                    "outline"
+                )
+                _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props(
+                    "outline"
+                )
         self._axes = robot["axes"]
         Marks(session, phrases, self._axes, self._joints.dials, plate)
         follow(session, self._tell, "program")
@@ -132,7 +146,11 @@ class _Teaching:
 
     def _suggest_duration(self) -> None:
         """Show a duration that the servos can follow, unless the user has set one or a tested move waits."""
-        if self._duration.value != self._suggested or self._session.book.pending or not self._joints.targets:
+        if (
+            self._duration.value != self._suggested
+            or self._session.book.pending
+            or not self._joints.targets
+        ):
             return
         asked = shown_at(self._session, "reference")
         with suppress(SimrobError):  # a target beyond its limits is refused when the move is tested
@@ -142,7 +160,9 @@ class _Teaching:
     def _restore(self, targets: dict[str, float], ended: dict[str, Any] | None) -> None:
         """Set the targets again of a test that was refused or fell, to be set otherwise and tested again."""
         moves = self._session.book.pending
-        refused = ended is None and not (moves and targets.items() <= moves[-1].get("target_deg", {}).items())
+        refused = ended is None and not (
+            moves and targets.items() <= moves[-1].get("target_deg", {}).items()
+        )
         if refused or (ended and not ended["goes_on"] and ended["ending"] != "stopped"):
             self._joints.restore(targets)
 
@@ -160,14 +180,20 @@ class _Teaching:
         if asked is not None or not session.run.time:
             shown = [axis["now"] for axis in self._axes] if asked is None else asked
             turns = [asked is not None and axis["unit"] == "deg" for axis in self._axes]
-            values = [degrees(value) if turn else value for turn, value in zip(turns, shown, strict=True)]
-            self._joints.follow({axis["name"]: value for axis, value in zip(self._axes, values, strict=True)})
+            values = [
+                degrees(value) if turn else value for turn, value in zip(turns, shown, strict=True)
+            ]
+            self._joints.follow(
+                {axis["name"]: value for axis, value in zip(self._axes, values, strict=True)}
+            )
 
     def _tell(self) -> None:
         """Say what would be tested, and what was."""
         t, phrases = self._phrases.t, self._phrases
         self._session.hand.lean(self._joints.targets)
-        axes = ", ".join(phrases.target(axis, value) for axis, value in self._joints.targets.items())
+        axes = ", ".join(
+            phrases.target(axis, value) for axis, value in self._joints.targets.items()
+        )
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
         self._suggest_duration()
         moves = "; ".join(phrases.move(move) for move in self._session.book.pending)
@@ -204,14 +230,20 @@ def _loops(session: Session, phrases: Phrases) -> None:
     for name, value in on().items():
         with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
             switches[name] = ui.switch(phrases.name(name), value=value)
-            ui.label(phrases.loop(name)).classes("text-sm opacity-70 min-w-0 grow").style("flex-basis: 14rem")
-            icon_button("schema", phrases.t("legs.how", loop=phrases.name(name)), partial(explain, name))
+            ui.label(phrases.loop(name)).classes("text-sm opacity-70 min-w-0 grow").style(
+                "flex-basis: 14rem"
+            )
+            icon_button(
+                "schema", phrases.t("legs.how", loop=phrases.name(name)), partial(explain, name)
+            )
     for name, element in switches.items():
         element.on_value_change(lambda event, name=name: switch(name, event.value))
     follow(session, show, "description")
 
 
-def _button(text: str, on_click: Callable[[], object], number: int = 0, keys: str = "") -> ui.button:
+def _button(
+    text: str, on_click: Callable[[], object], number: int = 0, keys: str = ""
+) -> ui.button:
     """Build a button; ``number`` is its place in the order of use, ``keys`` press it."""
     button = ui.button(numbered(text, number), on_click=on_click).props("no-caps")
     if keys:

@@ -35,7 +35,9 @@ class Messages:
         self._buttons: list[ui.button] = []
         self._judged_settings: dict[str, Any] | None = None
         self._age: ui.label | None = None
-        self._place = ui.element("div").classes("pendant-message").props("role=status aria-live=polite")
+        self._place = (
+            ui.element("div").classes("pendant-message").props("role=status aria-live=polite")
+        )
         follow(session, self._show, "message")
         follow(session, self._follow_run, "phase", "program", "description")
 
@@ -50,7 +52,9 @@ class Messages:
             ended = self._session.run.ended
             self._age = None
             if notice.criteria and ended:
-                self._age = ui.label(self._t("run.old_verdict", number=ended[-1].number)).classes("pendant-age")
+                self._age = ui.label(self._t("run.old_verdict", number=ended[-1].number)).classes(
+                    "pendant-age"
+                )
             if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
             for remark, text in zip(notice.remarks, notice.lines(self._t.render), strict=True):
@@ -65,15 +69,22 @@ class Messages:
         """Allow the buttons, and mark a verdict as old once another run has begun or the station has changed."""
         self._allow()
         is_old = self._judged_settings is not None and (
-            self._session.phase in ("running", "paused") or self._session.book.settings != self._judged_settings
+            self._session.phase in ("running", "paused")
+            or self._session.book.settings != self._judged_settings
         )
         if self._age is not None:
             self._age.set_visibility(is_old)
-        self._place.classes(add="pendant-old" if is_old else None, remove=None if is_old else "pendant-old")
+        self._place.classes(
+            add="pendant-old" if is_old else None, remove=None if is_old else "pendant-old"
+        )
 
     def _text_of(self, notice: Notice) -> str:
         """Text of a notice above its remarks, in the language of the page."""
-        return self._t(f"notice.{notice.key}", **notice.fills) if notice.key else self._t.render(str(notice))
+        return (
+            self._t(f"notice.{notice.key}", **notice.fills)
+            if notice.key
+            else self._t.render(str(notice))
+        )
 
     def _build_line(self, severity: Severity, text: str) -> None:
         """Build a line in the colour of its severity. An empty text has no line."""
@@ -101,11 +112,21 @@ class Messages:
     def _build_table(self, criteria: Sequence[CriterionRow], *, is_open: bool) -> None:
         """Build the table of criteria, unfolded if one of them is violated."""
         t = self._t.render
-        fold = ui.expansion(self._t("run.criteria"), value=is_open).props("dense").classes("pendant-criteria")
+        fold = (
+            ui.expansion(self._t("run.criteria"), value=is_open)
+            .props("dense")
+            .classes("pendant-criteria")
+        )
         with fold, ui.element("table"):
             _build_row("th", [t(heading) for heading in TABLE_HEADINGS])
             for row in criteria:
-                cells = (SEVERITY_WORDS[row.severity], row.criterion, row.value, row.bound, row.worst)
+                cells = (
+                    SEVERITY_WORDS[row.severity],
+                    row.criterion,
+                    row.value,
+                    row.bound,
+                    row.worst,
+                )
                 _build_row("td", [t(cell) for cell in cells]).classes(f"pendant-{row.severity}")
 
     def _allow(self) -> None:

@@ -11,7 +11,13 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.extensions.pendant.form import Field, as_text, as_value, move_fields
 from simrob_drake.extensions.pendant.move_labels import FormFields, labels_of
-from simrob_drake.extensions.pendant.pages.elements import NumberField, icon_button, page_keys, set_keys, set_label
+from simrob_drake.extensions.pendant.pages.elements import (
+    NumberField,
+    icon_button,
+    page_keys,
+    set_keys,
+    set_label,
+)
 from simrob_drake.extensions.pendant.pages.joints import axis_field
 from simrob_drake.extensions.pendant.pages.words import MILLI, Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
@@ -50,7 +56,9 @@ def offers(session: Session, phrases: Phrases, choices: Content, kinds: list[typ
         with ui.row().classes("w-full items-start gap-2").props("role=group") as row:
             set_label(row, phrases.title(kind))
             read = move_form(phrases, choices, kind, {})
-            button = ui.button(phrases.title(kind), on_click=partial(_try, session, read)).props("no-caps")
+            button = ui.button(phrases.title(kind), on_click=partial(_try, session, read)).props(
+                "no-caps"
+            )
         letter = page_keys().free_letter(button.text)
         if letter:
             set_keys(button, f"Alt+{letter}")
@@ -64,7 +72,11 @@ def choices_of(session: Session, robot: Content) -> dict[str, Any]:
 
 def _there(choices: Content, form: FormFields) -> list[bool]:
     """For each field of a form that is chosen among things, whether there is one."""
-    return [bool(choices.get(what)) for what in form.values() if isinstance(what, str) and what != ORIGIN]
+    return [
+        bool(choices.get(what))
+        for what in form.values()
+        if isinstance(what, str) and what != ORIGIN
+    ]
 
 
 def _try(session: Session, read: Read) -> None:
@@ -82,11 +94,19 @@ def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
         return yaml_form(phrases.t, phrases.t("legs.as_yaml"), move)
     content, form = content_of(kind, move), labels_of(kind).form
     asked = move_form(phrases, choices, kind, {key: content[key] for key in form if key in content})
-    rest = yaml_form(phrases.t, phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
+    rest = yaml_form(
+        phrases.t,
+        phrases.t("legs.further"),
+        {key: content[key] for key in content if key not in form},
+    )
 
     def read() -> dict[str, Any] | None:
         entry, further = asked(), rest()
-        return None if entry is None or further is None else _entry(kind, {**content_of(kind, entry), **further})
+        return (
+            None
+            if entry is None or further is None
+            else _entry(kind, {**content_of(kind, entry), **further})
+        )
 
     return read
 
@@ -97,14 +117,21 @@ def _motion_form(phrases: Phrases, kind: type[Move], content: dict[str, Any]) ->
     with ui.row().classes("items-start gap-2"):
         fields = speed_field(t, speed and speed / MILLI), duration_field(t, content.get("duration"))
     for one, other in (fields, fields[::-1]):
-        one.field.on_value_change(lambda event, other=other: event.value is None or other.field.set_value(None))
-    rest = {key: value for key, value in content.items() if key not in ("speed", "duration", "times")}
+        one.field.on_value_change(
+            lambda event, other=other: event.value is None or other.field.set_value(None)
+        )
+    rest = {
+        key: value for key, value in content.items() if key not in ("speed", "duration", "times")
+    }
 
     def read() -> dict[str, Any] | None:
         if any(field.value is None and field.field.value is not None for field in fields):
             return None
         fast, long = (field.value for field in fields)
-        return {kind.key: rest | ({"duration": long} if long else {"speed": fast * MILLI} if fast else {})}
+        return {
+            kind.key: rest
+            | ({"duration": long} if long else {"speed": fast * MILLI} if fast else {})
+        }
 
     return read
 
@@ -160,14 +187,20 @@ def _chosen(phrases: Phrases, label: str, names: list[str], value: Any, *, optio
     usual: dict[str | None, str] = {None: phrases.t("legs.usual")} if optional else {}
     options = usual | dict(phrases.names(known))
     first = value if optional or value is not None else known[0]
-    select = ui.select(options, value=first, label=label).props("dense outlined options-dense").classes("w-40")
+    select = (
+        ui.select(options, value=first, label=label)
+        .props("dense outlined options-dense")
+        .classes("w-40")
+    )
     return lambda: select.value
 
 
 def _number(t: Words, label: str, field: Field, value: Any, *, optional: bool) -> _Get:
     low, high = -inf if field.low is None else field.low, inf if field.high is None else field.high
     unit, step = f" {field.unit}" if field.unit else "", 1.0 if field.whole else 0.1
-    number = NumberField(t, label, value, low=low, high=high, unit=unit, step=step, whole=field.whole)
+    number = NumberField(
+        t, label, value, low=low, high=high, unit=unit, step=step, whole=field.whole
+    )
     number.field.classes("w-28")
 
     def get() -> float | None:
@@ -195,7 +228,9 @@ def _text(t: Words, label: str, field: Field) -> _Get:
 
 def duration_field(t: Words, value: float | None = MOVE_TIME) -> NumberField:
     """Build a field for the duration of a move [s]."""
-    return NumberField(t, t("fields.duration"), value, low=SHORTEST, high=LONGEST, unit=" s", step=0.1)
+    return NumberField(
+        t, t("fields.duration"), value, low=SHORTEST, high=LONGEST, unit=" s", step=0.1
+    )
 
 
 def speed_field(t: Words, value: float | None = SPEED) -> NumberField:
@@ -239,7 +274,11 @@ def _targets(phrases: Phrases, axes: list[Content], targets: Mapping[str, float]
     for name, value in targets.items():
         add(name, value)
     others = {axis["name"]: phrases.axis(axis["name"]) for axis in axes}
-    more = ui.select(others, label=t("legs.add_joint"), with_input=True).props("dense outlined").classes("w-full")
+    more = (
+        ui.select(others, label=t("legs.add_joint"), with_input=True)
+        .props("dense outlined")
+        .classes("w-full")
+    )
 
     def take() -> None:
         if more.value and not any(known[name]["name"] == more.value for name in fields):

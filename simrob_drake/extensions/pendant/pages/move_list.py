@@ -7,7 +7,12 @@ from typing import Any
 from nicegui import context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_keys, set_label
-from simrob_drake.extensions.pendant.pages.move_forms import Read, choices_of, stored_form, yaml_form
+from simrob_drake.extensions.pendant.pages.move_forms import (
+    Read,
+    choices_of,
+    stored_form,
+    yaml_form,
+)
 from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.moves.move import Move
@@ -25,8 +30,14 @@ class MoveList:
         self._session, self._phrases, self._robot = session, phrases, robot
         self._dialogs, self._next, self._stepped = ui.element("div"), 0, robot["kind"] == "arm"
         acts: dict[str, tuple[str, _Act]] = {
-            "arrow_upward": (t("legs.earlier"), lambda index: self._move(index, -1, "arrow_upward")),
-            "arrow_downward": (t("legs.later"), lambda index: self._move(index, 1, "arrow_downward")),
+            "arrow_upward": (
+                t("legs.earlier"),
+                lambda index: self._move(index, -1, "arrow_upward"),
+            ),
+            "arrow_downward": (
+                t("legs.later"),
+                lambda index: self._move(index, 1, "arrow_downward"),
+            ),
         }
         change_acts: dict[str, tuple[str, _Act]] = {
             "edit": (t("legs.edit"), self._edit_change),
@@ -34,8 +45,15 @@ class MoveList:
         }
         if self._stepped:
             self._build_steps()
-            acts = {"arrow_right": (t("arm.next"), self._go), "play_circle": (t("arm.run_line"), self._run), **acts}
-        acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
+            acts = {
+                "arrow_right": (t("arm.next"), self._go),
+                "play_circle": (t("arm.run_line"), self._run),
+                **acts,
+            }
+        acts |= {
+            "edit": (t("legs.edit"), self._edit_move),
+            "delete": (t("legs.delete"), session.book.remove),
+        }
         self._moves = _Lines(acts)
         self._nothing = ui.label().classes("opacity-70")
         self._heading = ui.label(t("legs.changes")).classes("font-bold mt-2")
@@ -47,7 +65,9 @@ class MoveList:
         t = self._phrases.t
         with ui.row().classes("w-full items-center gap-2 pt-2"):
             play = ui.button(t("arm.play"), icon="play_arrow", on_click=self._session.simulate)
-            step = ui.button(t("arm.step"), icon="skip_next", on_click=lambda: self._run(self._next))
+            step = ui.button(
+                t("arm.step"), icon="skip_next", on_click=lambda: self._run(self._next)
+            )
             set_keys(step, "Alt+S")
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
@@ -65,11 +85,15 @@ class MoveList:
         """Show the program of the session."""
         session = self._session
         program = session.book.program
-        self._moves.show([self._phrases.move(move.entry(), session.book.targets) for move in program.moves])
+        self._moves.show(
+            [self._phrases.move(move.entry(), session.book.targets) for move in program.moves]
+        )
         self._nothing.set_text(self._nothing_stored())
         self._nothing.set_visibility(not program.moves)
         self._heading.set_visibility(bool(program.changes))
-        self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
+        self._changes.show(
+            [self._phrases.change(change, program.grid or GRID) for change in program.changes]
+        )
         if self._stepped:
             idle = session.phase == "idle"
             for button in (*self._runs, *self._moves.buttons("play_circle")):
@@ -92,11 +116,19 @@ class MoveList:
             self._moves.focus(index + by, icon)
 
     def _edit_move(self, index: int) -> None:
-        move, choices = self._session.book.program.moves[index].entry(), choices_of(self._session, self._robot)
-        self._edit(partial(stored_form, self._phrases, choices, move), partial(self._session.book.edit, index))
+        move, choices = (
+            self._session.book.program.moves[index].entry(),
+            choices_of(self._session, self._robot),
+        )
+        self._edit(
+            partial(stored_form, self._phrases, choices, move),
+            partial(self._session.book.edit, index),
+        )
 
     def _edit_change(self, index: int) -> None:
-        change = self._session.book.program.changes[index].model_dump(mode="json", exclude_none=True)
+        change = self._session.book.program.changes[index].model_dump(
+            mode="json", exclude_none=True
+        )
         form = partial(yaml_form, self._phrases.t, self._phrases.t("legs.as_yaml"), change)
         self._edit(form, partial(self._session.book.edit_change, index))
 
@@ -137,7 +169,9 @@ class _Lines:
             self._rows.pop()[0].delete()
         while len(self._rows) < len(texts):
             self._add(len(self._rows))
-        for number, (text, (_, label, buttons)) in enumerate(zip(texts, self._rows, strict=True), 1):
+        for number, (text, (_, label, buttons)) in enumerate(
+            zip(texts, self._rows, strict=True), 1
+        ):
             label.text = f"{number}. {text}"
             for icon, button in buttons.items():
                 set_label(button, f"{self._acts[icon][0]}: {label.text}")
@@ -151,9 +185,15 @@ class _Lines:
         context.client.run_javascript(f"getHtmlElement({self.buttons(icon)[index].id})?.focus()")
 
     def _add(self, index: int) -> None:
-        with self._place, ui.row().classes("w-full items-center no-wrap gap-1").props("role=listitem") as row:
+        with (
+            self._place,
+            ui.row().classes("w-full items-center no-wrap gap-1").props("role=listitem") as row,
+        ):
             label = ui.label().classes("grow min-w-0 break-words")
-            buttons = {icon: icon_button(icon, text, partial(act, index)) for icon, (text, act) in self._acts.items()}
+            buttons = {
+                icon: icon_button(icon, text, partial(act, index))
+                for icon, (text, act) in self._acts.items()
+            }
         self._rows.append((row, label, buttons))
 
 
@@ -173,9 +213,18 @@ def durations_of(moves: Sequence[Move], ran: Sequence[Mapping[str, Any]]) -> lis
     """
     entries = [move.entry() for move in moves]
     known = [done["entry"] for done in ran]
-    same = next((count for count in range(min(len(known), len(moves)), 0, -1) if known[:count] == entries[:count]), 0)
+    same = next(
+        (
+            count
+            for count in range(min(len(known), len(moves)), 0, -1)
+            if known[:count] == entries[:count]
+        ),
+        0,
+    )
     run_durations = [done["end"] - done["begin"] for done in ran[:same]]
-    asked_durations = [getattr(move, "duration", None) if move.takes_time else 0.0 for move in moves[same:]]
+    asked_durations = [
+        getattr(move, "duration", None) if move.takes_time else 0.0 for move in moves[same:]
+    ]
     return [*run_durations, *asked_durations]
 
 
@@ -218,7 +267,10 @@ class ProgramTimeline:
         self._place = ui.element("div").classes("pendant-timeline").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
             self._place.on(event, js_handler="(event) => window.timeline.drag(event)")
-        for event, act, does in (("drop", "drag", session.book.move_entry), ("pointerdown", "stretch", self._stretch)):
+        for event, act, does in (
+            ("drop", "drag", session.book.move_entry),
+            ("pointerdown", "stretch", self._stretch),
+        ):
             handler = f"(event) => window.timeline.{act}(event, emit)"
             self._place.on(event, lambda event, does=does: does(*event.args), js_handler=handler)
         follow(session, self._build, "program", "description")
@@ -241,9 +293,15 @@ class ProgramTimeline:
     def _block(self, number: int, text: str) -> None:
         duration = self._durations[number]
         caption = f"{number + 1}. {text}" + (f" · {self._t.figure(duration)} s" if duration else "")
-        with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
+        with (
+            ui.element("div")
+            .classes("pendant-block")
+            .props(f"draggable=true data-move={number}") as block
+        ):
             ui.label(caption)
-            if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:
+            if (
+                asked := getattr(self._session.book.program.moves[number], "duration", None)
+            ) is not None:
                 ui.element("span").classes("pendant-edge").props(f"data-long={asked}")
         block.props["title"] = caption
         block.style(f"flex-grow: {_UNKNOWN if duration is None else duration:.3f}")
@@ -264,12 +322,20 @@ class ProgramTimeline:
         """Show the moment in which a move began, if it is known and was run."""
         before = self._durations[:number]
         begin = sum(duration for duration in before if duration is not None)
-        if None not in before and self._session.run.kind == "program" and begin <= self._session.run.reach:
+        if (
+            None not in before
+            and self._session.run.kind == "program"
+            and begin <= self._session.run.reach
+        ):
             self._session.rewind(begin)
 
     def _follow(self) -> None:
         session = self._session
-        if session.run.ending is not self._heard and session.run.kind == "program" and session.phase == "idle":
+        if (
+            session.run.ending is not self._heard
+            and session.run.kind == "program"
+            and session.phase == "idle"
+        ):
             self._heard = session.run.ending
             self._ran = () if self._heard is None else self._heard["moves"]
             self._build()

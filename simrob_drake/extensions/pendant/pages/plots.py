@@ -40,7 +40,9 @@ def build(session: Session, t: Words, axes: Collection[str] = ()) -> None:
     """Build plots of the signals that the user chooses, one below the other; at first with the curves of ``axes``."""
     titles = {signal["name"]: _title(t, signal) for signal in session.description["signals"]}
     first = [name for name in titles if name.rpartition(".")[2] in _FIRST]
-    choice = ui.select(titles, value=first, label=t("plots.signals"), multiple=True, with_input=True)
+    choice = ui.select(
+        titles, value=first, label=t("plots.signals"), multiple=True, with_input=True
+    )
     choice.classes("w-full").props("use-chips")
     _comparison(session, t)
     place = ui.column().classes("w-full gap-2")
@@ -77,7 +79,9 @@ def _called(t: Words, run: EndedRun) -> str:
     return t("plots.run", number=run.number, kind=t(f"plots.run_{run.kind}"), **times)
 
 
-def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()) -> ui.element:
+def scope(
+    session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()
+) -> ui.element:
     """Build the plot of a signal of ``session.description``; it is watched until what is returned is deleted.
 
     It begins with ``only`` these columns or their axes, with some where none is of these.
@@ -107,7 +111,9 @@ class _Scope:
     shown.
     """
 
-    def __init__(self, session: Session, t: Words, signal: str, only: str | Collection[str]) -> None:
+    def __init__(
+        self, session: Session, t: Words, signal: str, only: str | Collection[str]
+    ) -> None:
         self._session, self._t, self._name = session, t, signal
         signals = {one["name"]: one for one in session.description["signals"]}
         about = signals[signal]
@@ -119,18 +125,25 @@ class _Scope:
         self._drawn: object = None
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
-        first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)
+        first = [
+            number for number, column in columns if {column, column.rpartition(".")[2]} & chosen
+        ] or list(names)
         first = first[: 3 if len(names) == POSE else _AT_ONCE]
         with ui.column().classes("w-full gap-1") as self.element:
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(f"{title}{f' [{unit}]' if unit else ''}").classes("font-bold")
                 self._choice = ui.select(names, value=first, label=t("plots.curves"), multiple=True)
-                self._choice.props("dense outlined options-dense").classes("w-40").set_visibility(len(names) > 1)
+                self._choice.props("dense outlined options-dense").classes("w-40").set_visibility(
+                    len(names) > 1
+                )
             self._legend = ui.row().classes("w-full gap-x-4 gap-y-0 text-sm")
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
             self._chart.props(f'role=img aria-label="{title}"')
             ui.timer(_PAUSE, self._look)
-            if signal.rpartition(".")[2] == _TORQUE and session.description.get("mode") == "dynamic":
+            if (
+                signal.rpartition(".")[2] == _TORQUE
+                and session.description.get("mode") == "dynamic"
+            ):
                 follow(session, self._ask_limits, "program", "description", "phase")
         self._choice.on_value_change(self._choose)
         self._choose()
@@ -161,7 +174,11 @@ class _Scope:
             for column in chosen:
                 colour, line = _style(column)
                 limit = f" (± {self._t.figure(self._limits[column])})" if self._limits else ""
-                _legend_entry(colour, "dashed" if line == "-." else _LINES[line], self._choice.options[column] + limit)
+                _legend_entry(
+                    colour,
+                    "dashed" if line == "-." else _LINES[line],
+                    self._choice.options[column] + limit,
+                )
             if self._reference["name"]:
                 _legend_entry("currentColor", "dashed", Phrases(self._t, ()).name("reference"))
             if self._limits:
@@ -186,17 +203,23 @@ class _Scope:
         if self._reference["name"]:
             layers.append(self._reference_layer(chosen, names))
         if other is not None:
-            layers.append(Layer(names, styles, self._rows(other.history(self._name), chosen), opacity=_FAINT))
+            layers.append(
+                Layer(names, styles, self._rows(other.history(self._name), chosen), opacity=_FAINT)
+            )
         if self._limits and rows:
             layers.append(self._limit_layer(chosen, rows))
-        self._chart.props["options"] = _picture(layers, cursor, has_decimal_comma=self._t.has_decimal_comma)
+        self._chart.props["options"] = _picture(
+            layers, cursor, has_decimal_comma=self._t.has_decimal_comma
+        )
 
     def _rows(self, history: Iterable[Row], chosen: Sequence[int]) -> list[list[float]]:
         """Return times of a history and the chosen columns of its values, as they are drawn.
 
         Values of another width, of a run in which the signal had other columns, are left out.
         """
-        rows = thinned([row for row in history if len(as_list(row[1])) == len(self._columns)], _POINTS)
+        rows = thinned(
+            [row for row in history if len(as_list(row[1])) == len(self._columns)], _POINTS
+        )
         return [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
 
     def _reference_layer(self, chosen: Sequence[int], names: Sequence[str]) -> Layer:
@@ -209,7 +232,9 @@ class _Scope:
             chosen: numbers of the chosen columns of the signal.
             names: what these are called in the legend.
         """
-        columns_of_reference = {_axis_of(column): place for place, column in enumerate(self._reference["columns"])}
+        columns_of_reference = {
+            _axis_of(column): place for place, column in enumerate(self._reference["columns"])
+        }
         known_names, styles, places = [], [], []
         for number, name in zip(chosen, names, strict=True):
             place = columns_of_reference.get(_axis_of(self._columns[number]))
@@ -219,7 +244,10 @@ class _Scope:
                 places.append(place)
 
         history = thinned(list(self._session.run.history_of(self._reference["name"])), _POINTS)
-        rows = [[time, *(as_list(value)[place] * self._factor for place in places)] for time, value in history]
+        rows = [
+            [time, *(as_list(value)[place] * self._factor for place in places)]
+            for time, value in history
+        ]
         return Layer(known_names, styles, rows)
 
     def _limit_layer(self, chosen: Sequence[int], rows: Sequence[Sequence[float]]) -> Layer:
@@ -237,7 +265,9 @@ class _Scope:
                 if max(side * value for value in values) >= _SHOWN_LIMIT * limit:
                     lines.append(side * limit)
                     styles.append((_style(column)[0], ":"))
-        return Layer([self._t("plots.limit")] * len(lines), styles, [[time, *lines] for time in ends])
+        return Layer(
+            [self._t("plots.limit")] * len(lines), styles, [[time, *lines] for time in ends]
+        )
 
 
 def reference_of(signal: str) -> str:
@@ -316,7 +346,9 @@ _WITH_COMMA = "(value) => String(value).replace('.', ',')"
 """Function of JavaScript with which ECharts writes numbers at its axes with a decimal comma."""
 
 
-def _picture(layers: Sequence[Layer], cursor: float | None, *, has_decimal_comma: bool = False) -> dict[str, Any]:
+def _picture(
+    layers: Sequence[Layer], cursor: float | None, *, has_decimal_comma: bool = False
+) -> dict[str, Any]:
     """Make the options with which ECharts draws a plot.
 
     Args:
@@ -325,8 +357,13 @@ def _picture(layers: Sequence[Layer], cursor: float | None, *, has_decimal_comma
         has_decimal_comma: whether the numbers at the axes have a decimal comma.
     """
     labels: dict[str, Any] = {":formatter": _WITH_COMMA} if has_decimal_comma else {}
-    faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
-    ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True, **labels}}
+    faint = {
+        "splitLine": {"lineStyle": {"color": "#8884"}},
+        "axisLine": {"lineStyle": {"color": "#888"}},
+    }
+    ends = {
+        "axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True, **labels}
+    }
     time_axis = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
     series = [
         {
@@ -353,7 +390,14 @@ def _picture(layers: Sequence[Layer], cursor: float | None, *, has_decimal_comma
     return {
         "animation": False,
         "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
-        "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **time_axis, **faint, **ends},
+        "xAxis": {
+            "type": "value",
+            "min": "dataMin",
+            "max": "dataMax",
+            **time_axis,
+            **faint,
+            **ends,
+        },
         "yAxis": {"type": "value", "scale": True, "axisLabel": labels, **faint},
         "dataset": [{"source": list(layer.rows)} for layer in layers],
         "series": series,

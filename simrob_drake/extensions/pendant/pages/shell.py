@@ -27,7 +27,11 @@ from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.extensions.pendant.pendant_panel import PendantPanel
 from simrob_drake.extensions.pendant.session import Session
 
-TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": arm.build, "station": station.build}
+TABS: dict[str, Callable[[Session, Words], None]] = {
+    "legs": legs.build,
+    "arm": arm.build,
+    "station": station.build,
+}
 """The tabs of this page, by the kind of robot that is taught there; the last is there for all."""
 _ALWAYS = "station"
 """The tab that is there for all robots."""
@@ -51,7 +55,9 @@ def build(pendant: Pendant) -> None:
     context.client.page.language = _QUASAR.get(language)
     context.client.title = t("shell.title")
     style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in _LOADED)
-    ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
+    ui.add_head_html(
+        f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}"
+    )
 
     def load(subject: str, robot: str | None = None) -> None:
         _open(t, lambda: pendant.load(subject, robot))
@@ -83,7 +89,11 @@ def build(pendant: Pendant) -> None:
             Messages(session, t)
             ProgramTimeline(session, t)
             view.build_pad(session, t, pendant.push)
-        with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
+        with (
+            ui.element("section")
+            .classes("pendant-plate")
+            .props(f"id={_TEACHING} tabindex=-1") as teaching
+        ):
             set_label(teaching, t("shell.teaching"))
             _tabs(pendant, t, language)
 
@@ -102,12 +112,16 @@ def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> Non
     """Tell what is taught, and choose which of several robots."""
     text = ui.label().classes("pendant-loaded")
     robots = ui.select([], label=t("shell.robot")).props("dense outlined options-dense")
-    robots.on_value_change(lambda event: load(session.subject, event.value) if event.value else None)
+    robots.on_value_change(
+        lambda event: load(session.subject, event.value) if event.value else None
+    )
 
     def show() -> None:
         text.text = t("shell.loaded", station=session.book.station, file=session.book.file)
         several = list(session.description.get("robots", ()))
-        robots.set_options(several, value=session.book.robot if session.book.robot in several else None)
+        robots.set_options(
+            several, value=session.book.robot if session.book.robot in several else None
+        )
         robots.set_visibility(len(several) > 1)
 
     follow(session, show, "description", "program")
@@ -117,7 +131,10 @@ def _conflict(session: Session, t: Words) -> None:
     """Ask what becomes of the program's file, while another editor's change of it is not to be lost."""
     with ui.element("div").classes("pendant-conflict").props("role=alert") as place:
         text = ui.label()
-        for name, choose in (("take_theirs", session.take_theirs), ("keep_both", session.keep_both)):
+        for name, choose in (
+            ("take_theirs", session.take_theirs),
+            ("keep_both", session.keep_both),
+        ):
             ui.button(t(f"shell.{name}"), on_click=choose).props("no-caps dense outline")
 
     def show() -> None:
@@ -200,7 +217,9 @@ def _tabs(pendant: Pendant, t: Words, language: str) -> None:
         for number, head in enumerate(heads.values(), 1):
             set_keys(head, f"Alt+{number}")
     first_tab = pendant.tab if pendant.tab in panels else _ALWAYS
-    with ui.tab_panels(tabs, value=first_tab, animated=False, keep_alive=True).classes("w-full pendant-panels"):
+    with ui.tab_panels(tabs, value=first_tab, animated=False, keep_alive=True).classes(
+        "w-full pendant-panels"
+    ):
         for name, panel in panels.items():
             with ui.tab_panel(name):
                 _build_panel(name, panel, session, t)
@@ -255,5 +274,7 @@ def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> 
     try:
         panel.build(session, t)
     except Exception as problem:  # code of somebody else must not take the page away
-        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 300)
+        reason = shortened(
+            compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 300
+        )
         ui.label(t("shell.broken_panel", reason=reason)).props("role=alert")

@@ -19,7 +19,13 @@ from simrob_drake.extensions.pendant.describe import (
 from simrob_drake.extensions.pendant.form import Field, form_fields, with_values_in_force
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
 from simrob_drake.extensions.pendant.pages.elements import card, follow, own_tab_panels
-from simrob_drake.extensions.pendant.pages.form_view import FormView, Tuning, build_tuner, is_tuned, tunings
+from simrob_drake.extensions.pendant.pages.form_view import (
+    FormView,
+    Tuning,
+    build_tuner,
+    is_tuned,
+    tunings,
+)
 from simrob_drake.extensions.pendant.pages.key_helps import in_own_language
 from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
 from simrob_drake.extensions.pendant.pages.words import Phrases, Words, value_text
@@ -61,7 +67,9 @@ class _Page:
             self._picture = BlockPicture(
                 t, self._show_block, self._show_wire, self._ask_for_picture, self._look_at_choice
             )
-            self._values = ui.switch(t("station.values"), value=True, on_change=self._watch_wires).props("dense")
+            self._values = ui.switch(
+                t("station.values"), value=True, on_change=self._watch_wires
+            ).props("dense")
             self._watching = ui.element("div")
         with card(t("station.block")):
             self._block = ui.column().classes("w-full gap-2")
@@ -128,10 +136,15 @@ class _Page:
             return
         self._findings.clear()
         with self._findings:
-            self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
+            self._show_findings(
+                findings
+                or [{"level": "warning", "subject": "", "text": str(self._session.message)}]
+            )
 
     async def _ask_for_picture(self) -> None:
-        picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded, self._t.language))
+        picture = await asyncio.wrap_future(
+            self._session.setup.picture(self._picture.folded, self._t.language)
+        )
         self._wrong_picture.text = "" if picture else self._t.render(str(self._session.message))
         if picture:
             self._picture.show(picture)
@@ -143,7 +156,10 @@ class _Page:
 
     @property
     def _columns(self) -> dict[str, list[str]]:
-        return {signal["name"]: signal["columns"] for signal in self._session.description.get("signals", ())}
+        return {
+            signal["name"]: signal["columns"]
+            for signal in self._session.description.get("signals", ())
+        }
 
     def _watch_wires(self) -> None:
         """Have the signals of the wires as long as their values are to be shown."""
@@ -192,14 +208,19 @@ class _Page:
         if not self._plotted:
             return
         # The plots get their size in the browser a moment after they are sent.
-        scroll = f"document.getElementById('c{self._block.id}')?.scrollIntoView({{block: 'nearest'}})"
+        scroll = (
+            f"document.getElementById('c{self._block.id}')?.scrollIntoView({{block: 'nearest'}})"
+        )
         self._block.client.run_javascript(f"setTimeout(() => {scroll}, {_UNTIL_DRAWN})")
         self._session.inspect(self._plotted)
 
     def _show_wire(self, number: str) -> None:
         """Show what goes along a wire."""
         source, targets = self._picture.wires[number]
-        names = [self._picture.labels.get(block, block).partition("\n")[0] for block in (source, *targets)]
+        names = [
+            self._picture.labels.get(block, block).partition("\n")[0]
+            for block in (source, *targets)
+        ]
         wire = wire_meaning(source, targets, self._content, list(self._columns))
         self._block.clear()
         with self._block:
@@ -210,18 +231,28 @@ class _Page:
         """Show the plots of a block or a line."""
         self._plotted = list(meaning.signals[:_MOST_SCOPES])
         for name in self._plotted:
-            own = (column for column in self._columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
+            own = (
+                column
+                for column in self._columns[name]
+                if meaning.axis and column.endswith(f".{meaning.axis}")
+            )
             scope(self._session, self._t, name, only=next(own, ""))
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
         own = self._t.render
-        findings = [{**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings]
+        findings = [
+            {**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings
+        ]
         fine = [finding for finding in findings if finding["level"] != "warning"]
         for finding in findings:
             if finding not in fine:
                 _show_finding(finding, "warning", self._t("station.warning"))
-        with ui.expansion(self._t("station.in_order", count=len(fine))).classes("w-full").props("dense"):
+        with (
+            ui.expansion(self._t("station.in_order", count=len(fine)))
+            .classes("w-full")
+            .props("dense")
+        ):
             for finding in fine:
                 _show_finding(finding, "check_circle", self._t("station.ok"))
 
@@ -260,7 +291,11 @@ class _Page:
     def _search(self) -> None:
         """Show the fields whose key or help has all the words that are sought, in place of the sections."""
         words = (self._sought.value or "").lower().split()
-        found = [f for f in self._fields if words and all(w in f"{f.key} {f.help}".lower() for w in words)]
+        found = [
+            f
+            for f in self._fields
+            if words and all(w in f"{f.key} {f.help}".lower() for w in words)
+        ]
         self._found.show(found[:_MOST_FOUND])
         self._form.set_visibility(not words)
 
@@ -270,7 +305,9 @@ class _Page:
         with self._changed:
             for key, value in self._session.book.settings.items():
                 chip = ui.chip(
-                    f"{key}: {value_text(value, self._t.language) or '–'}", removable=True, icon="tune"
+                    f"{key}: {value_text(value, self._t.language) or '–'}",
+                    removable=True,
+                    icon="tune",
                 ).props("outline")
                 chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
@@ -278,13 +315,21 @@ class _Page:
         """Say what may end a run, and what did."""
         self._stops.clear()
         with self._stops:
-            monitors = [field for field in self._fields if field.top == "monitors" and field.key.count(".") == 1]
+            monitors = [
+                field
+                for field in self._fields
+                if field.top == "monitors" and field.key.count(".") == 1
+            ]
             for monitor in monitors:
                 inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
                 changed = [
-                    _field_text(field, self._t.language) for field in inner if field.value not in (None, field.default)
+                    _field_text(field, self._t.language)
+                    for field in inner
+                    if field.value not in (None, field.default)
                 ]
-                name = monitor.key.partition(".")[2] + (f" ({', '.join(changed)})" if changed else "")
+                name = monitor.key.partition(".")[2] + (
+                    f" ({', '.join(changed)})" if changed else ""
+                )
                 ui.label(f"{name}: {monitor.help}").classes("text-sm")
             if not monitors:
                 ui.label(self._t("station.no_monitors")).classes("text-sm opacity-70")
@@ -300,7 +345,9 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{self._t.decimals(ending['reached'], 2)} s: {self._t.render(ending['message'])}"
+            line = (
+                f"{self._t.decimals(ending['reached'], 2)} s: {self._t.render(ending['message'])}"
+            )
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 
@@ -313,22 +360,32 @@ class _Page:
                 ui.label(self._t("station.choose_block")).classes("opacity-70")
                 return
             meaning = self._meaning(block)
-            ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
+            ui.label(self._picture.labels.get(block, block)).classes(
+                "font-bold whitespace-pre-line"
+            )
             fields = [field for field in self._fields if meaning.holds(field.key)]
             grid = self._session.book.program.grid or GRID
             for change in self._session.book.changes:
                 if any(map(meaning.holds, change.set or ())):
-                    ui.label(Phrases(self._t, ()).change(change, grid)).classes("text-sm block-change")
+                    ui.label(Phrases(self._t, ()).change(change, grid)).classes(
+                        "text-sm block-change"
+                    )
             self._scopes(meaning)
             self._tuners(meaning, fields)
-            with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
+            with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes(
+                "w-full"
+            ):
                 FormView(self._t, self._give).show(fields)
 
     def _tuners(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
         """Build the sliders of a block: those of a joint change this joint alone, and say so."""
         t, axes = self._t, self._axes_of(meaning.robot)
         if meaning.axis in axes:
-            sliders = [tuning for field in fields if (tuning := self._axis_tuning(meaning, field, axes)) is not None]
+            sliders = [
+                tuning
+                for field in fields
+                if (tuning := self._axis_tuning(meaning, field, axes)) is not None
+            ]
             note = t("station.tunes_one", axis=meaning.axis)
         else:
             sliders = tunings(fields, self._give)
@@ -338,7 +395,9 @@ class _Page:
         for tuning in sliders:
             build_tuner(tuning, t)
 
-    def _axis_tuning(self, meaning: BlockMeaning, field: Field, axes: Sequence[str]) -> Tuning | None:
+    def _axis_tuning(
+        self, meaning: BlockMeaning, field: Field, axes: Sequence[str]
+    ) -> Tuning | None:
         """Make the slider with which a field of a joint's block changes this joint. Returns None if it has none."""
         value = axis_value(field.value, meaning.axis, axes)
         if not is_tuned(field.key) or value is None or value <= 0:
@@ -359,7 +418,11 @@ class _Page:
 def in_brief(value: Sequence[float], about: Mapping[str, Any], axis: str = "") -> str:
     """Return the value of a signal as it stands on a wire: that of an axis, a place, or the largest of several."""
     unit, factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
-    own = (number for number, column in enumerate(about["columns"]) if axis and column.endswith(f".{axis}"))
+    own = (
+        number
+        for number, column in enumerate(about["columns"])
+        if axis and column.endswith(f".{axis}")
+    )
     if (number := next(own, None)) is not None:
         return _short(value[number] * factor)
     if len(value) == POSE:
@@ -374,10 +437,12 @@ def _short(value: float) -> str:
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
     with ui.row().classes("w-full no-wrap items-start gap-2"):
-        ui.icon(icon, color={"ok": "positive", "note": "info"}.get(finding["level"], "warning")).props(
-            f'role=img aria-label="{called}"'
+        ui.icon(
+            icon, color={"ok": "positive", "note": "info"}.get(finding["level"], "warning")
+        ).props(f'role=img aria-label="{called}"')
+        ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes(
+            "text-sm min-w-0"
         )
-        ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
 
 
 def _field_text(field: Field, language: str) -> str:

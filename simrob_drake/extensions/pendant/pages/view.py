@@ -9,7 +9,13 @@ from pathlib import Path
 from nicegui import background_tasks, ui
 
 from simrob_drake.extensions.pendant.pages import drive, hand
-from simrob_drake.extensions.pendant.pages.elements import NumberField, allow, follow, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.elements import (
+    NumberField,
+    allow,
+    follow,
+    icon_button,
+    set_label,
+)
 from simrob_drake.extensions.pendant.pages.words import Words
 from simrob_drake.extensions.pendant.pendant import PushFields
 from simrob_drake.extensions.pendant.push_sides import SIDES
@@ -58,7 +64,9 @@ def _stills(session: Session, t: Words) -> None:
     async def draw() -> None:
         file = await wrap_future(session.exports.film_strip())
         if file is not None:
-            strip.props["src"] = f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
+            strip.props["src"] = (
+                f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
+            )
 
     drawn = session.run.ending
 
@@ -85,17 +93,28 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
         t: texts in the language of the page.
         kept: the fields as the user left them. They are the same when the page is loaded again.
     """
-    fold = ui.expansion(t("push.title"), icon="back_hand", value=kept.is_open).bind_value_to(kept, "is_open")
+    fold = ui.expansion(t("push.title"), icon="back_hand", value=kept.is_open).bind_value_to(
+        kept, "is_open"
+    )
     with fold.classes("w-full").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
-            body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
+            body = (
+                ui.select([], label=t("push.body"), with_input=True)
+                .props("dense outlined")
+                .classes("w-44")
+            )
             force = NumberField(t, t("push.force"), kept.force, low=0.0, high=_MOST, unit=" N")
-            duration = NumberField(t, t("push.duration"), kept.duration, low=0.01, high=_LONGEST, unit=" s", step=0.05)
+            duration = NumberField(
+                t, t("push.duration"), kept.duration, low=0.01, high=_LONGEST, unit=" s", step=0.05
+            )
             for field, name in ((force, "force"), (duration, "duration")):
                 field.field.classes("w-28").bind_value_to(kept, name)
         with ui.row().classes("w-full items-center gap-1") as pad:
             set_label(pad.props("role=group"), t("push.pad"))
-            buttons = {side: ui.button(side).props("outline no-caps dense").classes("px-2") for side in SIDES}
+            buttons = {
+                side: ui.button(side).props("outline no-caps dense").classes("px-2")
+                for side in SIDES
+            }
         ui.label(t("push.hint")).classes("text-xs opacity-70")
 
     def push(side: str) -> None:
@@ -154,13 +173,31 @@ def build_bar(session: Session, t: Words) -> None:
     with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
         set_label(bar, t("run.bar"))
         start = icon_button(
-            "skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home", t=t, is_tip_above=True
+            "skip_previous",
+            t("run.start"),
+            lambda: session.rewind(0.0),
+            keys="Home",
+            t=t,
+            is_tip_above=True,
         )
-        play = icon_button("play_arrow", t("run.play"), lambda: _play(session), keys="Space", t=t, is_tip_above=True)
-        tick = icon_button("keyboard_tab", t("run.tick"), lambda: _tick(session), keys=".", t=t, is_tip_above=True)
-        stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S", t=t, is_tip_above=True)
+        play = icon_button(
+            "play_arrow",
+            t("run.play"),
+            lambda: _play(session),
+            keys="Space",
+            t=t,
+            is_tip_above=True,
+        )
+        tick = icon_button(
+            "keyboard_tab", t("run.tick"), lambda: _tick(session), keys=".", t=t, is_tip_above=True
+        )
+        stop = icon_button(
+            "stop", t("run.stop"), session.stop, keys="Shift+S", t=t, is_tip_above=True
+        )
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
-        scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
+        scrubber.on(
+            "update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1
+        )
         set_label(scrubber, t("run.scrub"))
         state = ui.label().classes("pendant-state")
         # Both have their place also when they are empty: the bar keeps its height, and the view its size.
@@ -178,9 +215,15 @@ def build_bar(session: Session, t: Words) -> None:
         allow(play, cannot)
         allow(stop, _unless(session, t, *_RUNS))
         allow(tick, cannot or (t("why.running") if running else ""))
-        allow(start, _unless(session, t, "idle", *_RUNS) or ("" if session.run.reach > 0.0 else t("why.at_start")))
+        allow(
+            start,
+            _unless(session, t, "idle", *_RUNS)
+            or ("" if session.run.reach > 0.0 else t("why.at_start")),
+        )
         shown = session.run.shown
-        state.text = t(f"phase.{session.phase}") if shown is None else t("run.earlier", number=shown.number)
+        state.text = (
+            t(f"phase.{session.phase}") if shown is None else t("run.earlier", number=shown.number)
+        )
         time()
 
     def time() -> None:
@@ -237,7 +280,11 @@ def _tick(session: Session) -> None:
 
 def _pace(session: Session, t: Words) -> None:
     options = {**{str(pace): f"{t.figure(pace)} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
-    select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
+    select = (
+        ui.select(options, label=t("run.pace"))
+        .props("dense options-dense outlined")
+        .style("min-width: 6.5rem")
+    )
 
     def chosen(value: str) -> None:
         pace = None if value == _FASTEST else float(value)

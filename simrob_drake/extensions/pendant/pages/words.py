@@ -38,7 +38,10 @@ class Words:
 
     def __call__(self, key: str, **values: object) -> str:
         """Return a text with values, such as figures and messages, in place of their names in braces."""
-        shown = {name: self.render(value) if isinstance(value, str) else value for name, value in values.items()}
+        shown = {
+            name: self.render(value) if isinstance(value, str) else value
+            for name, value in values.items()
+        }
         return self._texts[key].format(**shown) if values else self._texts[key]
 
     def render(self, text: str) -> str:
@@ -211,7 +214,10 @@ class Phrases:
         if caption not in ("", kind.key) and not phrase:
             return caption
         content = content_of(kind, move)
-        first, said = next(iter(content), ""), {key: self._value(kind, key, value) for key, value in content.items()}
+        first, said = (
+            next(iter(content), ""),
+            {key: self._value(kind, key, value) for key, value in content.items()},
+        )
         phrase = phrase or self.title(kind)
         rest = [
             self._detail(kind, key, value)
@@ -249,12 +255,18 @@ class Phrases:
         unit = _unit_of(kind, key)
         if unit and isinstance(value, (int, float)):
             value_text = f"{value_text} {unit}"
-        return value_text if isinstance(what, str) else f"{self._named('fields', key).lower()} {value_text}"
+        return (
+            value_text
+            if isinstance(what, str)
+            else f"{self._named('fields', key).lower()} {value_text}"
+        )
 
     def _motion(self, kind: type[ArmMotion], said: Content, targets: Taught) -> str:
         """Return a move of an arm in one line, with the names of taught targets that it goes to."""
         ways = [
-            _target(self, kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said
+            _target(self, kind, said, key, targets)
+            for key in ("via", "targets")
+            if key == "targets" or key in said
         ]
         how = [_how(self, key, said[key]) for key in _HOW if said.get(key) is not None]
         return ", ".join([f"{self.title(kind)} {' → '.join(ways)}", *how])
@@ -263,16 +275,25 @@ class Phrases:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
         t = self.t
         if change.push is not None:
-            at, force = change.push.at or t("legs.robot"), " ".join(map(t.figure, change.push.force))
+            at, force = (
+                change.push.at or t("legs.robot"),
+                " ".join(map(t.figure, change.push.force)),
+            )
             what = t("legs.told_push", at=at, force=force, seconds=t.figure(change.push.duration))
         elif change.drag is not None:
             seconds = t.figure(len(change.drag.targets) * grid)
             what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
         elif change.drive is not None:
-            what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
+            what = t(
+                "legs.told_drive",
+                at=change.drive.at or t("legs.robot"),
+                count=len(change.drive.commands),
+            )
         else:
             settings = change.set or {}
-            what = ", ".join(f"{key} = {value_text(value, t.language)}" for key, value in settings.items())
+            what = ", ".join(
+                f"{key} = {value_text(value, t.language)}" for key, value in settings.items()
+            )
         return t("legs.told_at", time=t.figure(change.time), what=what)
 
     def _named(self, section: str, name: str, otherwise: str | None = None) -> str:
@@ -307,12 +328,18 @@ _SAME = 1e-6  # m or deg
 def joint_words(phrases: Phrases, name: str) -> str:
     """Return what a joint is called: the joints of arms by their number."""
     kind, _, number = name.partition("_")
-    return phrases.t("arm.joint", number=number) if kind == "joint" and number.isdigit() else phrases.axis(name)
+    return (
+        phrases.t("arm.joint", number=number)
+        if kind == "joint" and number.isdigit()
+        else phrases.axis(name)
+    )
 
 
 def frame_words(t: Words, frames: Iterable[str]) -> dict[str, str]:
     """Return what frames are called: those of the arm in the user's language, pieces by their names."""
-    return {frame: t(f"arm.frame_{frame}") if frame in (*_OWN, WORLD) else frame for frame in frames}
+    return {
+        frame: t(f"arm.frame_{frame}") if frame in (*_OWN, WORLD) else frame for frame in frames
+    }
 
 
 def work_objects(frames: Iterable[str]) -> list[str]:
@@ -322,8 +349,12 @@ def work_objects(frames: Iterable[str]) -> list[str]:
 
 def pose_words(t: Words, pose: Sequence[float]) -> str:
     """Return a pose [m, deg], or a place [m], in a line."""
-    place = " ".join(f"{name} {_short(t, value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
-    turns = " ".join(f"{name} {_short(t, value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
+    place = " ".join(
+        f"{name} {_short(t, value / MILLI)}" for name, value in zip("xyz", pose, strict=False)
+    )
+    turns = " ".join(
+        f"{name} {_short(t, value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False)
+    )
     return " · ".join(filter(None, [f"{place} mm", turns]))
 
 
@@ -342,7 +373,9 @@ def _unit_of(kind: type[Move], key: str) -> str:
     return form_field.unit
 
 
-def _target(phrases: Phrases, kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
+def _target(
+    phrases: Phrases, kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught
+) -> str:
     """Name of the taught target that a move goes to, or else its values with their units.
 
     Args:
@@ -357,7 +390,11 @@ def _target(phrases: Phrases, kind: type[ArmMotion], said: Mapping[str, Any], ke
         return as_text(rows)
     units = phrases.units(len(rows)) if kind.of_axes else []
     if key in said:  # angles in radians
-        is_length = [unit == _UNITS["m"] for unit in units] if kind.of_axes else [True] * _PLACE + [False] * len(rows)
+        is_length = (
+            [unit == _UNITS["m"] for unit in units]
+            if kind.of_axes
+            else [True] * _PLACE + [False] * len(rows)
+        )
         rows = [value if is_length[number] else degrees(value) for number, value in enumerate(rows)]
     for name, target in targets.items():
         taught = list(target["axes"].values()) if kind.of_axes else target["pose"][: len(rows)]
@@ -365,7 +402,9 @@ def _target(phrases: Phrases, kind: type[ArmMotion], said: Mapping[str, Any], ke
             return name
     if not kind.of_axes:
         return pose_words(phrases.t, rows)
-    return " ".join(_position(phrases.t, value, unit) for value, unit in zip(rows, units, strict=True))
+    return " ".join(
+        _position(phrases.t, value, unit) for value, unit in zip(rows, units, strict=True)
+    )
 
 
 def _position(t: Words, value: float, unit: str) -> str:
@@ -374,7 +413,9 @@ def _position(t: Words, value: float, unit: str) -> str:
 
 
 def _near(some: Sequence[float], others: Sequence[float]) -> bool:
-    return len(some) == len(others) and all(abs(a - b) < _SAME for a, b in zip(some, others, strict=True))
+    return len(some) == len(others) and all(
+        abs(a - b) < _SAME for a, b in zip(some, others, strict=True)
+    )
 
 
 def _how(phrases: Phrases, key: str, value: Any) -> str:
@@ -382,7 +423,11 @@ def _how(phrases: Phrases, key: str, value: Any) -> str:
         return f"{phrases.t.figure(value / MILLI)} mm/s"
     if key == "duration":
         return f"{phrases.t.figure(value)} s"
-    return phrases.t("arm.in_frame", frame=as_text(value)) if key == "wobj" else f"{key} {as_text(value)}"
+    return (
+        phrases.t("arm.in_frame", frame=as_text(value))
+        if key == "wobj"
+        else f"{key} {as_text(value)}"
+    )
 
 
 def _short(t: Words, value: float) -> str:

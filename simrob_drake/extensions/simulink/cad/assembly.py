@@ -14,7 +14,13 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.files import NotRead, content_of, opened
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
-from simrob_drake.extensions.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Unreadable, one_line, parse_part
+from simrob_drake.extensions.simulink.reading.graph import (
+    DEEPEST,
+    MOST_BLOCKS,
+    Unreadable,
+    one_line,
+    parse_part,
+)
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, factor
 
 ROOT, OLDER = b"SimscapeMultibodyImportXML", (b"PhysicalModelingXMLFile", b"SimMechanicsImportXML")
@@ -45,7 +51,9 @@ class Instance:
     name: str  # with those of the assemblies that it is in
     pose: RigidTransform  # in the root assembly
     part: Part | None = None  # what it is; None of an assembly
-    inside: dict[str, Instance] = field(default_factory=dict)  # the instances in an assembly, by their identifiers
+    inside: dict[str, Instance] = field(
+        default_factory=dict
+    )  # the instances in an assembly, by their identifiers
     held: bool = False  # whether it is fixed in the assembly that it is in
     rigid: bool = False  # whether all in it is one body
     group: str = ""  # of its neighbours those that say the same are one body
@@ -98,7 +106,9 @@ def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
         root = parse_part(content)
     except (NotRead, Unreadable) as problem:
         raise InvalidModel(
-            path, "", message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem)
+            path,
+            "",
+            message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem),
         ) from problem
     if root.tag != ROOT.decode():
         older = message(
@@ -109,7 +119,9 @@ def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
         raise InvalidModel(
             path,
             one_line(root.tag),
-            older if known else message("simulink.no_assembly_export", "is no export of a CAD assembly"),
+            older
+            if known
+            else message("simulink.no_assembly_export", "is no export of a CAD assembly"),
         )
     return _Reader(path, root).assembly()
 
@@ -119,7 +131,9 @@ class _Reader:
         self._path, self._root, self._count = path, root, 0
         units = root.find("DataUnits")
         self._kg, self._m = (self._unit(units, key) for key in ("mass", "length"))
-        self._parts = {part.get("uid", ""): self._part(part) for part in root.iterfind("Parts/Part")}
+        self._parts = {
+            part.get("uid", ""): self._part(part) for part in root.iterfind("Parts/Part")
+        }
         self._kinds = {kind.get("uid", ""): kind for kind in root.iterfind("Assemblies/Assembly")}
         self._ties: list[Tie] = []
 
@@ -136,14 +150,22 @@ class _Reader:
         if depth > DEEPEST:
             raise self._wrong(
                 parent.name,
-                message("simulink.assemblies_too_deep", "nests assemblies more than {deepest} deep", deepest=DEEPEST),
+                message(
+                    "simulink.assemblies_too_deep",
+                    "nests assemblies more than {deepest} deep",
+                    deepest=DEEPEST,
+                ),
             )
         for element in tree.iterfind("Instance") if tree is not None else ():
             self._count += 1
             if self._count > MOST_BLOCKS:
                 raise self._wrong(
                     "InstanceTree",
-                    message("simulink.too_many_instances", "has more than {most} instances", most=MOST_BLOCKS),
+                    message(
+                        "simulink.too_many_instances",
+                        "has more than {most} instances",
+                        most=MOST_BLOCKS,
+                    ),
                 )
             name, uid = one_line(element.get("name", "")), element.get("uid", "")
             name = f"{parent.name}/{name.replace('/', '_')}".lstrip("/")
@@ -151,10 +173,15 @@ class _Reader:
                 raise self._wrong(
                     name,
                     message(
-                        "simulink.uid_taken", "has the uid '{uid}' of {inside}", uid=uid, inside=parent.inside[uid].name
+                        "simulink.uid_taken",
+                        "has the uid '{uid}' of {inside}",
+                        uid=uid,
+                        inside=parent.inside[uid].name,
                     ),
                 )
-            entity, held, rigid = (element.get(key, "") for key in ("entityUid", "grounded", "rigid"))
+            entity, held, rigid = (
+                element.get(key, "") for key in ("entityUid", "grounded", "rigid")
+            )
             instance = Instance(
                 name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=held == "true",
                 rigid=rigid == "true", group=element.get("rigidGroup", ""), visible=element.get("visible") != "false",
@@ -175,15 +202,25 @@ class _Reader:
 
     def _join(self, owner: Instance, element: Element, own: set[str]) -> None:
         """Take the joints and constraints that stand in an assembly; ``own`` is what it calls itself."""
-        for section, tags in (("Joints", ("BaseFrame", "FollowerFrame")), ("Constraints", ("ConstraintGeometry",))):
+        for section, tags in (
+            ("Joints", ("BaseFrame", "FollowerFrame")),
+            ("Constraints", ("ConstraintGeometry",)),
+        ):
             for tie in element.iterfind(f"{section}/*"):
-                name = f"{owner.name}/{one_line(tie.get('name', '') or tie.tag).replace('/', '_')}".lstrip("/")
-                ends = [self._end(owner, end, name, own) for tag in tags for end in tie.iterfind(tag)]
+                name = f"{owner.name}/{one_line(tie.get('name', '') or tie.tag).replace('/', '_')}".lstrip(
+                    "/"
+                )
+                ends = [
+                    self._end(owner, end, name, own) for tag in tags for end in tie.iterfind(tag)
+                ]
                 if len(ends) != 2:
                     raise self._wrong(
                         name,
                         message(
-                            "simulink.joins_two", "a {tag} has {count} ends; it joins two", tag=tie.tag, count=len(ends)
+                            "simulink.joins_two",
+                            "a {tag} has {count} ends; it joins two",
+                            tag=tie.tag,
+                            count=len(ends),
                         ),
                     )
                 self._ties.append(Tie(name, tie.tag, ends[0], ends[1], section == "Joints"))
@@ -210,7 +247,11 @@ class _Reader:
         if kind == "frame":
             return End(here, kind, here.pose @ self._transform(element, name))
         place = self._numbers(element, "Position", 3, name) * self._m
-        axis = self._numbers(element, "Axis", 3, name) if element.find("Axis") is not None else np.array([0, 0, 1.0])
+        axis = (
+            self._numbers(element, "Axis", 3, name)
+            if element.find("Axis") is not None
+            else np.array([0, 0, 1.0])
+        )
         if not np.linalg.norm(axis) > 0:
             raise self._wrong(name, message("simulink.axis_of_zero", "has an axis of length zero"))
         turn = RotationMatrix.MakeFromOneVector(axis, 2)
@@ -243,7 +284,11 @@ class _Reader:
         shade = "0.5 0.5 0.5 1" if look is None else " ".join(look.get(key, "1") for key in "rgba")
         units = element.find("ModelUnits")
         self._unit(units, "length")
-        unit = "m" if units is None else _SHORT.get(units.get("length", "meter"), units.get("length", "meter"))
+        unit = (
+            "m"
+            if units is None
+            else _SHORT.get(units.get("length", "meter"), units.get("length", "meter"))
+        )
         colour = self._floats(shade, 4, f"{name}: Diffuse")
         return Part(mass, com, inertia, "" if file is None else file.get("name", ""), unit, colour)
 
@@ -253,7 +298,9 @@ class _Reader:
         try:
             return factor(_SHORT.get(text, text), like)
         except UnknownUnit as problem:
-            raise self._wrong("units", compound("{key}: {problem}", key=key, problem=problem)) from problem
+            raise self._wrong(
+                "units", compound("{key}: {problem}", key=key, problem=problem)
+            ) from problem
 
     def _numbers(self, element: Element, tag: str, size: int, name: str) -> Vector:
         return self._floats(element.findtext(tag) or "", size, f"{name}: {tag}")

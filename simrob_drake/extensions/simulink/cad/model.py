@@ -20,7 +20,11 @@ from simrob_drake.extensions.simulink.mechanics.joints import PRIMITIVES, xyz_an
 from simrob_drake.extensions.simulink.reading.graph import Model, Port, SimulinkBlock, System
 from simrob_drake.robots.imports import EntryKind
 
-_JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
+_JOINTS = {
+    kind.removesuffix(" Joint").replace(" ", ""): kind
+    for kind in PRIMITIVES
+    if kind != "6-DOF Joint"
+}
 """What joints are called there."""
 _APART = 1e-4  # m: what frames of a joint may be apart in an assembly without a word
 
@@ -73,7 +77,11 @@ class _Writer:
                     (
                         "dropped",
                         constraints[0].name,
-                        message("simulink.beside_a_joint", "{names}: beside a joint of the same parts", names=names),
+                        message(
+                            "simulink.beside_a_joint",
+                            "{names}: beside a joint of the same parts",
+                            names=names,
+                        ),
                     )
                 )
             elif self._left_free(constraints):
@@ -99,7 +107,11 @@ class _Writer:
             for tie in constraints:
                 if pair := self._pair(tie):
                     pairs.setdefault(pair, []).append(tie)
-            fixed = [pair for pair, ties in pairs.items() if (self._joint_of(ties) or [""])[0] == "Weld Joint"]
+            fixed = [
+                pair
+                for pair, ties in pairs.items()
+                if (self._joint_of(ties) or [""])[0] == "Weld Joint"
+            ]
             if not fixed:
                 return pairs
             for pair in fixed:
@@ -116,20 +128,28 @@ class _Writer:
         names, found = ", ".join(tie.name for tie in ties), self._joint_of(ties)
         if found is None:
             text = message(
-                "simulink.odd_freedoms", "leave freedoms between two parts that no joint has; export a joint instead"
+                "simulink.odd_freedoms",
+                "leave freedoms between two parts that no joint has; export a joint instead",
             )
             self.notes.append(
                 (
                     "refused",
                     ties[0].name,
                     message(
-                        "simulink.its_constraints", "its constraints ({names}) {problem}", names=names, problem=text
+                        "simulink.its_constraints",
+                        "its constraints ({names}) {problem}",
+                        names=names,
+                        problem=text,
                     ),
                 )
             )
             return False
         self.notes.append(
-            ("read", ties[0].name, message("simulink.is_a_joint", "{names}: a {kind}", names=names, kind=found[0]))
+            (
+                "read",
+                ties[0].name,
+                message("simulink.is_a_joint", "{names}: a {kind}", names=names, kind=found[0]),
+            )
         )
         self._joint(ties[0], found[0], found[1], found[1])
         return True
@@ -146,14 +166,20 @@ class _Writer:
         self._first = {self._bodies[root]: root}
         for instance in root.all():
             if instance.part is not None:
-                self._sids[instance] = self._add("sm_lib/Body Elements/File Solid", instance.name, _solid(instance))
+                self._sids[instance] = self._add(
+                    "sm_lib/Body Elements/File Solid", instance.name, _solid(instance)
+                )
                 first = self._first.setdefault(self._bodies[instance], instance)
                 if first is not instance:
                     pose = first.pose.inverse() @ instance.pose
-                    self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
+                    self._transform(
+                        f"{instance.name} place", self._port(first), pose, self._port(instance)
+                    )
 
     def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
-        sid = self._add(f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower))
+        sid = self._add(
+            f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower)
+        )
         for end, frame, name, side in (
             (tie.base, base, "base", "lconn"), (tie.follower, follower, "follower", "rconn")):  # fmt: skip
             first = self._first.get(self._bodies[end.instance])
@@ -165,7 +191,12 @@ class _Writer:
                     instance=end.instance.name or message("simulink.the_assembly", "the assembly"),
                 )
                 raise InvalidModel(self._path, tie.name, text)
-            self._transform(f"{tie.name} {name}", self._port(first), first.pose.inverse() @ frame, Port(sid, side, 1))
+            self._transform(
+                f"{tie.name} {name}",
+                self._port(first),
+                first.pose.inverse() @ frame,
+                Port(sid, side, 1),
+            )
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
         places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
@@ -185,7 +216,9 @@ class _Writer:
             rows = _row(pose.rotation().matrix().reshape(-1))
             matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": rows}
             values_of = matrix if name == "S" else {"Value": repr(float(values[name]))}
-            targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **values_of}.items()}
+            targets |= {
+                f"{target}{key}": value for key, value in {"Specify": "on", **values_of}.items()
+            }
         return targets
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
@@ -197,13 +230,18 @@ class _Writer:
         for body, first in self._first.items():
             if not groups.connected(body, held):
                 sid = self._add("sm_lib/Joints/6-DOF Joint", f"{first.name} free", {})
-                self._transform(f"{first.name} start", self._port(root), first.pose, Port(sid, "lconn", 1))
+                self._transform(
+                    f"{first.name} start", self._port(root), first.pose, Port(sid, "lconn", 1)
+                )
                 self._system.nets.append([Port(sid, "rconn", 1), self._port(first)])
                 self.notes.append(
                     (
                         "read",
                         first.name,
-                        message("simulink.nothing_joins", "nothing joins it to what is fixed: it is free"),
+                        message(
+                            "simulink.nothing_joins",
+                            "nothing joins it to what is fixed: it is free",
+                        ),
                     )
                 )
                 groups.merge(body, held)
@@ -220,7 +258,9 @@ class _Writer:
 
     def _add(self, kind: str, name: str, parameters: dict[str, str]) -> str:
         sid = str(len(self._system.blocks) + 1)
-        self._system.blocks[sid] = SimulinkBlock(sid, name, kind, linked=True, parameters=parameters)
+        self._system.blocks[sid] = SimulinkBlock(
+            sid, name, kind, linked=True, parameters=parameters
+        )
         return sid
 
 
@@ -265,7 +305,9 @@ def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
     turns, slides = _split(free)
     make = _LEFT_OVER.get((len(turns), len(slides)))
     made = make(turns, slides) if make else None
-    if made is not None and len(slides) + (made[0] == "Prismatic Joint") > 1:  # any place will do: one at the bodies
+    if (
+        made is not None and len(slides) + (made[0] == "Prismatic Joint") > 1
+    ):  # any place will do: one at the bodies
         made[1].set_translation(ties[0].base.pose.translation())
     return made
 
@@ -288,7 +330,9 @@ def _hinge(turns: Vector, slides: Vector) -> tuple[str, RigidTransform] | None:
     """Return a hinge, or with slides across a planar joint, along a cylindrical one."""
     axis, speed = turns[0, :3], turns[0, 3:]
     along = slides @ axis
-    if abs(axis @ speed) > _SAME or not (len(slides) == 0 or np.allclose(np.abs(along), len(slides) == 1, atol=_SAME)):
+    if abs(axis @ speed) > _SAME or not (
+        len(slides) == 0 or np.allclose(np.abs(along), len(slides) == 1, atol=_SAME)
+    ):
         return None
     kind = ("Revolute Joint", "Cylindrical Joint", "Planar Joint")[len(slides)]
     return kind, RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), np.cross(axis, speed))
@@ -328,7 +372,10 @@ def _rows(tie: Tie) -> Vector:
                     constraint=tie.kind,
                 )
             )
-    one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_SHAPES[end.kind]))
+    one, other = sorted(
+        (tie.base, tie.follower),
+        key=lambda end: ("point", "line", "plane").index(_SHAPES[end.kind]),
+    )
     shapes = _SHAPES[one.kind], _SHAPES[other.kind]
     if tie.kind not in _KINDS:
         raise ValueError(
@@ -389,7 +436,9 @@ def _turning(*directions: Vector) -> Vector:
 
 def _sliding(place: Vector, *directions: Vector) -> Vector:
     """Return rows for the velocity v + ω × p of a place p along directions."""
-    return np.array([np.concatenate([np.cross(place, direction), direction]) for direction in directions])
+    return np.array(
+        [np.concatenate([np.cross(place, direction), direction]) for direction in directions]
+    )
 
 
 _KINDS = {

@@ -93,11 +93,17 @@ class Fmi2Slave:
 
     def get_boolean(self, references: list[int]) -> list[bool]:
         """Return whether a monitor ended the run."""
-        return [self._names[reference] == STOPPED and bool(self._station.stopped) for reference in references]
+        return [
+            self._names[reference] == STOPPED and bool(self._station.stopped)
+            for reference in references
+        ]
 
     def get_string(self, references: list[int]) -> list[str]:
         """Return why a monitor ended the run."""
-        return [self._station.stopped if self._names[reference] == MESSAGE else "" for reference in references]
+        return [
+            self._station.stopped if self._names[reference] == MESSAGE else ""
+            for reference in references
+        ]
 
     def _get_log_queue(self) -> list[UnitLogEntry]:
         return self._messages

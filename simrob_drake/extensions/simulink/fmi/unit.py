@@ -26,7 +26,10 @@ STOPPED, MESSAGE, TIME = "stopped", "message", "time"
 """Variables beside those of the station: whether and why it was ended, and where it is."""
 _TYPES = {"real": ("Real", "Float64"), "flag": ("Boolean", "Boolean"), "text": ("String", "String")}
 """In FMI 2.0 and 3.0."""
-_STATES = {2: ("canGetAndSetFMUstate", "canSerializeFMUstate"), 3: ("canGetAndSetFMUState", "canSerializeFMUState")}
+_STATES = {
+    2: ("canGetAndSetFMUstate", "canSerializeFMUstate"),
+    3: ("canGetAndSetFMUState", "canSerializeFMUState"),
+}
 _CATEGORIES = ("logStatusWarning", "logStatusError")
 
 
@@ -45,9 +48,15 @@ class Variable:
 def variables_of(station: SteppedStation) -> list[Variable]:
     """Return the variables of a unit, in the order of their references."""
     return [
-        *(Variable(e.name, "input", unit=e.unit, start=station.get(e.name)) for e in station.inputs.values()),
+        *(
+            Variable(e.name, "input", unit=e.unit, start=station.get(e.name))
+            for e in station.inputs.values()
+        ),
         *(Variable(e.name, "output", unit=e.unit) for e in station.outputs.values()),
-        *(Variable(p.name, "parameter", "fixed", unit=p.unit, start=p.start) for p in station.parameters.values()),
+        *(
+            Variable(p.name, "parameter", "fixed", unit=p.unit, start=p.start)
+            for p in station.parameters.values()
+        ),
         Variable(STOPPED, "output", "discrete", "flag"),
         Variable(MESSAGE, "output", "discrete", "text"),
         Variable(TIME, "independent", unit="s"),
@@ -57,18 +66,33 @@ def variables_of(station: SteppedStation) -> list[Variable]:
 def description(station: SteppedStation, name: str, version: int) -> bytes:
     """Return the XML of a unit that is called ``name``."""
     variables = variables_of(station)
-    said = {"fmiVersion": f"{version}.0", "modelName": name, "description": station.config.description}
+    said = {
+        "fmiVersion": f"{version}.0",
+        "modelName": name,
+        "description": station.config.description,
+    }
     said |= {"generationTool": "simrob_drake", "variableNamingConvention": "structured"}
-    said["guid" if version == 2 else "instantiationToken"] = str(uuid5(NAMESPACE_OID, f"{name}{variables}"))
+    said["guid" if version == 2 else "instantiationToken"] = str(
+        uuid5(NAMESPACE_OID, f"{name}{variables}")
+    )
     root = Element("fmiModelDescription", said)
     abilities = {"canHandleVariableCommunicationStepSize": "true", "needsExecutionTool": "true"}
     abilities |= dict.fromkeys(_STATES[version], "true")
     SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
-    _add_units(SubElement(root, "UnitDefinitions"), {variable.unit for variable in variables if variable.unit})
+    _add_units(
+        SubElement(root, "UnitDefinitions"),
+        {variable.unit for variable in variables if variable.unit},
+    )
     categories = SubElement(root, "LogCategories")
     for category in _CATEGORIES:
         SubElement(categories, "Category", name=category)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(station.config.duration), stepSize="0.001")
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=repr(station.config.duration),
+        stepSize="0.001",
+    )
     listed = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(variables):
         _add_variable(listed, variable, reference, version)
@@ -79,7 +103,11 @@ def description(station: SteppedStation, name: str, version: int) -> bytes:
 
 def _add_variable(listed: Element, variable: Variable, reference: int, version: int) -> None:
     """Add a variable: in FMI 2.0 its type is an element of its own, and in 3.0 the variable's."""
-    said = {"name": variable.name, "valueReference": str(reference), "causality": variable.causality}
+    said = {
+        "name": variable.name,
+        "valueReference": str(reference),
+        "causality": variable.causality,
+    }
     said["variability"] = variable.variability
     values = {"unit": unit_name(variable.unit)} if variable.unit else {}
     if variable.start is not None:
@@ -121,7 +149,10 @@ def _add_units(definitions: Element, units: Iterable[str]) -> None:
         SubElement(defined, "BaseUnit", bases | ({} if factor == 1 else {"factor": repr(factor)}))
 
 
-_MAKERS = {2: "pythonfmu", 3: "pythonfmu3"}  # packages whose libraries call Python, by version of FMI
+_MAKERS = {
+    2: "pythonfmu",
+    3: "pythonfmu3",
+}  # packages whose libraries call Python, by version of FMI
 _LIBRARIES = ("*.so", "*.dylib")  # there is no Drake for Windows
 _SCRIPT = '''"""A station as a unit; simrob_drake must be importable where it runs."""
 
@@ -135,7 +166,9 @@ class {name}(Fmi3Slave):  # by this name pythonfmu3 finds it
 '''
 
 
-def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, force: bool = False) -> Path:
+def write_fmu(
+    config: StationConfig, target: Path | str, *, version: int = 2, force: bool = False
+) -> Path:
     """Write a station as a co-simulation unit.
 
     Where the unit runs, this package must be importable by the Python it finds there. The files that the station
@@ -166,7 +199,9 @@ def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, fo
         resources.mkdir()
         station = resources / "station.yaml"
         station.write_text(station_yaml(with_copied_files(config, resources)), encoding="utf-8")
-        described = description(SteppedStation(station), name, version)  # what cannot be stepped is told here
+        described = description(
+            SteppedStation(station), name, version
+        )  # what cannot be stepped is told here
         (work / "modelDescription.xml").write_bytes(described)
         (resources / f"{name}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")
         (resources / "slavemodule.txt").write_text(name, encoding="utf-8")
@@ -175,7 +210,9 @@ def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, fo
         with replaced_at_once(target) as whole, ZipFile(whole, "w", ZIP_DEFLATED) as archive:
             for file in sorted(work.rglob("*")):
                 archive.write(file, file.relative_to(work))
-            for file, place in _library(Path(str(maker.__file__)).parent / "resources", name, _MAKERS[version]):
+            for file, place in _library(
+                Path(str(maker.__file__)).parent / "resources", name, _MAKERS[version]
+            ):
                 archive.write(file, place)
     return target
 

@@ -10,7 +10,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.messages import message
-from simrob_drake.extensions.simulink.mechanics.joints import JOINTS, Freedom, Joint, read_joint, rigid_transform
+from simrob_drake.extensions.simulink.mechanics.joints import (
+    JOINTS,
+    Freedom,
+    Joint,
+    read_joint,
+    rigid_transform,
+)
 from simrob_drake.extensions.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.extensions.simulink.mechanics.solids import (
     GEOMETRY,
@@ -77,7 +83,12 @@ class Bodies:
 
 
 PUSH = "External Force and Torque"
-GEARS = "Common Gear Constraint", "Bevel Gear Constraint", "Rack and Pinion Constraint", "Worm and Gear Constraint"
+GEARS = (
+    "Common Gear Constraint",
+    "Bevel Gear Constraint",
+    "Rack and Pinion Constraint",
+    "Worm and Gear Constraint",
+)
 ROD, SPRING, BETWEEN = "Distance Constraint", "Spring and Damper Force", "Internal Force"
 _MARKS = ("Reference Frame", PUSH)
 CLOUD, GRID = "Point Cloud", "Grid Surface"
@@ -112,7 +123,9 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
             except InvalidModel as problem:
                 node.lose(problem)
     bodies, world = Bodies([], [], [], {}, set()), RigidPart(grounded=True)
-    worlds = {place for node, place in frames.attached if node.kind == "World Frame"} or _held_outside(network, frames)
+    worlds = {
+        place for node, place in frames.attached if node.kind == "World Frame"
+    } or _held_outside(network, frames)
     for place in (*worlds, *frames.edges, *(place for _, place in frames.attached)):
         if place not in bodies.by_place:
             _gather(frames.edges, place, world if place in worlds else RigidPart(), bodies)
@@ -141,7 +154,8 @@ def _locked(joint: Joint) -> RigidTransform:
     for freedom in joint.freedoms:
         pose = pose @ moved(freedom, freedom.start or 0.0)
     joint.node.note(
-        "approximated", message("simulink.locked_joint", "is locked: welded where its targets are, or else at 0")
+        "approximated",
+        message("simulink.locked_joint", "is locked: welded where its targets are, or else at 0"),
     )
     return pose
 
@@ -151,7 +165,12 @@ Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
 
 
 _ENDS = "lconn", "rconn"
-_SEEN = "Rigid Transform", "Reference Frame", "Graphic", "Spline"  # what neither weighs, holds nor tells
+_SEEN = (
+    "Rigid Transform",
+    "Reference Frame",
+    "Graphic",
+    "Spline",
+)  # what neither weighs, holds nor tells
 
 
 class _Frames:
@@ -170,8 +189,12 @@ class _Frames:
             self._join(*self._ends(node), rigid_transform(node), node)
         elif node.kind == "Weld Joint":
             self._join(*self._ends(node), RigidTransform(), node)
-        elif node.kind in JOINTS and not any(self._network.on(self._network.net(node, side)) for side in _ENDS):
-            node.note("dropped", message("simulink.joint_not_connected", "the joint: it is not connected"))
+        elif node.kind in JOINTS and not any(
+            self._network.on(self._network.net(node, side)) for side in _ENDS
+        ):
+            node.note(
+                "dropped", message("simulink.joint_not_connected", "the joint: it is not connected")
+            )
         elif node.kind in JOINTS:
             joint, (base, follower) = read_joint(node), self._ends(node)
             if node.text("JointMode") == "Locked":
@@ -227,7 +250,10 @@ class _Frames:
                     ),
                 )
             else:
-                node.lose(problem, message("simulink.taken_at_reference_frame", "; taken at its reference frame"))
+                node.lose(
+                    problem,
+                    message("simulink.taken_at_reference_frame", "; taken at its reference frame"),
+                )
             return RigidTransform()
 
     def _only_seen(self, node: Node, there: Place) -> bool:
@@ -236,7 +262,11 @@ class _Frames:
         def ends(one: Node) -> list[Place]:
             if one is node:
                 return [there]
-            return [self._network.net(one, side) for side in _ENDS] if one.kind == "Rigid Transform" else []
+            return (
+                [self._network.net(one, side) for side in _ENDS]
+                if one.kind == "Rigid Transform"
+                else []
+            )
 
         return all(one is node or one.kind in _SEEN for one in self._network.joined(node, ends))
 
@@ -246,12 +276,19 @@ def _held_outside(network: Connections, frames: _Frames) -> set[Place]:
     ports = {network.net(node, "conn"): node for node in network.expanded.root.children.values()
              if node.kind == "PMIOPort"}  # fmt: skip
     bases = {base for _, base, _ in frames.joints}
-    found = {place for place in ports if place in frames.edges.keys() | bases and place not in frames.entered}
+    found = {
+        place
+        for place in ports
+        if place in frames.edges.keys() | bases and place not in frames.entered
+    }
     if len(found) != 1:
         return set()
     (place,) = found
     ports[place].note(
-        "approximated", message("simulink.stands_in_world", "stands in the world, in place of what this is put into")
+        "approximated",
+        message(
+            "simulink.stands_in_world", "stands in the world, in place of what this is put into"
+        ),
     )
     return found
 
@@ -329,12 +366,26 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             except InvalidModel as problem:
                 node.lose(problem)
         elif not any(network.on(network.net(node, side)) for side in _ENDS):
-            node.note("dropped", message("simulink.contact_not_connected", "the contact: it is not connected"))
-        elif any(network.leads_outside(node, side, 1) for side in _ENDS if network.net(node, side) not in geometry):
-            node.note("dropped", message("simulink.contact_with_outside", "the contact: with what this is put into"))
+            node.note(
+                "dropped",
+                message("simulink.contact_not_connected", "the contact: it is not connected"),
+            )
+        elif any(
+            network.leads_outside(node, side, 1)
+            for side in _ENDS
+            if network.net(node, side) not in geometry
+        ):
+            node.note(
+                "dropped",
+                message("simulink.contact_with_outside", "the contact: with what this is put into"),
+            )
         else:
             node.note(
-                "lost", message("simulink.contact_without_solid", "the contact: one of its ends is no solid or plane")
+                "lost",
+                message(
+                    "simulink.contact_without_solid",
+                    "the contact: one of its ends is no solid or plane",
+                ),
             )
     return contacts
 
@@ -360,7 +411,8 @@ def _surface(node: Node) -> ContactParameters:
         node.note(
             "approximated",
             message(
-                "simulink.friction_from_signal", "its friction comes from a signal: the figures of the block are taken"
+                "simulink.friction_from_signal",
+                "its friction comes from a signal: the figures of the block are taken",
             ),
         )
     static = 0.0 if friction == "None" else node.number("CoefficientOfStaticFriction", "0.5")

@@ -35,7 +35,11 @@ def _against_turning(node: Node, prefix: str) -> list[Pull]:
     """Return what resists turning in all directions alike: a spring, by angle and axis, and a damper."""
     damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
     stiffness = node.number(f"{prefix}SpringStiffness", unit="N*m/rad")
-    slack = [node.text(name) for name in node.block.parameters if "Equilibrium" in name and "Method" in name]
+    slack = [
+        node.text(name)
+        for name in node.block.parameters
+        if "Equilibrium" in name and "Method" in name
+    ]
     if stiffness and any(method not in ("None", "") for method in slack):
         node.note(
             "lost",
@@ -51,7 +55,11 @@ def _against_turning(node: Node, prefix: str) -> list[Pull]:
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
         zip("XYZ", np.eye(3), strict=True)}  # fmt: skip
 """Directions by name, each of shape (3,)."""
-_TURNS = {"X": RotationMatrix.MakeXRotation, "Y": RotationMatrix.MakeYRotation, "Z": RotationMatrix.MakeZRotation}
+_TURNS = {
+    "X": RotationMatrix.MakeXRotation,
+    "Y": RotationMatrix.MakeYRotation,
+    "Z": RotationMatrix.MakeZRotation,
+}
 
 
 def rigid_transform(node: Node) -> RigidTransform:
@@ -63,14 +71,26 @@ def rigid_transform(node: Node) -> RigidTransform:
     if method == "Cartesian":
         offset = node.numbers("TranslationCartesianOffset", "[0 0 0]", unit="m", size=3)
     elif method == "StandardAxis":
-        offset = axis(node, "TranslationStandardAxis") * node.number("TranslationStandardOffset", unit="m")
+        offset = axis(node, "TranslationStandardAxis") * node.number(
+            "TranslationStandardOffset", unit="m"
+        )
     elif method == "Cylindrical":
         radius = node.number("TranslationROffset", unit="m")
         angle = node.number("TranslationThetaOffset", unit="rad")
-        offset = np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
+        offset = np.array(
+            [
+                radius * np.cos(angle),
+                radius * np.sin(angle),
+                node.number("TranslationZOffset", unit="m"),
+            ]
+        )
     elif method != "None":
         raise node.refusal(
-            message("simulink.unknown_translation", "has the unknown translation method '{method}'", method=method)
+            message(
+                "simulink.unknown_translation",
+                "has the unknown translation method '{method}'",
+                method=method,
+            )
         )
     return RigidTransform(rotation(node), offset)
 
@@ -82,7 +102,11 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
     """
     if (method := node.text(f"{prefix}RotationMethod", "None")) not in _ROTATIONS:
         raise node.refusal(
-            message("simulink.unknown_rotation", "has the unknown rotation method '{method}'", method=method)
+            message(
+                "simulink.unknown_rotation",
+                "has the unknown rotation method '{method}'",
+                method=method,
+            )
         )
     return _ROTATIONS[method](node, prefix)
 
@@ -119,7 +143,9 @@ def _matrix(node: Node, prefix: str) -> RotationMatrix:
 def _quaternion(node: Node, prefix: str) -> RotationMatrix:
     quaternion = node.numbers(f"{prefix}Quaternion", "[1 0 0 0]", size=4)
     if np.linalg.norm(quaternion) < 1e-9:
-        raise node.refusal(message("simulink.quaternion_is_zero", "its {prefix}Quaternion is zero", prefix=prefix))
+        raise node.refusal(
+            message("simulink.quaternion_is_zero", "its {prefix}Quaternion is zero", prefix=prefix)
+        )
     if has_wrong_norm(quaternion):
         norm = np.linalg.norm(quaternion)
         node.note(
@@ -151,9 +177,14 @@ def axis(node: Node, name: str) -> Vector:
 
 
 def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
-    length, angle = float(np.linalg.norm(direction)), node.number(f"{prefix}RotationAngle", unit="rad")
+    length, angle = (
+        float(np.linalg.norm(direction)),
+        node.number(f"{prefix}RotationAngle", unit="rad"),
+    )
     if length < 1e-9 and angle:
-        raise node.refusal(message("simulink.turns_about_zero", "turns about an axis of length zero"))
+        raise node.refusal(
+            message("simulink.turns_about_zero", "turns about an axis of length zero")
+        )
     return RotationMatrix(AngleAxis(angle, direction / length)) if angle else RotationMatrix()
 
 
@@ -177,7 +208,9 @@ def _sequence(node: Node, prefix: str) -> RotationMatrix:
 _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
     "None": lambda *_: RotationMatrix(),
     "StandardAxis": lambda node, to: _about(node, axis(node, f"{to}RotationStandardAxis"), to),
-    "ArbitraryAxis": lambda node, to: _about(node, node.numbers(f"{to}RotationArbitraryAxis", "[0 0 1]", size=3), to),
+    "ArbitraryAxis": lambda node, to: _about(
+        node, node.numbers(f"{to}RotationArbitraryAxis", "[0 0 1]", size=3), to
+    ),
     "AlignedAxes": _aligned,
     "RotationSequence": _sequence,
     "RotationMatrix": _matrix,
@@ -210,10 +243,14 @@ class Freedom:
     rest: float = 0.0  # where the spring is slack
     start: float | None = None  # position at the beginning; None if not asked for
     start_speed: float | None = None  # speed at the beginning; likewise
-    start_counts: float = 1e-5  # how much the start counts against the others, where a loop cannot have them all
+    start_counts: float = (
+        1e-5  # how much the start counts against the others, where a loop cannot have them all
+    )
     speed_counts: float = 1e-5  # how much the speed does
     driven: str = "free"  # ``torque`` or ``motion`` if a signal drives it, or ``free``
-    stop: tuple[float, float] | None = None  # stiffness and damping at the limits; None without limits
+    stop: tuple[float, float] | None = (
+        None  # stiffness and damping at the limits; None without limits
+    )
 
 
 @dataclass(eq=False)
@@ -246,7 +283,9 @@ def read_joint(node: Node) -> Joint:
     if node.text("JointMode", "Normal") not in ("Normal", "Locked", ""):
         raise node.refusal(
             message(
-                "simulink.unread_mode", "is in the mode {mode}; Normal and Locked are read", mode=node.text("JointMode")
+                "simulink.unread_mode",
+                "is in the mode {mode}; Normal and Locked are read",
+                mode=node.text("JointMode"),
             )
         )
     joint = Joint(node)
@@ -257,7 +296,11 @@ def read_joint(node: Node) -> Joint:
         return joint
     _read_primitives(node, joint, kinds)
     for freedom in (one for one in joint.freedoms if one.driven == "motion"):
-        freedom.lower, freedom.upper, freedom.stop = -inf, inf, None  # limits push nothing whose motion is given
+        freedom.lower, freedom.upper, freedom.stop = (
+            -inf,
+            inf,
+            None,
+        )  # limits push nothing whose motion is given
     if node.kind == "Lead Screw Joint":
         _read_screw(node, joint)
     if node.kind == ANGLE:
@@ -272,7 +315,9 @@ def _read_angle(node: Node, joint: Joint) -> None:
     angle = kept[chosen] if chosen in kept else node.number("Angle", "45*pi/180", unit="rad")
     joint.tilt = RigidTransform(_TURNS["X"](angle), np.zeros(3))
     if 0.0 < angle < np.pi:
-        joint.freedoms.append(Freedom(f"{node.path}_Rt", True, joint.tilt.rotation().matrix()[:, 2]))
+        joint.freedoms.append(
+            Freedom(f"{node.path}_Rt", True, joint.tilt.rotation().matrix()[:, 2])
+        )
     for freedom in joint.freedoms:
         freedom.start_counts = 0.0
 
@@ -314,7 +359,13 @@ def _read_screw(node: Node, joint: Joint) -> None:
         for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
             asked = node.is_on(f"{quantity}TargetSpecify")
             if asked and node.is_on(f"{quantity}TargetRotationBased") == freedom.turns:
-                _ask(node, "", freedom, quantity, node.number(f"{quantity}Target{name}Value", unit=unit))
+                _ask(
+                    node,
+                    "",
+                    freedom,
+                    quantity,
+                    node.number(f"{quantity}Target{name}Value", unit=unit),
+                )
 
 
 def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
@@ -324,12 +375,20 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     freedom = Freedom(node.path + (f"_{kind}" if prefix else ""), turns, axis)
     freedom.damping = node.number(f"{prefix}DampingCoefficient", unit=f"{effort}*s/{length}")
     freedom.stiffness = node.number(f"{prefix}SpringStiffness", unit=f"{effort}/{length}")
-    freedom.rest = node.number(f"{prefix}EquilibriumPosition", unit=length) if freedom.stiffness else 0.0
+    freedom.rest = (
+        node.number(f"{prefix}EquilibriumPosition", unit=length) if freedom.stiffness else 0.0
+    )
     if min(freedom.damping, freedom.stiffness) < 0:
         raise node.refusal(message("simulink.negative_spring", "has a negative spring or damper"))
     for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
         if node.is_on(f"{prefix}{quantity}TargetSpecify"):
-            _ask(node, prefix, freedom, quantity, node.number(f"{prefix}{quantity}TargetValue", unit=unit))
+            _ask(
+                node,
+                prefix,
+                freedom,
+                quantity,
+                node.number(f"{prefix}{quantity}TargetValue", unit=unit),
+            )
     _read_stops(node, prefix, freedom, effort, length)
     return freedom
 
@@ -339,9 +398,15 @@ def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: 
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
             setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
-            scale = "*180/pi" if freedom.turns else ""  # Simulink's own figures are those of a degree
-            stiffness = node.number(f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}")
-            damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
+            scale = (
+                "*180/pi" if freedom.turns else ""
+            )  # Simulink's own figures are those of a degree
+            stiffness = node.number(
+                f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}"
+            )
+            damping = node.number(
+                f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}"
+            )
             if stiffness <= 0 or damping < 0:
                 raise node.refusal(
                     message(
@@ -367,11 +432,16 @@ def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: 
     if len(set(stops)) > 1:
         node.note(
             "approximated",
-            message("simulink.stops_differ", "its stops differ: both get the figures of the stiffer one"),
+            message(
+                "simulink.stops_differ", "its stops differ: both get the figures of the stiffer one"
+            ),
         )
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
-        node.note("defaulted", message("simulink.unknown_limits", "its limits are unknown: none are taken"))
+        node.note(
+            "defaulted",
+            message("simulink.unknown_limits", "its limits are unknown: none are taken"),
+        )
     if freedom.lower >= freedom.upper:
         raise node.refusal(
             message(
@@ -400,7 +470,9 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
             "ball joint as three turns about x, y and z: singular where the middle one is at 90°",
         ),
     )
-    turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
+    turns = [
+        Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"
+    ]
     if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
         node.note("lost", message("simulink.limits_of_ball", "the limits of a ball joint"))
     turn, rates = _ball_targets(node, prefix)
@@ -408,8 +480,12 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
         for freedom, angle in zip(turns, xyz_angles(turn), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
-        first, middle, _ = (about(one.start or 0.0) for about, one in zip(_TURNS.values(), turns, strict=True))
-        axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
+        first, middle, _ = (
+            about(one.start or 0.0) for about, one in zip(_TURNS.values(), turns, strict=True)
+        )
+        axes = np.column_stack(
+            [turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis]
+        )
         for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
             freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]
     return turns
@@ -422,7 +498,11 @@ def _ball_targets(node: Node, prefix: str) -> tuple[RotationMatrix, Vector]:
         turn = rotation(node, f"{prefix}PositionTarget")
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
         rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
-        rates = turn @ rates if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on" else rates
+        rates = (
+            turn @ rates
+            if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on"
+            else rates
+        )
     return turn, rates
 
 
@@ -440,11 +520,17 @@ def _read_floating(node: Node, joint: Joint) -> None:
     slides = [_freedom(node, kind, kind) for kind in ("Px", "Py", "Pz")]
     for place, (one, letter) in enumerate(zip(slides, "xyz", strict=True)):
         ends = ((one.lower, 1.0), (one.upper, -1.0)) if one.stop else ()
-        stops = tuple((bound, way, one.stop[0]) for bound, way in ends if one.stop and isfinite(bound))
+        stops = tuple(
+            (bound, way, one.stop[0]) for bound, way in ends if one.stop and isfinite(bound)
+        )
         if stops:
             node.note(
                 "approximated",
-                message("simulink.stops_along", "its stops along {letter} are springs without dampers", letter=letter),
+                message(
+                    "simulink.stops_along",
+                    "its stops along {letter} are springs without dampers",
+                    letter=letter,
+                ),
             )
         port = next(ports) if node.text(f"P{letter}TorqueActuationMode") == "InputTorque" else 0
         pulls.append(Pull(place, port, one.stiffness, one.rest, one.damping, stops))
@@ -452,7 +538,11 @@ def _read_floating(node: Node, joint: Joint) -> None:
     joint.start = RigidTransform(turn, [one.start or 0.0 for one in slides])
     joint.start_speed = np.array([*(one.start_speed or 0.0 for one in slides), *rates])
     for pull, letter in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
-        pulls.append(replace(pull, port=next(ports) if node.is_on(f"SphActuateTorque{letter}") else 0))
+        pulls.append(
+            replace(pull, port=next(ports) if node.is_on(f"SphActuateTorque{letter}") else 0)
+        )
     joint.pulls = list(filter(None, pulls))
-    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
+    asked = (
+        tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name)
+    )
     joint.senses = dict(enumerate(asked, start=2))

@@ -22,7 +22,13 @@ from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import GEARS, ROD, Coupling, Link, RigidPart
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.shapes import positive
-from simrob_drake.extensions.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_motions, body_poses
+from simrob_drake.extensions.simulink.mechanics.trees import (
+    BodyOnJoint,
+    Closing,
+    Tree,
+    body_motions,
+    body_poses,
+)
 from simrob_drake.extensions.simulink.model.nodes import Node
 
 Residual = Callable[[Vector], Vector]  # of positions (n,)
@@ -41,7 +47,9 @@ class Teeth:
 def _unit(node: Node, vector: Vector, what: str) -> Vector:
     length = float(np.linalg.norm(vector))
     if length < 1e-9:
-        raise node.refusal(message("simulink.unknown_teeth", "cannot tell where its teeth are: {what}", what=what))
+        raise node.refusal(
+            message("simulink.unknown_teeth", "cannot tell where its teeth are: {what}", what=what)
+        )
     return np.asarray(vector / length)
 
 
@@ -58,7 +66,10 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
     if node.text("SpecificationType", "PitchCircleRadii") == "PitchCircleRadii":
         own, other = _radii(node, "BaseGearRadius", "FollGearRadius")
     else:
-        ratio, (distance,) = node.number("GearRatio", "1"), positive(node, "CenterDistance", "20", 1)
+        ratio, (distance,) = (
+            node.number("GearRatio", "1"),
+            positive(node, "CenterDistance", "20", 1),
+        )
         own = distance / (abs(ratio - 1) if inside else ratio + 1)
         other = ratio * own
     between = _unit(
@@ -66,25 +77,36 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
         follower.translation() - base.translation(),
         message("simulink.frames_at_one_place", "its frames are at one place"),
     )
-    base_side, follower_side = (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
-    places = base.translation() + base_side * own * between, follower.translation() + follower_side * other * between
+    base_side, follower_side = (
+        (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
+    )
+    places = (
+        base.translation() + base_side * own * between,
+        follower.translation() + follower_side * other * between,
+    )
     return Teeth(*places, np.cross(_z(base), between))
 
 
 def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     axes = _z(base), _z(follower)
-    across = _unit(node, np.cross(*axes), message("simulink.axes_are_parallel", "its axes are parallel"))
+    across = _unit(
+        node, np.cross(*axes), message("simulink.axes_are_parallel", "its axes are parallel")
+    )
     between = follower.translation() - base.translation()
     _unit(node, between, message("simulink.frames_at_one_place", "its frames are at one place"))
     own, other = _radii(node, "BaseGearRadius", "FollGearRadius")
     place = base.translation() + own * _toward(np.cross(across, axes[0]), between)
-    return Teeth(place, follower.translation() + other * _toward(np.cross(across, axes[1]), -between), across)
+    return Teeth(
+        place, follower.translation() + other * _toward(np.cross(across, axes[1]), -between), across
+    )
 
 
 def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     turning, along = _z(base), _z(follower)
     out = _unit(
-        node, np.cross(turning, along), message("simulink.rack_along_pinion", "the rack slides along the pinion's axis")
+        node,
+        np.cross(turning, along),
+        message("simulink.rack_along_pinion", "the rack slides along the pinion's axis"),
     )
     (radius,) = positive(node, "PinionRadius", "10", 1)
     place = base.translation() + radius * _toward(out, follower.translation() - base.translation())
@@ -95,14 +117,21 @@ def _worm(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     along, turning = _z(base), _z(follower)
     if node.text("SpecificationMethod", "PitchCircleRadii") != "PitchCircleRadii":
         raise node.refusal(
-            message("simulink.pitch_radii_only", "is given by distance and ratio; only pitch radii are read")
+            message(
+                "simulink.pitch_radii_only",
+                "is given by distance and ratio; only pitch radii are read",
+            )
         )
     worm, gear = _radii(node, "WormRadius", "GearRadius")
     lead = worm * np.tan(node.number("WormLeadAngle", "4.2", unit="rad"))
     out = _unit(
-        node, np.cross(along, turning), message("simulink.worm_along_gear", "the worm is along the gear's axis")
+        node,
+        np.cross(along, turning),
+        message("simulink.worm_along_gear", "the worm is along the gear's axis"),
     )
-    place = follower.translation() + gear * _toward(out, base.translation() - follower.translation())
+    place = follower.translation() + gear * _toward(
+        out, base.translation() - follower.translation()
+    )
     hand = -1.0 if node.text("WormDirection", "RightHand") == "RightHand" else 1.0
     return Teeth(base.translation(), place, along, hand * lead)
 
@@ -132,10 +161,16 @@ def _speeds(twist: Vector, point: Vector) -> Vector:
     return np.asarray(twist[3:] + np.cross(twist[:3], point, axisa=0, axisc=0))
 
 
-_CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
+_CLOSED, _LOOSE = (
+    1e-6,
+    4e-4,
+)  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves it
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
-_FAR, _MOST_STARTS = 0.2, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
+_FAR, _MOST_STARTS = (
+    0.2,
+    20,
+)  # rad or m: what a target is missed by for which other starts are tried, and how many
 _NUDGE = 1e-4  # rad or m: off a posture where what is open depends on nothing, such as a hinge turned over
 _MANY, _FEW_STARTS, _APART = 100, 3, 0.1
 """Positions beyond which chance finds no other sides: then so many starts are tried, as near as this [rad]."""
@@ -174,7 +209,9 @@ def close(tree: Tree) -> None:
 def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
-        node.note("read", message("simulink.loop_as_coupling", "closes a loop: a coupling in its place"))
+        node.note(
+            "read", message("simulink.loop_as_coupling", "closes a loop: a coupling in its place")
+        )
         return [Closing(*link.ends, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
@@ -183,7 +220,11 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     own = replace(link, base=half) if turned else replace(link, follower=half)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
     node.note(
-        "read", message("simulink.loop_as_halves", "closes a loop: its body is two halves that are welded together")
+        "read",
+        message(
+            "simulink.loop_as_halves",
+            "closes a loop: its body is two halves that are welded together",
+        ),
     )
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
 
@@ -207,7 +248,9 @@ def _gaps(tree: Tree, positions: Vector) -> Vector:
 def _slopes(tree: Tree, positions: Vector) -> Vector:
     """Return how the k gaps of a tree change with its positions (n,), shape (k, n)."""
     motions = body_motions(tree, positions)
-    return np.vstack([np.zeros((0, positions.size)), *(closing.slopes(*motions) for closing in tree.closings)])
+    return np.vstack(
+        [np.zeros((0, positions.size)), *(closing.slopes(*motions) for closing in tree.closings)]
+    )
 
 
 def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
@@ -215,7 +258,10 @@ def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
 
     Where wishes are missed, what nobody asks for is tried on other sides of its loop.
     """
-    desired, asked = _desired(tree), np.array([freedom.start is not None for freedom in tree.freedoms])
+    desired, asked = (
+        _desired(tree),
+        np.array([freedom.start is not None for freedom in tree.freedoms]),
+    )
     loose = ~asked & np.array([freedom.turns for freedom in tree.freedoms])
     anywhere = np.array([freedom.start_counts == 0.0 for freedom in tree.freedoms])
     if anywhere.any():  # it begins where the others leave it
@@ -227,13 +273,21 @@ def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
         far = np.any(asked & (np.abs(found.x - desired) > _FAR))
         if not far and np.abs(_gaps(tree, found.x)).max(initial=0.0) < _LOOSE:
             break
-        ways = loose * rng.uniform(-_APART if near else -np.pi, _APART if near else np.pi, desired.size)
+        ways = loose * rng.uniform(
+            -_APART if near else -np.pi, _APART if near else np.pi, desired.size
+        )
         other = (found.x if near else desired) + ways
         found = min(found, _least(open_by, slopes, other, every), key=lambda one: float(one.cost))
     return np.asarray(found.x)
 
 
-def _least(open_by: Residual, slopes: Residual, start: Vector, moves: NDArray[np.bool_], tight: float = 1e-8) -> Any:
+def _least(
+    open_by: Residual,
+    slopes: Residual,
+    start: Vector,
+    moves: NDArray[np.bool_],
+    tight: float = 1e-8,
+) -> Any:
     """Return what scipy makes of the least squares of some positions, the others as at the start; ``x`` is of all."""
     from scipy.optimize import least_squares
 
@@ -271,11 +325,15 @@ def _settle(tree: Tree, screws: Vector) -> None:
     found[~moves] = desired[~moves]
     if moves.any():
         found = _least(*staying, found, moves, tight=1e-15).x
-    endless = np.array([one.turns and one.lower == -np.inf and one.upper == np.inf for one in tree.freedoms])
+    endless = np.array(
+        [one.turns and one.lower == -np.inf and one.upper == np.inf for one in tree.freedoms]
+    )
     endless &= ~screws.any(axis=0)  # there a whole turn is a way
     found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
     poses = body_poses(tree, found)
-    worst = max(tree.closings, key=lambda closing: float(np.abs(closing.gap(poses)).max()), default=None)
+    worst = max(
+        tree.closings, key=lambda closing: float(np.abs(closing.gap(poses)).max()), default=None
+    )
     node = worst.node if worst else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
         node.note(
@@ -291,7 +349,11 @@ def _settle(tree: Tree, screws: Vector) -> None:
     if gap > _CLOSED:
         node.note(
             "approximated",
-            message("simulink.loop_left_open", "closes a loop whose figures leave {gap:.2g} mm open", gap=1e3 * gap),
+            message(
+                "simulink.loop_left_open",
+                "closes a loop whose figures leave {gap:.2g} mm open",
+                gap=1e3 * gap,
+            ),
         )
     for freedom, position in zip(tree.freedoms, found, strict=True):
         _tell(freedom, " position", freedom.start, position, tree)
@@ -303,7 +365,9 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
     desired, node = _desired(tree), coupling.node
     try:
         row = _gear_row(tree, coupling, desired)
-        moved = desired + 0.1 * (np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]) @ np.cos(desired)
+        moved = desired + 0.1 * (
+            np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]
+        ) @ np.cos(desired)
         other = _gear_row(tree, coupling, moved)
         if not row.any() or np.abs(other - row).max() > _CHANGES * np.abs(row).max():
             raise node.refusal(
@@ -314,7 +378,9 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
     except InvalidModel as problem:
         node.lose(problem)
         return
-    tree.gears[node] = {freedom: float(f"{own:.9g}") for freedom, own in zip(tree.freedoms, row, strict=True) if own}
+    tree.gears[node] = {
+        freedom: float(f"{own:.9g}") for freedom, own in zip(tree.freedoms, row, strict=True) if own
+    }
 
 
 def _start(tree: Tree) -> None:

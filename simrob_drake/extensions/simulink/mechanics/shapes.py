@@ -39,7 +39,9 @@ def integral(outline: Vector, function: Callable[[Vector, Vector], Vector]) -> f
     """
     following = np.roll(outline, -1, axis=0)
     doubled = outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]
-    corners = np.stack([np.zeros_like(outline), outline, following], axis=1)  # triangles from the origin, signed
+    corners = np.stack(
+        [np.zeros_like(outline), outline, following], axis=1
+    )  # triangles from the origin, signed
     points = np.einsum("qc,tcd->tqd", _POINTS, corners)
     values = function(points[..., 0], points[..., 1])
     return float((doubled / 2) @ (values @ _WEIGHTS))
@@ -104,12 +106,17 @@ def brick(node: Node, name: str = "BrickDimensions") -> tuple[Shape, Weight]:
     sides = positive(node, name, "[1 1 1]", 3)
     mass = float(np.prod(sides))
     squares = sides**2
-    return Shape("box", tuple(sides)), Weight(mass, np.zeros(3), np.diag(mass / 12 * (squares.sum() - squares)))
+    return Shape("box", tuple(sides)), Weight(
+        mass, np.zeros(3), np.diag(mass / 12 * (squares.sum() - squares))
+    )
 
 
 def cylinder(node: Node) -> tuple[Shape, Weight]:
     """Return a cylinder along z about its middle, with the weight of 1 kg/m³."""
-    (radius,), (length,) = positive(node, "CylinderRadius", "1", 1), positive(node, "CylinderLength", "1", 1)
+    (radius,), (length,) = (
+        positive(node, "CylinderRadius", "1", 1),
+        positive(node, "CylinderLength", "1", 1),
+    )
     mass = np.pi * radius**2 * length
     across = mass * (3 * radius**2 + length**2) / 12
     inertia = np.diag([across, across, mass * radius**2 / 2])
@@ -130,7 +137,10 @@ def ellipsoid(node: Node) -> tuple[Shape, Weight]:
     squares = radii**2
     weight = Weight(mass, np.zeros(3), np.diag(mass / 5 * (squares.sum() - squares)))
     angle = np.linspace(0, np.pi, _SEGMENTS // 2 + 1)
-    return Shape("mesh", mesh=_turned(np.column_stack([np.sin(angle), np.cos(angle)])[::-1], 2 * np.pi, radii)), weight
+    return Shape(
+        "mesh",
+        mesh=_turned(np.column_stack([np.sin(angle), np.cos(angle)])[::-1], 2 * np.pi, radii),
+    ), weight
 
 
 def extrusion(node: Node) -> tuple[Shape, Weight]:
@@ -143,8 +153,13 @@ def extrusion(node: Node) -> tuple[Shape, Weight]:
     yy = integral(outline, lambda _, y: y * y) - surface * y * y
     xy = (integral(outline, lambda x, y: x * y) - surface * x * y) * length
     thick = surface * length**3 / 12
-    inertia = np.array([[yy * length + thick, -xy, 0], [-xy, xx * length + thick, 0], [0, 0, (xx + yy) * length]])
-    drawn = _skin([np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)], outline)
+    inertia = np.array(
+        [[yy * length + thick, -xy, 0], [-xy, xx * length + thick, 0], [0, 0, (xx + yy) * length]]
+    )
+    drawn = _skin(
+        [np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)],
+        outline,
+    )
     return Shape("mesh", mesh=drawn), Weight(surface * length, np.array([x, y, 0.0]), inertia)
 
 
@@ -156,7 +171,9 @@ def extrusion_outline(node: Node) -> Vector:
     sides = round(node.number("PolygonNumSides", "3"))
     if not 3 <= sides <= 1000:
         raise node.refusal(
-            message("simulink.few_sides", "has {sides} sides; a polygon has at least three", sides=sides)
+            message(
+                "simulink.few_sides", "has {sides} sides; a polygon has at least three", sides=sides
+            )
         )
     turns = 2 * np.pi * np.arange(sides) / sides
     return np.asarray(radius * np.column_stack([np.cos(turns), np.sin(turns)]))
@@ -167,16 +184,24 @@ def revolution(node: Node) -> tuple[Shape, Weight]:
     outline, angle = revolution_outline(node)
     if not 0 < angle <= 2 * np.pi + 1e-9 or outline[:, 0].min() < -1e-9:
         raise node.refusal(
-            message("simulink.outline_crosses_axis", "turns an outline that crosses the axis, or by more than one turn")
+            message(
+                "simulink.outline_crosses_axis",
+                "turns an outline that crosses the axis, or by more than one turn",
+            )
         )
     mass = angle * integral(outline, lambda r, _: r)
     if mass <= 0:
-        raise node.refusal(message("simulink.outline_without_area", "turns an outline without an area"))
+        raise node.refusal(
+            message("simulink.outline_without_area", "turns an outline without an area")
+        )
     x = 2 * np.sin(angle / 2) * integral(outline, lambda r, _: r * r) / mass
     z = angle * integral(outline, lambda r, z: r * z) / mass
     rrr, rzz = integral(outline, lambda r, _: r**3), integral(outline, lambda r, z: r * z * z)
     rrz = integral(outline, lambda r, z: r * r * z)
-    along, across = angle / 2 + np.sin(angle) / 2, angle / 2 - np.sin(angle) / 2  # of cos² and sin² over the angle
+    along, across = (
+        angle / 2 + np.sin(angle) / 2,
+        angle / 2 - np.sin(angle) / 2,
+    )  # of cos² and sin² over the angle
     about_origin = np.diag([rrr * across + angle * rzz, rrr * along + angle * rzz, angle * rrr])
     about_origin[0, 2] = about_origin[2, 0] = -2 * np.sin(angle / 2) * rrz
     com = np.array([x, 0.0, z])
@@ -211,19 +236,28 @@ def _outline(node: Node, name: str) -> Vector:
     corners = node.numbers(name, "[1 1; -1 1; -1 -1; 1 -1]", unit="m")
     if corners.size < 6 or corners.size % 2:
         raise node.refusal(
-            message("simulink.no_outline", "holds no outline in {name}: at least three corners, a row each", name=name)
+            message(
+                "simulink.no_outline",
+                "holds no outline in {name}: at least three corners, a row each",
+                name=name,
+            )
         )
     outline = corners.reshape(-1, 2)
     outline = outline[np.any(np.abs(outline - np.roll(outline, 1, axis=0)) > 1e-12, axis=1)]
     if len(outline) < 3 or abs(area(outline)) < 1e-15:
-        raise node.refusal(message("simulink.encloses_no_area", "{name} encloses no area", name=name))
+        raise node.refusal(
+            message("simulink.encloses_no_area", "{name} encloses no area", name=name)
+        )
     return outline if area(outline) > 0 else outline[::-1]
 
 
 def _turned(outline: Vector, angle: float, scale: Vector) -> MeshPart:
     steps = max(3, int(np.ceil(_SEGMENTS * angle / (2 * np.pi))))
     turns = np.linspace(angle / 2, -angle / 2, steps + 1)
-    rings = [np.column_stack([outline[:, 0] * np.cos(t), outline[:, 0] * np.sin(t), outline[:, 1]]) for t in turns]
+    rings = [
+        np.column_stack([outline[:, 0] * np.cos(t), outline[:, 0] * np.sin(t), outline[:, 1]])
+        for t in turns
+    ]
     return _skin([ring * scale for ring in rings], outline if angle < 2 * np.pi - 1e-6 else None)
 
 
@@ -232,7 +266,9 @@ def _skin(rings: list[Vector], outline: Vector | None) -> MeshPart:
     count = len(rings[0])
     here = np.arange(count)
     following, above = np.roll(here, -1), np.roll(here, -1) + count
-    band = np.vstack([np.column_stack([here, following, above]), np.column_stack([here, above, here + count])])
+    band = np.vstack(
+        [np.column_stack([here, following, above]), np.column_stack([here, above, here + count])]
+    )
     faces: list[Any] = [band + step * count for step in range(len(rings) - 1)]
     if outline is not None:
         caps = triangles(outline)
@@ -319,11 +355,19 @@ class MeshFiles:
                     file=file.name,
                 )
             )
-        return Weight(float(properties.volume), np.asarray(properties.center_mass), np.asarray(properties.inertia))
+        return Weight(
+            float(properties.volume),
+            np.asarray(properties.center_mass),
+            np.asarray(properties.inertia),
+        )
 
     def _find(self, name: str) -> Path | None:
         """Return the file in any folder: by its relative path, or by its name alone, in any case of letters."""
-        parts = [part for part in PureWindowsPath(name).parts if part not in ("..", "\\", "/") and ":" not in part]
+        parts = [
+            part
+            for part in PureWindowsPath(name).parts
+            if part not in ("..", "\\", "/") and ":" not in part
+        ]
         for folder in self._folders:
             for start in range(len(parts)):
                 found = in_any_case(folder.joinpath(*parts[start:]))

@@ -60,12 +60,19 @@ class SolidBody:
     visible: bool = True  # whether it is seen
     file: Path | None = None  # a mesh file in place of a shape, already found
     scale: float = 1.0  # of the mesh file
-    pose: RigidTransform = field(default_factory=RigidTransform)  # of the solid in the frame of its body
+    pose: RigidTransform = field(
+        default_factory=RigidTransform
+    )  # of the solid in the frame of its body
 
 
 VARIABLE = {
     "General Variable Mass": ("VariableInertiaType", "PointMass", "Inertia", "InertiaType"),
-    "Variable Spherical Solid": ("RadiusType", "CalculateFromMass", "Spherical Solid", "BasedOnType"),
+    "Variable Spherical Solid": (
+        "RadiusType",
+        "CalculateFromMass",
+        "Spherical Solid",
+        "BasedOnType",
+    ),
 }
 """Masses from an input: the parameter and its choice that are read where it is constant, what they are then, how."""
 
@@ -74,12 +81,18 @@ def hold_constant(network: Connections, node: Node) -> None:
     """Let a mass from an input be that of a solid, where the input is constant."""
     name, choice, place, how = VARIABLE[node.kind]
     inputs = {other.kind: other for other in network.on(network.net(node, "lconn"))}
-    source = network.source(inputs["Simulink-PS Converter"]) if "Simulink-PS Converter" in inputs else None
+    source = (
+        network.source(inputs["Simulink-PS Converter"])
+        if "Simulink-PS Converter" in inputs
+        else None
+    )
     mode = node.text("MassType") in ("TimeVarying", "ProvidedByInput")
     if not mode or source is None or source[0].kind != "Constant" or node.text(name) != choice:
         return
     unit = inputs["Simulink-PS Converter"].text("Unit", "kg")
-    mass = source[0].number("Value", "1") * node.in_si("kg" if unit in ("1", "inherit", "") else unit, "Unit", "kg")
+    mass = source[0].number("Value", "1") * node.in_si(
+        "kg" if unit in ("1", "inherit", "") else unit, "Unit", "kg"
+    )
     density = node.number("Density", "1000", unit="kg/m^3")
     if mass <= 0 or density <= 0:
         return
@@ -87,8 +100,12 @@ def hold_constant(network: Connections, node: Node) -> None:
     ball = {how: "Mass", "SphereRadius": f"{radius:.17g}", "SphereRadiusUnits": "m"}
     parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg"}
     parameters |= {how: choice} if how == "InertiaType" else ball
-    node.note("read", message("simulink.constant_mass", "its mass is constant: {mass:g} kg", mass=mass))
-    node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
+    node.note(
+        "read", message("simulink.constant_mass", "its mass is constant: {mass:g} kg", mass=mass)
+    )
+    node.block = replace(
+        node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters
+    )
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
@@ -107,7 +124,10 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
             computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry"
             if computed and _density(node) != 0 and not node.findings.undefined:
                 raise
-            node.note("dropped", message("simulink.its_shape", "its shape: it {problem}", problem=problem.problem))
+            node.note(
+                "dropped",
+                message("simulink.its_shape", "its shape: it {problem}", problem=problem.problem),
+            )
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
@@ -120,7 +140,9 @@ def _kind_of(node: Node) -> str:
     """Return the block that a solid is today: older models have one for all shapes (raises InvalidModel: unknown)."""
     shape = node.text("GeometryShape", "Brick")
     if node.kind == "Solid" and shape not in _OLD_SHAPES:
-        raise node.refusal(message("simulink.unknown_shape", "has the unknown shape '{shape}'", shape=shape))
+        raise node.refusal(
+            message("simulink.unknown_shape", "has the unknown shape '{shape}'", shape=shape)
+        )
     return _OLD_SHAPES[shape] if node.kind == "Solid" else node.kind
 
 
@@ -138,13 +160,19 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return replace(NOTHING, mass=_mass(node))
     if method == "Custom":
         mass = _mass(node)
-        moments = node.numbers("MomentsOfInertia", "[1 1 1]", unit="kg*m^2", size=3, unknown="[0 0 0]")
+        moments = node.numbers(
+            "MomentsOfInertia", "[1 1 1]", unit="kg*m^2", size=3, unknown="[0 0 0]"
+        )
         yz, zx, xy = node.numbers("ProductsOfInertia", "[0 0 0]", unit="kg*m^2", size=3)
         inertia = np.diag(moments) + np.array([[0, xy, zx], [xy, 0, yz], [zx, yz, 0]])
         return Weight(mass, node.numbers("CenterOfMass", "[0 0 0]", unit="m", size=3), inertia)
     if method != "CalculateFromGeometry":
         raise node.refusal(
-            message("simulink.unknown_inertia_type", "has the unknown inertia type '{method}'", method=method)
+            message(
+                "simulink.unknown_inertia_type",
+                "has the unknown inertia type '{method}'",
+                method=method,
+            )
         )
     if (density := _density(node)) == 0:
         return NOTHING
@@ -153,7 +181,11 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return even.scaled(_mass(node) / even.mass) if even.mass else NOTHING
     if density < 0:
         raise node.refusal(
-            message("simulink.negative_density", "Density is {density:g}; it must not be negative", density=density)
+            message(
+                "simulink.negative_density",
+                "Density is {density:g}; it must not be negative",
+                density=density,
+            )
         )
     return even.scaled(density)
 
@@ -161,7 +193,11 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
 def _mass(node: Node) -> float:
     mass = node.number("Mass", "1", unit="kg", unknown="0")
     if mass < 0:
-        raise node.refusal(message("simulink.negative_mass", "Mass is {mass:g}; it must not be negative", mass=mass))
+        raise node.refusal(
+            message(
+                "simulink.negative_mass", "Mass is {mass:g}; it must not be negative", mass=mass
+            )
+        )
     return mass
 
 
@@ -169,13 +205,20 @@ def _colour(node: Node) -> tuple[float, float, float, float]:
     values = np.clip(node.numbers("GraphicDiffuseColor", "[0.5 0.5 0.5]"), 0.0, 1.0)
     red, green, blue = values[:3] if values.size >= 3 else np.full(3, 0.5)
     opacity = node.numbers("GraphicOpacity", "1")
-    return float(red), float(green), float(blue), float(np.clip(opacity[0] if opacity.size else 1.0, 0.05, 1.0))
+    return (
+        float(red),
+        float(green),
+        float(blue),
+        float(np.clip(opacity[0] if opacity.size else 1.0, 0.05, 1.0)),
+    )
 
 
 def moved(weight: Weight, pose: RigidTransform) -> Weight:
     """Return a weight in the frame that ``pose`` places it in."""
     turn = pose.rotation().matrix()
-    return Weight(weight.mass, np.asarray(pose.multiply(weight.com)), turn @ weight.inertia @ turn.T)
+    return Weight(
+        weight.mass, np.asarray(pose.multiply(weight.com)), turn @ weight.inertia @ turn.T
+    )
 
 
 def together(weights: list[Weight]) -> Weight:
@@ -187,7 +230,9 @@ def together(weights: list[Weight]) -> Weight:
     inertia = np.zeros((3, 3))
     for weight in weights:
         arm: Vector = weight.com - com
-        inertia = inertia + weight.inertia + weight.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        inertia = (
+            inertia + weight.inertia + weight.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        )
     return Weight(mass, com, inertia)
 
 
@@ -205,7 +250,9 @@ def possible_moments(name: str, weight: Weight, report: ImportReport) -> Vector:
         "repaired",
         name,
         message(
-            "simulink.made_possible", "no body has the principal moments {moments} kg m²: made possible", moments=shown
+            "simulink.made_possible",
+            "no body has the principal moments {moments} kg m²: made possible",
+            moments=shown,
         ),
     )
     return np.asarray(axes @ np.diag(allowed) @ axes.T)
@@ -236,7 +283,11 @@ def solid_ports(node: Node) -> list[SolidPort]:
     if node.text("DoExposeReferenceFrame", "on") == "on":
         order = [*order[:1], *([None] if not order else []), REFERENCE, *order[1:]]
     sides = ("lconn", "rconn")
-    return [SolidPort(sides[place % 2], place // 2 + 1, what) for place, what in enumerate(order) if what is not None]
+    return [
+        SolidPort(sides[place % 2], place // 2 + 1, what)
+        for place, what in enumerate(order)
+        if what is not None
+    ]
 
 
 def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> RigidTransform:
@@ -249,7 +300,11 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
         along = frame.findtext(f"Value/{name}/SourceDirection") or default
         feature = one_line(frame.findtext(f"Value/{name}/FeatureName") or source)
-        direction = AXES.get(along, AXES[default]) if source == "ReferenceFrame" else _normal(node, feature, along)
+        direction = (
+            AXES.get(along, AXES[default])
+            if source == "ReferenceFrame"
+            else _normal(node, feature, along)
+        )
         if direction is None:
             raise node.refusal(
                 message(
@@ -258,10 +313,14 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
                     feature=feature,
                 )
             )
-        axes.append(AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default]))
+        axes.append(
+            AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default])
+        )
         directions.append(direction)
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
-        raise node.refusal(message("simulink.frame_axes_on_line", "a frame has both axes along one line"))
+        raise node.refusal(
+            message("simulink.frame_axes_on_line", "a frame has both axes along one line")
+        )
     own, there = (np.column_stack([*two, np.cross(*two)]) for two in (axes, directions))
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
@@ -308,14 +367,20 @@ def _on_brick(node: Node, feature: str) -> Vector | None:
 
 def _on_cylinder(node: Node, feature: str) -> Vector | None:
     end = {"top": 0.5, "bottom": -0.5, "side": 0.0}.get(feature.partition(" ")[0])
-    return None if end is None else np.array([0.0, 0.0, end * node.number("CylinderLength", "1", unit="m")])
+    return (
+        None
+        if end is None
+        else np.array([0.0, 0.0, end * node.number("CylinderLength", "1", unit="m")])
+    )
 
 
 def _on_extrusion(node: Node, feature: str) -> Vector | None:
     half = node.number("ExtrusionLength", "1", unit="m") / 2
     where = feature.partition(" ")[0]
     if where in ("top", "bottom"):
-        return np.asarray(extrusion(node)[1].com + np.array([0.0, 0.0, half if where == "top" else -half]))
+        return np.asarray(
+            extrusion(node)[1].com + np.array([0.0, 0.0, half if where == "top" else -half])
+        )
     if (ends := _side(feature, extrusion_outline(node))) is None:
         return None
     side = feature.rpartition(" ")[2]
@@ -359,7 +424,9 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
     node.note(
         "approximated",
         message(
-            "simulink.frame_on_axis", "a frame on '{feature}': on the axis, counted as its corners are", feature=feature
+            "simulink.frame_on_axis",
+            "a frame on '{feature}': on the axis, counted as its corners are",
+            feature=feature,
         ),
     )
     return np.array([0.0, 0.0, ends[:, 1].mean()])

@@ -12,7 +12,15 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.extensions.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart, moved
+from simrob_drake.extensions.simulink.mechanics.bodies import (
+    GEARS,
+    ROD,
+    Bodies,
+    Coupling,
+    Link,
+    RigidPart,
+    moved,
+)
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.model.nodes import Node
 
@@ -37,7 +45,9 @@ class Closing(Coupling):
 
     def gap(self, poses: Poses) -> Vector:
         """Return by what it is open [m, and rad]: (3,) of a ball, (1,) of a rod, (6,) of a weld or hinge."""
-        apart = (poses[self.base] @ self.in_base).inverse() @ (poses[self.follower] @ self.in_follower)
+        apart = (poses[self.base] @ self.in_base).inverse() @ (
+            poses[self.follower] @ self.in_follower
+        )
         place: Vector = apart.translation()
         if self.kind == "rod":
             return np.array([np.linalg.norm(place) - self.length])
@@ -83,7 +93,9 @@ class BodyOnJoint:
     @property
     def freedoms(self) -> list[Freedom]:
         """The degrees of freedom from the parent outward."""
-        return list(reversed(self.link.joint.freedoms)) if self.reversed else self.link.joint.freedoms
+        return (
+            list(reversed(self.link.joint.freedoms)) if self.reversed else self.link.joint.freedoms
+        )
 
     @property
     def sign(self) -> float:
@@ -98,7 +110,9 @@ class Tree:
     root: RigidPart  # the body it starts from: the world, or a free one
     frame: RigidTransform = field(default_factory=RigidTransform)
     """Pose of the root link's frame in the root body's first frame."""
-    base: RigidTransform = field(default_factory=RigidTransform)  # pose of that frame in the world at the start
+    base: RigidTransform = field(
+        default_factory=RigidTransform
+    )  # pose of that frame in the world at the start
     speed: Vector = field(default_factory=lambda: np.zeros(6))
     """Of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s]."""
     branches: list[BodyOnJoint] = field(default_factory=list)  # in the order they are reached
@@ -139,7 +153,9 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
         if link.joint.floating and link.base is not world:
             link.joint.node.note(
                 "approximated",
-                message("simulink.starts_from_world", "starts from the world: its base is no part of it"),
+                message(
+                    "simulink.starts_from_world", "starts from the world: its base is no part of it"
+                ),
             )
     return world, trees
 
@@ -191,7 +207,9 @@ def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
         if link.joint.floating and link.follower is body:
             joint = link.in_base @ link.joint.start
             tree = _seen_from_its_middle(body, joint @ link.in_follower.inverse())
-            linear, rate = (link.in_base.rotation() @ part for part in np.split(link.joint.start_speed, 2))
+            linear, rate = (
+                link.in_base.rotation() @ part for part in np.split(link.joint.start_speed, 2)
+            )
             arm = tree.base.translation() - joint.translation()
             tree.speed = np.concatenate([linear + np.cross(rate, arm), rate])
             return tree
@@ -201,7 +219,11 @@ def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
 
 def _seen_from_its_middle(body: RigidPart, first: RigidTransform) -> Tree:
     """Return the tree of a free root, its link's frame that of the heaviest solid; ``first`` is the body's pose."""
-    frame = max(body.solids, key=lambda solid: solid.weight.mass).pose if body.solids else RigidTransform()
+    frame = (
+        max(body.solids, key=lambda solid: solid.weight.mass).pose
+        if body.solids
+        else RigidTransform()
+    )
     return Tree(body, frame, first @ frame)
 
 
@@ -217,7 +239,9 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
 
 def _owner(between: Coupling, trees: list[Tree]) -> Tree | None:
     """Return the tree of two bodies; two that stand on the world become one. None where a body is in no tree."""
-    owners = [[tree for tree in trees if body in tree.bodies] for body in (between.base, between.follower)]
+    owners = [
+        [tree for tree in trees if body in tree.bodies] for body in (between.base, between.follower)
+    ]
     both = [tree for tree in owners[0] if tree in owners[1]]
     if both or not all(owners) or owners[0][0].root is not owners[1][0].root:
         return both[0] if both else None

@@ -14,7 +14,14 @@ Place = tuple[int, str, int]  # a port of a node: the node's identity, side and 
 
 _CONDITIONS = ("enable", "ifaction")
 _LONGEST_WAY = 1000  # through subsystems and tags
-_ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
+_ASIDE = (
+    "PMIOPort",
+    "Solver Configuration",
+    "Connection Port",
+    "ConnectionLabel",
+    "SimscapeBus",
+    "Two-Way Connection",
+)
 _NESTED = 3  # physical buses in buses
 
 
@@ -55,12 +62,19 @@ class Connections:
                 found.setdefault(place, []).append(node)
         return found
 
-    def joined(self, start: Node, ends: Callable[[Node], Iterable[Place]] | None = None) -> set[Node]:
+    def joined(
+        self, start: Node, ends: Callable[[Node], Iterable[Place]] | None = None
+    ) -> set[Node]:
         """Return the blocks that physical lines join with one, over any number of others, at their ``ends``, or all."""
         found, waiting = {start}, [start]
         while waiting:
             places = (self._wired.get if ends is None else ends)(waiting.pop()) or ()
-            new = {one for place in places for one in self.on(place) if not one.children and one.kind not in _ASIDE}
+            new = {
+                one
+                for place in places
+                for one in self.on(place)
+                if not one.children and one.kind not in _ASIDE
+            }
             waiting += new - found
             found |= new
         return found
@@ -88,7 +102,11 @@ class Connections:
 
     def sources(self, node: Node) -> list[tuple[Node, int]]:
         """Return the blocks and outputs that feed the inputs of a block, up to one that nothing feeds."""
-        return [source for source in takewhile(bool, map(partial(self.source, node), count(1))) if source]
+        return [
+            source
+            for source in takewhile(bool, map(partial(self.source, node), count(1)))
+            if source
+        ]
 
     def inside(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Return the block and output that feed an output of a subsystem from within."""
@@ -130,7 +148,10 @@ class Connections:
                 return here
             here = following
         raise node.refusal(
-            message("simulink.signal_without_source", "its signal goes round through tags without a source")
+            message(
+                "simulink.signal_without_source",
+                "its signal goes round through tags without a source",
+            )
         )
 
     def signal_name(self, node: Node, number: int) -> str:
@@ -144,7 +165,9 @@ class Connections:
                 break
             source, output = here
             level = source.parent.block.system if source.parent else None
-            if level is not None and (name := level.signals.get(Port(source.block.sid, "out", output))):
+            if level is not None and (
+                name := level.signals.get(Port(source.block.sid, "out", output))
+            ):
                 return name
             first = first or source.block.name
             behind = self._behind(source, output)
@@ -153,7 +176,11 @@ class Connections:
 
     def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Go one step up a signal where a block only hands it on."""
-        ends = node.text(ELEMENT) or self.elements(node, output) or (node.children and self.is_conditional(node))
+        ends = (
+            node.text(ELEMENT)
+            or self.elements(node, output)
+            or (node.children and self.is_conditional(node))
+        )
         behind = None if ends else self._behind(node, output)
         return (node, output) if behind is None else self._feeds.get(behind)
 
@@ -161,7 +188,11 @@ class Connections:
         """Return the input whose signal a block hands on at an output; None of one that makes its own."""
         if node.block.commented == "through":
             return id(node), "in", output
-        if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
+        if (
+            node.kind in ("Inport", "InportShadow")
+            and node.parent is not None
+            and node.parent.parent is not None
+        ):
             return self._from_outside(node, node.parent, node.parent.parent)
         if node.kind == "From":
             return id(self._goto(node) or node), "in", 1
@@ -191,7 +222,10 @@ class Connections:
         for net in system.nets:
             first: Place | None = None
             for node, port in _present(owner, net):
-                place = (id(node), *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)))
+                place = (
+                    id(node),
+                    *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)),
+                )
                 self._wired.setdefault(node, set()).add(place)
                 first = first or place
                 self._join(first, place)
@@ -204,7 +238,11 @@ class Connections:
         labels: dict[str, Place] = {}
         for node in owner.children.values():
             if node.kind == "ConnectionLabel":
-                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._nets else (id(node), "lconn", 1)
+                place = (
+                    (id(node), "rconn", 1)
+                    if (id(node), "rconn", 1) in self._nets
+                    else (id(node), "lconn", 1)
+                )
                 self._join(labels.setdefault(node.text("Label", "A"), place), place)
             if node.block.commented == "through":
                 self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
@@ -216,13 +254,21 @@ class Connections:
             for bus in buses:
                 for number, name in enumerate(bus.text("HierarchyStrings").split(";"), start=1):
                     place = (id(bus), "lconn", number)
-                    self._join(known.setdefault((self._find((id(bus), "rconn", 1)), name.strip()), place), place)
+                    self._join(
+                        known.setdefault((self._find((id(bus), "rconn", 1)), name.strip()), place),
+                        place,
+                    )
 
     def _join_ports(self, owner: Node) -> None:
         choice = chosen_variant(owner) if owner.is_on("Variant") else None
-        inner: dict[str, Place] = {port.block.name: (id(port), "conn", 1) for port in _ports(owner, "PMIOPort")}
+        inner: dict[str, Place] = {
+            port.block.name: (id(port), "conn", 1) for port in _ports(owner, "PMIOPort")
+        }
         if owner.is_on("Variant") and owner.children:
-            inner = {name: (id(choice), *place) for name, place in (_sides(choice).items() if choice else ())}
+            inner = {
+                name: (id(choice), *place)
+                for name, place in (_sides(choice).items() if choice else ())
+            }
         for name, place in _sides(owner).items():
             if name in inner:
                 self._join((id(owner), *place), inner[name])
@@ -243,7 +289,9 @@ def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
 
 
 def _ports(owner: Node | None, kind: str) -> list[Node]:
-    return [] if owner is None else [child for child in owner.children.values() if child.kind == kind]
+    return (
+        [] if owner is None else [child for child in owner.children.values() if child.kind == kind]
+    )
 
 
 def _number(node: Node) -> int:

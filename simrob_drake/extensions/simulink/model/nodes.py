@@ -32,7 +32,9 @@ from simrob_drake.extensions.simulink.values.workspace import Octave, Variables
 from simrob_drake.robots.imports import EntryKind, ImportReport
 
 _OLDER_UNITS = {
-    **dict.fromkeys(("TranslationStandardOffset", "TranslationCartesianOffset"), "TranslationLengthUnit"),
+    **dict.fromkeys(
+        ("TranslationStandardOffset", "TranslationCartesianOffset"), "TranslationLengthUnit"
+    ),
     "GravityVector": "GravityUnits",
 }
 """Where the first releases of Simscape Multibody keep units."""
@@ -71,7 +73,9 @@ class Node:
     workspace: Variables  # where its parameters' variables are found
     findings: Findings  # where problems are noted
     parent: Node | None = None  # the subsystem it is in
-    children: dict[str, Node] = field(default_factory=dict)  # what is in it, by identifier; its lines connect it
+    children: dict[str, Node] = field(
+        default_factory=dict
+    )  # what is in it, by identifier; its lines connect it
     home: str = ""  # name of the file it is written in
 
     @property
@@ -106,7 +110,9 @@ class Node:
             return self.workspace.value(text)
         except UndefinedVariable as problem:
             if not name.startswith("Graphic"):  # looks move nothing
-                self.findings.missing(problem, compound("{path}: {name}", path=self.path, name=name))
+                self.findings.missing(
+                    problem, compound("{path}: {name}", path=self.path, name=name)
+                )
             if self.findings.assume:
                 taken = unknown or default
                 self.note(
@@ -123,12 +129,22 @@ class Node:
         except NotUnderstood as problem:
             raise self.refusal(
                 message(
-                    "simulink.value_problem", "{name} = {text} {problem}", name=name, text=text[:60], problem=problem
+                    "simulink.value_problem",
+                    "{name} = {text} {problem}",
+                    name=name,
+                    text=text[:60],
+                    problem=problem,
                 )
             ) from problem
 
     def numbers(
-        self, name: str, default: str, *, unit: str = "1", size: int | None = None, unknown: str | None = None
+        self,
+        name: str,
+        default: str,
+        *,
+        unit: str = "1",
+        size: int | None = None,
+        unknown: str | None = None,
     ) -> Vector:
         """Return a parameter as a flat vector in SI; its unit stands under ``<name>Units``, and must be like ``unit``.
 
@@ -155,9 +171,13 @@ class Node:
         try:
             return matrix(self.value(name, default, unknown))
         except (NotUnderstood, TypeError, ValueError) as problem:
-            raise self.refusal(compound("{name} {problem}", name=name, problem=problem)) from problem
+            raise self.refusal(
+                compound("{name} {problem}", name=name, problem=problem)
+            ) from problem
 
-    def number(self, name: str, default: str = "0", *, unit: str = "1", unknown: str | None = None) -> float:
+    def number(
+        self, name: str, default: str = "0", *, unit: str = "1", unknown: str | None = None
+    ) -> float:
         """Return a parameter as one number in SI."""
         return float(self.numbers(name, default, unit=unit, size=1, unknown=unknown)[0])
 
@@ -177,7 +197,9 @@ class Node:
         try:
             return factor(text, like or text)
         except UnknownUnit as problem:
-            raise self.refusal(compound("{name}: {problem}", name=name, problem=problem)) from problem
+            raise self.refusal(
+                compound("{name}: {problem}", name=name, problem=problem)
+            ) from problem
 
     def note(self, kind: EntryKind, text: str) -> None:
         """Note in the report what became of the block."""
@@ -221,7 +243,9 @@ class Expanded:
     root: Node  # a node without a block of its own, whose children are the model's blocks
     findings: Findings  # problems met so far
     libraries: Libraries  # the files that were taken in
-    nodes: list[Node] = field(default_factory=list)  # its blocks on all levels, except those of ``left_out``
+    nodes: list[Node] = field(
+        default_factory=list
+    )  # its blocks on all levels, except those of ``left_out``
     left_out: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Blocks that take no part, by path: their type, and why."""
     settings: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -236,12 +260,16 @@ class Expanded:
     def fill(self, parent: Node, depth: int = 0) -> None:
         """Put in all that is in a subsystem."""
         if depth > DEEPEST:
-            raise parent.refusal(message("simulink.libraries_contain_themselves", "its libraries contain themselves"))
+            raise parent.refusal(
+                message("simulink.libraries_contain_themselves", "its libraries contain themselves")
+            )
         assert parent.block.system is not None
         for sid, written in parent.block.system.blocks.items():
             path = path_below(parent, written)
             found = self.settings.get(_plain(path))  # by code of masks around it
-            block = replace(written, parameters={**written.parameters, **found}) if found else written
+            block = (
+                replace(written, parameters={**written.parameters, **found}) if found else written
+            )
             if block.commented == "on":
                 self.leave_out(path, block, message("simulink.commented_out", "commented out"))
             else:
@@ -249,7 +277,9 @@ class Expanded:
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
                 self.leave_out(
-                    other.path, other.block, message("simulink.variant_not_chosen", "a variant that is not chosen")
+                    other.path,
+                    other.block,
+                    message("simulink.variant_not_chosen", "a variant that is not chosen"),
                 )
         for node in parent.children.values():
             self.nodes.append(node)
@@ -286,7 +316,9 @@ class Expanded:
                     self.settings.setdefault(_plain(f"{path}/{below}"), {}).update(texts)
         return Node(path, block, workspace, parent.findings, parent, home=home)
 
-    def _contents(self, block: SimulinkBlock, path: str, home: str, *, moves: bool) -> tuple[SimulinkBlock, str]:
+    def _contents(
+        self, block: SimulinkBlock, path: str, home: str, *, moves: bool
+    ) -> tuple[SimulinkBlock, str]:
         """Return a block as it is after its links are followed, with its mask and what is in it, and the file of that.
 
         Where that file is missing, mechanics are lost if physical lines lead to the block and it ``moves``.
@@ -295,7 +327,10 @@ class Expanded:
             model = self.libraries.model(referenced)
             if model is None:
                 self._note_missing(
-                    path, message("simulink.referenced_subsystem", "referenced subsystem"), referenced, moves=moves
+                    path,
+                    message("simulink.referenced_subsystem", "referenced subsystem"),
+                    referenced,
+                    moves=moves,
                 )
                 return replace(block, mask=None, system=None), home
             return replace(block, mask=model.mask, system=model.system), referenced
@@ -322,25 +357,37 @@ class Expanded:
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
         missing = message(
-            "simulink.library_missing", "the file {name}.slx is missing; give its folder with --library DIR", name=name
+            "simulink.library_missing",
+            "the file {name}.slx is missing; give its folder with --library DIR",
+            name=name,
         )
         why = (
             missing
             if self.libraries.model(name) is None
-            else message("simulink.no_such_block", "the file {name}.slx has no such block", name=name)
+            else message(
+                "simulink.no_such_block", "the file {name}.slx has no such block", name=name
+            )
         )
-        self.findings.report.add("lost" if moves else "open", path, compound("{what}: {why}", what=what, why=why))
+        self.findings.report.add(
+            "lost" if moves else "open", path, compound("{what}: {why}", what=what, why=why)
+        )
 
 
 def expand(
-    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
+    model: Model,
+    libraries: Libraries,
+    variables: dict[str, Any],
+    findings: Findings,
+    octave: Octave | None = None,
 ) -> Expanded:
     """Return a model with libraries, referenced subsystems and chosen variants put in.
 
     Raises InvalidModel: it has no end, or a library cannot be read.
     """
     code = "\n".join(model.callbacks.values())
-    called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
+    called = Variables(
+        name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries
+    )
     if findings.assume:
         called.spare = _spares(model, libraries, findings)
     stored = stored_workspace(model.stored) or {}
@@ -372,11 +419,16 @@ def _spares(model: Model, libraries: Libraries, findings: Findings) -> Callable[
         if odd:
             findings.missing(
                 UndefinedVariable(
-                    name, message("simulink.values_differ", "{names} differ", names=", ".join([file, *odd]))
+                    name,
+                    message(
+                        "simulink.values_differ", "{names} differ", names=", ".join([file, *odd])
+                    ),
                 ),
                 file,
             )
-            text += message("simulink.set_otherwise", "; {odd} set it otherwise", odd=", ".join(odd))
+            text += message(
+                "simulink.set_otherwise", "; {odd} set it otherwise", odd=", ".join(odd)
+            )
         findings.report.add("approximated", file, text)
         return value
 
@@ -416,7 +468,12 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
         except NotUnderstood as problem:
             raise UndefinedVariable(
                 parameter.name,
-                message("simulink.its_value", "its value {text} {problem}", text=text[:40], problem=problem),
+                message(
+                    "simulink.its_value",
+                    "its value {text} {problem}",
+                    text=text[:40],
+                    problem=problem,
+                ),
             ) from problem
 
     return read
@@ -425,8 +482,14 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
 def _drop_the_others(variant: Node) -> list[Node]:
     """Leave the active choice alone in a variant subsystem, with the ports around it, and return the others."""
     choice = chosen_variant(variant) or _first_variant(variant)
-    others = [child for child in variant.children.values() if child.block.system is not None and child is not choice]
-    variant.children = {sid: child for sid, child in variant.children.items() if child not in others}
+    others = [
+        child
+        for child in variant.children.values()
+        if child.block.system is not None and child is not choice
+    ]
+    variant.children = {
+        sid: child for sid, child in variant.children.items() if child not in others
+    }
     return others
 
 
@@ -437,12 +500,16 @@ def _first_variant(variant: Node) -> Node | None:
         return None
     controls = ", ".join(child.text("VariantControl") or child.block.name for child in choices)
     variant.findings.missing(
-        UndefinedVariable(controls), message("simulink.which_variant", "{path}: which variant it is", path=variant.path)
+        UndefinedVariable(controls),
+        message("simulink.which_variant", "{path}: which variant it is", path=variant.path),
     )
     variant.note(
         "defaulted",
         message(
-            "simulink.variant_of", "the variant {block}, of {controls}", block=choices[0].block.name, controls=controls
+            "simulink.variant_of",
+            "the variant {block}, of {controls}",
+            block=choices[0].block.name,
+            controls=controls,
         ),
     )
     variant.block.parameters["LabelModeActiveChoice"] = choices[0].text("VariantControl")
@@ -452,7 +519,11 @@ def _first_variant(variant: Node) -> Node | None:
 def chosen_variant(node: Node) -> Node | None:
     """Return the active choice of a variant subsystem, or None where only MATLAB can tell."""
     label = node.text("LabelModeActiveChoice") or node.text("OverrideUsingVariant")
-    controls = [(control, child) for child in node.children.values() if (control := child.text("VariantControl"))]
+    controls = [
+        (control, child)
+        for child in node.children.values()
+        if (control := child.text("VariantControl"))
+    ]
     for control, child in controls:
         if control == label:
             return child

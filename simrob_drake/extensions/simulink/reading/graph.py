@@ -37,7 +37,11 @@ def parse_part(content: bytes) -> ET.Element:
         depth += 1
         if depth > MAX_DEPTH:
             raise Unreadable(
-                message("simulink.nested_too_deep", "nests elements more than {depth} deep", depth=MAX_DEPTH)
+                message(
+                    "simulink.nested_too_deep",
+                    "nests elements more than {depth} deep",
+                    depth=MAX_DEPTH,
+                )
             )
         builder.start(tag, attributes)
 
@@ -48,7 +52,10 @@ def parse_part(content: bytes) -> ET.Element:
 
     def refuse(*_: object) -> None:
         raise Unreadable(
-            message("simulink.declares_entities", "declares a document type or entities, which no model file does")
+            message(
+                "simulink.declares_entities",
+                "declares a document type or entities, which no model file does",
+            )
         )
 
     parser = expat.ParserCreate()
@@ -101,7 +108,9 @@ def parse_mdl(content: bytes) -> Element:
             _fill(SubElement(root, word), tokens, 0)
     except StopIteration:
         raise Unreadable(
-            message("simulink.cut_off_in_section", "ends in the middle of a section; it was cut off")
+            message(
+                "simulink.cut_off_in_section", "ends in the middle of a section; it was cut off"
+            )
         ) from None
     for line in root.iter("Line"):
         _rewrite_line(line)
@@ -113,10 +122,19 @@ def _tokens(text: str) -> Iterator[tuple[str, str]]:
         if match.lastgroup == "wrong":
             line = text.count("\n", 0, match.start()) + 1
             raise Unreadable(
-                message("simulink.unreadable_line", "is no Simulink model text: line {line} cannot be read", line=line)
+                message(
+                    "simulink.unreadable_line",
+                    "is no Simulink model text: line {line} cannot be read",
+                    line=line,
+                )
             )
         if match.lastgroup == "text":
-            yield "text", _ESCAPE.sub(lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1])
+            yield (
+                "text",
+                _ESCAPE.sub(
+                    lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1]
+                ),
+            )
         elif match.lastgroup:
             yield match.lastgroup, match[0]
 
@@ -125,7 +143,11 @@ def _fill(element: Element, tokens: Iterator[tuple[str, str]], depth: int) -> No
     """Read ``key value`` and ``Section { ... }`` until the section ends."""
     if depth > MAX_DEPTH:
         raise Unreadable(
-            message("simulink.sections_too_deep", "nests sections more than {depth} deep", depth=MAX_DEPTH)
+            message(
+                "simulink.sections_too_deep",
+                "nests sections more than {depth} deep",
+                depth=MAX_DEPTH,
+            )
         )
     key: str | None = None
     last: Element | None = None
@@ -158,7 +180,9 @@ def _rewrite_line(line: Element) -> None:
     """Write a line's ends as `.slx` does, ``block#out:1``; blocks go by their names there."""
     physical = False
     for part in (line, *line.iter("Branch")):
-        texts = {parameter.get("Name", ""): parameter.text or "" for parameter in part.iterfind("P")}
+        texts = {
+            parameter.get("Name", ""): parameter.text or "" for parameter in part.iterfind("P")
+        }
         for end, side in (("Src", "out"), ("Dst", "in")):
             if f"{end}Block" in texts:
                 place = texts.get(f"{end}Port", "1")
@@ -166,7 +190,9 @@ def _rewrite_line(line: Element) -> None:
                 physical |= match is not None
                 port = f"{match[1].lower()}conn:{match[2]}" if match else f"{side}:{place}"
                 SubElement(part, "P", Name=end).text = f"{texts[f'{end}Block']}#{port}"
-    if physical or any(parameter.text == "Connection" for parameter in line.iterfind("P[@Name='LineType']")):
+    if physical or any(
+        parameter.text == "Connection" for parameter in line.iterfind("P[@Name='LineType']")
+    ):
         line.set("LineType", "Connection")
 
 
@@ -223,15 +249,23 @@ class System:
     blocks: dict[str, SimulinkBlock] = field(default_factory=dict)  # by identifier
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
     """Signal lines, from an ``out`` port to the ports it feeds."""
-    signals: dict[Port, str] = field(default_factory=dict)  # names of lines, by the ports they come from
+    signals: dict[Port, str] = field(
+        default_factory=dict
+    )  # names of lines, by the ports they come from
     nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
 
     def find(self, path: str) -> SimulinkBlock | None:
         """Return the block at ``system/block``, in whose names a ``/`` stands twice; None where there is none."""
         system: System | None = self
         found: SimulinkBlock | None = None
-        for step in (one_line(part.replace("\0", "/")) for part in path.replace("//", "\0").split("/")):
-            found = next((one for one in system.blocks.values() if one.name == step), None) if system else None
+        for step in (
+            one_line(part.replace("\0", "/")) for part in path.replace("//", "\0").split("/")
+        ):
+            found = (
+                next((one for one in system.blocks.values() if one.name == step), None)
+                if system
+                else None
+            )
             system = found.system if found else None
         return found
 
@@ -246,7 +280,9 @@ class Model:
     mask: Mask | None = None  # of a subsystem file as a whole
     code: str = ""  # of the model workspace, MATLAB assignments, or which file it is from
     stored: bytes = b""  # of the model workspace, variables as MATLAB keeps them
-    callbacks: dict[str, str] = field(default_factory=dict)  # names of callbacks that MATLAB would run, with their code
+    callbacks: dict[str, str] = field(
+        default_factory=dict
+    )  # names of callbacks that MATLAB would run, with their code
     stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
     """What the report is to say of its making: level, element and text."""
@@ -261,7 +297,10 @@ MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-_COUNTED = {**dict.fromkeys(("Mux", "BusCreator", "Merge"), ("Inputs", "in")), "Demux": ("Outputs", "out")}
+_COUNTED = {
+    **dict.fromkeys(("Mux", "BusCreator", "Merge"), ("Inputs", "in")),
+    "Demux": ("Outputs", "out"),
+}
 """The parameter in which blocks have how many ports they have, where that is left unsaid."""
 
 
@@ -272,7 +311,9 @@ ELEMENT = "Element"
 class SystemReader:
     """Reads systems, following references to those that lie in parts of their own."""
 
-    def __init__(self, part: Callable[[str], Element], defaults: Mapping[str, dict[str, str]]) -> None:
+    def __init__(
+        self, part: Callable[[str], Element], defaults: Mapping[str, dict[str, str]]
+    ) -> None:
         """Take how the part of a referred system is found by its name, and what blocks of a type leave unsaid."""
         self._part, self._defaults = part, defaults
         self._blocks = 0
@@ -281,7 +322,11 @@ class SystemReader:
         """Return a system (raises Unreadable: it has no end)."""
         if depth > DEEPEST:
             raise Unreadable(
-                message("simulink.subsystems_too_deep", "nests subsystems more than {deepest} deep", deepest=DEEPEST)
+                message(
+                    "simulink.subsystems_too_deep",
+                    "nests subsystems more than {deepest} deep",
+                    deepest=DEEPEST,
+                )
             )
         reference = element.get("Ref")
         if reference:
@@ -291,7 +336,9 @@ class SystemReader:
             if child.tag == "Block":
                 block = self._block(child, depth)
                 system.blocks[block.sid] = block
-                system.signals |= {Port(block.sid, "out", number): name for number, name in _named_outputs(child)}
+                system.signals |= {
+                    Port(block.sid, "out", number): name for number, name in _named_outputs(child)
+                }
             elif child.tag == "Line":
                 _add_line(system, child)
         return system
@@ -299,7 +346,9 @@ class SystemReader:
     def _block(self, element: Element, depth: int) -> SimulinkBlock:
         self._blocks += 1
         if self._blocks > MOST_BLOCKS:
-            raise Unreadable(message("simulink.too_many_blocks", "has more than {most} blocks", most=MOST_BLOCKS))
+            raise Unreadable(
+                message("simulink.too_many_blocks", "has more than {most} blocks", most=MOST_BLOCKS)
+            )
         parameters = _parameters(element)
         instance = element.find("InstanceData")
         if instance is not None:
@@ -311,7 +360,9 @@ class SystemReader:
             said = _parameters(interface)
             parameters |= {"Port": said.get("PortNumber", "1"), ELEMENT: said.get("Element", "")}
         name, side = _COUNTED.get(kind, ("", ""))
-        counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
+        counted = (
+            {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
+        )
         block = SimulinkBlock(
             element.get("SID") or parameters.get("SID") or element.get("Name") or "", one_line(element.get("Name", "")),
             one_line(source) if kind == "Reference" else kind, linked=kind == "Reference",
@@ -329,7 +380,11 @@ class SystemReader:
 def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
     """Return the parameters that blocks of a type have where they do not say them, by type."""
     found = element.iter("Block") if element is not None else ()
-    return {block.get("BlockType", ""): _parameters(block) for block in found if block.get("BlockType") != "SubSystem"}
+    return {
+        block.get("BlockType", ""): _parameters(block)
+        for block in found
+        if block.get("BlockType") != "SubSystem"
+    }
 
 
 def read_mask(element: Element) -> Mask:
@@ -339,23 +394,36 @@ def read_mask(element: Element) -> Mask:
 
 
 def _mask_parameter(element: Element) -> MaskParameter:
-    options, members = element.find("TypeOptions"), element.findall("EnumerationTypeOptions/EnumerationMember")
-    named = options.iter("Option") if options is not None else (one.find("DescriptiveName") for one in members)
+    options, members = (
+        element.find("TypeOptions"),
+        element.findall("EnumerationTypeOptions/EnumerationMember"),
+    )
+    named = (
+        options.iter("Option")
+        if options is not None
+        else (one.find("DescriptiveName") for one in members)
+    )
     choices = tuple(one.text or "" if one is not None else "" for one in named)
     counts = tuple(member.findtext("Value") or "" for member in members)
     value, evaluated = element.findtext("Value") or "", element.get("Evaluate", "on") == "on"
-    return MaskParameter(element.get("Name", ""), value, evaluated, element.get("Type", "edit"), choices, counts)
+    return MaskParameter(
+        element.get("Name", ""), value, evaluated, element.get("Type", "edit"), choices, counts
+    )
 
 
 def _mask_of_object(element: Element) -> Mask:
     """Return a mask as files up to R2016 have it, as an object of objects."""
-    rows = element.findall("Array[@PropName='Parameters']/Object") + element.findall("Object[@PropName='Parameters']")
+    rows = element.findall("Array[@PropName='Parameters']/Object") + element.findall(
+        "Object[@PropName='Parameters']"
+    )
     parameters = []
     for row in rows:
         said = _parameters(row)
         choices = tuple(cell.text or "" for cell in row.iterfind("*[@PropName='TypeOptions']/Cell"))
         evaluated, kind = said.get("Evaluate", "on") == "on", said.get("Type", "edit")
-        parameters.append(MaskParameter(said.get("Name", ""), said.get("Value", ""), evaluated, kind, choices))
+        parameters.append(
+            MaskParameter(said.get("Name", ""), said.get("Value", ""), evaluated, kind, choices)
+        )
     return Mask(tuple(parameters), _parameters(element).get("Initialization", ""))
 
 
@@ -365,7 +433,10 @@ def one_line(text: str) -> str:
 
 
 def _parameters(element: Element) -> dict[str, str]:
-    return {parameter.get("Name", ""): (parameter.text or "").strip() for parameter in element.iterfind("P")}
+    return {
+        parameter.get("Name", ""): (parameter.text or "").strip()
+        for parameter in element.iterfind("P")
+    }
 
 
 def _named_outputs(element: Element) -> Iterator[tuple[int, str]]:
@@ -380,7 +451,9 @@ def _named_outputs(element: Element) -> Iterator[tuple[int, str]]:
 def _add_line(system: System, element: Element) -> None:
     said = [(parameter.get("Name"), parameter.text or "") for parameter in element.iter("P")]
     ends = [(role, _port(text)) for role, text in said if role in ("Src", "Dst")]
-    if element.get("LineType") == "Connection" or any(port.side in ("lconn", "rconn") for _, port in ends):
+    if element.get("LineType") == "Connection" or any(
+        port.side in ("lconn", "rconn") for _, port in ends
+    ):
         system.nets.append([port for _, port in ends])
     elif sources := [port for role, port in ends if role == "Src"]:
         system.wires.append((sources[0], [port for role, port in ends if role == "Dst"]))

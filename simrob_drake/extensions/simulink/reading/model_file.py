@@ -45,7 +45,15 @@ _REFERENCE = re.compile(r"\b([A-Za-z]\w*)\.(\w+)\((\d{1,6})\)")
 _STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
 _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+_DAMAGE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    OSError,
+    ValueError,
+)
 
 
 class _Parts(dict[str, bytes]):
@@ -73,13 +81,17 @@ class _Parts(dict[str, bytes]):
             content = content_of(path, LARGEST_MODEL)
         except NotRead as problem:
             raise InvalidModel(
-                path, "", message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem)
+                path,
+                "",
+                message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem),
             ) from problem
         if zipfile.is_zipfile(io.BytesIO(content)):
             self._read_zip(content)
         elif path.suffix.lower() != ".mdl":
             raise InvalidModel(
-                path, "", message("simulink.no_slx", "is no .slx file: not a zip, or one that was cut off")
+                path,
+                "",
+                message("simulink.no_slx", "is no .slx file: not a zip, or one that was cut off"),
             )
         elif _TEXT_PACKAGE not in content[:4096]:
             self.text = content
@@ -110,7 +122,9 @@ class _Parts(dict[str, bytes]):
             raise
         except _DAMAGE as problem:
             raise InvalidModel(
-                self.path, "", message("simulink.damaged_zip", "is a damaged zip: {problem}", problem=problem)
+                self.path,
+                "",
+                message("simulink.damaged_zip", "is a damaged zip: {problem}", problem=problem),
             ) from problem
 
     def _keep(self, written: str, opened: Callable[[], IO[bytes]]) -> None:
@@ -123,14 +137,20 @@ class _Parts(dict[str, bytes]):
             raise InvalidModel(
                 self.path,
                 name,
-                message("simulink.larger_than", "is larger than {megabytes} MB", megabytes=LARGEST_PART // 2**20),
+                message(
+                    "simulink.larger_than",
+                    "is larger than {megabytes} MB",
+                    megabytes=LARGEST_PART // 2**20,
+                ),
             )
         if sum(map(len, self.values())) > LARGEST_MODEL:
             raise InvalidModel(
                 self.path,
                 "",
                 message(
-                    "simulink.unpacks_to_more", "unpacks to more than {megabytes} MB", megabytes=LARGEST_MODEL // 2**20
+                    "simulink.unpacks_to_more",
+                    "unpacks to more than {megabytes} MB",
+                    megabytes=LARGEST_MODEL // 2**20,
                 ),
             )
 
@@ -140,7 +160,9 @@ class _Parts(dict[str, bytes]):
             raise InvalidModel(
                 self.path,
                 name,
-                message("simulink.part_missing", "is missing; the file is damaged, or no Simulink model"),
+                message(
+                    "simulink.part_missing", "is missing; the file is damaged, or no Simulink model"
+                ),
             )
         with _readable(self.path, name):
             return parse_part(self[name])
@@ -148,7 +170,11 @@ class _Parts(dict[str, bytes]):
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
-_DIAGRAM, _MASK, _DEFAULTS = "simulink/blockdiagram.xml", "simulink/modelMask.xml", "simulink/bddefaults.xml"
+_DIAGRAM, _MASK, _DEFAULTS = (
+    "simulink/blockdiagram.xml",
+    "simulink/modelMask.xml",
+    "simulink/bddefaults.xml",
+)
 SCRIPT = "MATLAB code"
 """The parameter of a block that holds the code of a MATLAB Function, which stands in a part of its own."""
 _KINDS = ("Model", "Library", "Subsystem")
@@ -168,7 +194,8 @@ def read_model(path: Path) -> Model:
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
         sentence = message(
-            "simulink.unknown_format", "holds no model, library or subsystem; a newer format than this reader knows?"
+            "simulink.unknown_format",
+            "holds no model, library or subsystem; a newer format than this reader knows?",
         )
         raise InvalidModel(path, _DIAGRAM, sentence)
     written = parts.element(_DEFAULTS) if _DEFAULTS in parts else top
@@ -178,7 +205,9 @@ def read_model(path: Path) -> Model:
         system = reader.system(inner)
     _add_scripts(parts, system)
     texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("P")}
-    callbacks = {name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()}
+    callbacks = {
+        name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()
+    }
     mask = read_mask(parts.element(_MASK)) if _MASK in parts else None
     stored, code = parts.get(_STORED, b""), _workspace_code(top)
     return Model(path, top.tag, system, mask, code, stored, callbacks, _stop_time(parts, texts))
@@ -186,14 +215,23 @@ def read_model(path: Path) -> Model:
 
 def _workspace_code(top: Element) -> str:
     """Return the code of a model's workspace, or what takes its variables from the file in which they are."""
-    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("ModelWorkspace/P")}
+    texts = {
+        parameter.get("Name", ""): parameter.text or ""
+        for parameter in top.iterfind("ModelWorkspace/P")
+    }
     command = {"MATLAB File": "run", "MAT-File": "load"}.get(texts.get("WSDataSource", ""))
-    return f"{command}('{texts.get('WSSourceFileName', '')}')" if command else texts.get("WSMATLABCode", "")
+    return (
+        f"{command}('{texts.get('WSSourceFileName', '')}')"
+        if command
+        else texts.get("WSMATLABCode", "")
+    )
 
 
 def _add_scripts(parts: _Parts, system: System) -> None:
     for name in parts:
-        for chart in parts.element(name).iter("chart") if name.startswith("simulink/stateflow") else ():
+        for chart in (
+            parts.element(name).iter("chart") if name.startswith("simulink/stateflow") else ()
+        ):
             scripts = (one.text for one in chart.iter("P") if one.get("Name") == "script")
             code = next(filter(None, scripts), "")
             if code and (block := system.find(chart.findtext("P[@Name='name']") or "")) is not None:
@@ -203,7 +241,9 @@ def _add_scripts(parts: _Parts, system: System) -> None:
 def _stop_time(parts: _Parts, texts: dict[str, str]) -> str:
     """Return when a run of the model ends: it stands in the configuration, or in an old file on top."""
     found = (_STOP_TIME.search(parts[name]) for name in sorted(parts) if "configSet" in name)
-    written = next((match[1].decode("utf-8", "replace") for match in found if match), texts.get("StopTime", ""))
+    written = next(
+        (match[1].decode("utf-8", "replace") for match in found if match), texts.get("StopTime", "")
+    )
     return written.strip() or "10"
 
 
@@ -244,7 +284,9 @@ def _filled(known: Any, other: Any) -> Any:
 def _same(one: Any, other: Any) -> bool:
     """Tell whether two values are the same, matrices in structures and lists included."""
     if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(_same(value, other[name]) for name, value in one.items())
+        return one.keys() == other.keys() and all(
+            _same(value, other[name]) for name, value in one.items()
+        )
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(_same, one, other))
     return type(one) is type(other) and np.array_equal(one, other)
@@ -257,7 +299,10 @@ class Libraries:
         self.folders: list[Path] = []
         for folder in folders:
             if folder.is_dir():
-                self.folders += [folder, *sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS]]
+                self.folders += [
+                    folder,
+                    *sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS],
+                ]
         self._models: dict[str, Model | None] = {}
 
     def model(self, name: str) -> Model | None:
@@ -299,16 +344,32 @@ class Libraries:
         names and that is not there; then that whose structures are as long as the model asks for; then that in the
         model's folder, then that which sets more of them.
         """
-        texts, named = set(self._texts(model.system, {""})), " ".join([model.code, *model.callbacks.values()])
-        codes = [self.script(text) for text in texts if text.isidentifier()]  # of functions that blocks call
-        names = {name for text in (*texts, *map(" ".join, map(_GLOBAL.findall, codes))) for name in _NAME.findall(text)}
+        texts, named = (
+            set(self._texts(model.system, {""})),
+            " ".join([model.code, *model.callbacks.values()]),
+        )
+        codes = [
+            self.script(text) for text in texts if text.isidentifier()
+        ]  # of functions that blocks call
+        names = {
+            name
+            for text in (*texts, *map(" ".join, map(_GLOBAL.findall, codes)))
+            for name in _NAME.findall(text)
+        }
         asked = {reference for text in texts for reference in _REFERENCE.findall(text)}
-        found = {file: self._set_by(file, names) for file in self._files.values() if file.suffix in (".m", ".mat")}
+        found = {
+            file: self._set_by(file, names)
+            for file in self._files.values()
+            if file.suffix in (".m", ".mat")
+        }
 
         def rank(file: Path) -> tuple[bool, int, bool, int]:
             return (
                 file.stem.startswith(model.name) or file.stem in named,
-                -sum(_is_short(found[file].get(name), part, int(place)) for name, part, place in asked),
+                -sum(
+                    _is_short(found[file].get(name), part, int(place))
+                    for name, part, place in asked
+                ),
                 file.parent == model.path.parent,
                 len(found[file]),
             )
@@ -326,7 +387,9 @@ class Libraries:
         """Yield all parameters of blocks and masks of a system, and of the files that these refer to, as written."""
         for block in system.blocks.values():
             yield from block.parameters.values()
-            yield from (parameter.value for parameter in block.mask.parameters) if block.mask else ()
+            yield from (
+                (parameter.value for parameter in block.mask.parameters) if block.mask else ()
+            )
             other = referenced_by(block) or (block.kind.partition("/")[0] if block.linked else "")
             systems = [block.system]
             if other not in {*seen, *BUILT_IN}:
@@ -347,13 +410,17 @@ class Libraries:
         return {name: run.variables[name] for name in names & run.variables.keys() - run.unknown}
 
     def _find(self, name: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Path | None:
-        return self._files.get(next((name + suffix for suffix in suffixes if name + suffix in self._files), ""))
+        return self._files.get(
+            next((name + suffix for suffix in suffixes if name + suffix in self._files), "")
+        )
 
     @cached_property
     def _files(self) -> dict[str, Path]:
         """The files by name; of one name, that of the first folder."""
         suffixes = (*_SUFFIXES, ".m", ".mat", ".ssc")
-        files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
+        files = [
+            file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes
+        ]
         return {file.name: file for file in reversed(files) if file.is_file()}
 
 

@@ -55,7 +55,9 @@ def compared(operator: str, left: Value, right: Value) -> Value:
         return float(_COMPARED[operator](left, right))
     if isinstance(right, Form):
         return computed("compare", left - right, operator=operator)
-    return computed("compare", left, operator=operator, **({"threshold": float(right)} if right else {}))
+    return computed(
+        "compare", left, operator=operator, **({"threshold": float(right)} if right else {})
+    )
 
 
 def chosen(condition: Value, yes: Value, no: Value) -> Value:
@@ -70,7 +72,9 @@ def joined(operator: str, *values: Value) -> Value:
     return computed("logic", *values, operator=operator)
 
 
-def switched(node: Node, yes: Signal, by: Signal, no: Signal, operator: str, threshold: float = 0.0) -> Signal:
+def switched(
+    node: Node, yes: Signal, by: Signal, no: Signal, operator: str, threshold: float = 0.0
+) -> Signal:
     """Return the first signal where the second meets a threshold, else the third."""
 
     def pick(first: Value, test: Value, other: Value) -> Value:
@@ -85,7 +89,9 @@ def switched(node: Node, yes: Signal, by: Signal, no: Signal, operator: str, thr
 def limited(value: Value, lower: float, upper: float, kind: str = "saturation") -> Value:
     """Return a value within limits, or with ``dead_zone`` what it is beyond them; infinite ones are none."""
     bounds = {"lower": lower, "upper": upper}
-    return computed(kind, value, **{name: float(bound) for name, bound in bounds.items() if np.isfinite(bound)})
+    return computed(
+        kind, value, **{name: float(bound) for name, bound in bounds.items() if np.isfinite(bound)}
+    )
 
 
 def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
@@ -135,7 +141,9 @@ def _gain(reader: Tracer, node: Node, _: int) -> Signal:
         factors = gain.reshape(-1, order="F") if 1 in gain.shape and values.ndim == 1 else gain
         return np.asarray(np.multiply(*fitted(node, factors.astype(object), values)))
     if mode.startswith("Matrix(u*K)"):
-        return _times(node, values.reshape(1, -1) if values.ndim == 1 else values, gain.astype(object)).reshape(-1)
+        return _times(
+            node, values.reshape(1, -1) if values.ndim == 1 else values, gain.astype(object)
+        ).reshape(-1)
     return _times(node, gain.astype(object), values)
 
 
@@ -161,7 +169,9 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
 
 
 def _sum(reader: Tracer, node: Node, _: int) -> Signal:
-    total = [(1.0 if sign == "+" else -1.0) * one for sign, one in _signed(reader, node, "++", "+-")]
+    total = [
+        (1.0 if sign == "+" else -1.0) * one for sign, one in _signed(reader, node, "++", "+-")
+    ]
     if len(total) == 1:
         return signal([sum(flat(total[0]), start=0.0)])
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
@@ -170,14 +180,19 @@ def _sum(reader: Tracer, node: Node, _: int) -> Signal:
 def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
     signs, signals = zip(*_signed(reader, node, "2", "*/"), strict=True)
     if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
-        product, *factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
+        product, *factors = [
+            one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)
+        ]
         for other in factors:
             if product is None or other is None:
                 return None
             product = _times(node, product, other)
         return product
     if len(signals) == 1:
-        signals, signs = tuple(signal([value]) for value in flat(signals[0])), signs * signals[0].size
+        signals, signs = (
+            tuple(signal([value]) for value in flat(signals[0])),
+            signs * signals[0].size,
+        )
 
     def product_of(*values: Value) -> Value:
         constant, rest = 1.0, []
@@ -189,7 +204,9 @@ def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
         if [sign for sign, _ in rest] in ([], ["*"]):
             return constant * rest[0][1] if rest else constant
         divides = [place for place, (sign, _) in enumerate(rest) if sign == "/"]
-        made = computed("product", *(value for _, value in rest), **({"divides": divides} if divides else {}))
+        made = computed(
+            "product", *(value for _, value in rest), **({"divides": divides} if divides else {})
+        )
         return constant * made
 
     return mapped(product_of, *fitted(node, *signals))
@@ -207,7 +224,9 @@ def inverse(values: Signal) -> Signal | None:
 
     def cofactor(row: int, column: int) -> Value:
         rest = np.delete(np.delete(values, row, 0), column, 1)
-        minor: Value = rest[0, 0] if size == 2 else rest[0, 0] * rest[1, 1] - rest[0, 1] * rest[1, 0]
+        minor: Value = (
+            rest[0, 0] if size == 2 else rest[0, 0] * rest[1, 1] - rest[0, 1] * rest[1, 0]
+        )
         return minor if (row + column) % 2 == 0 else -minor
 
     cofactors = np.array([[cofactor(i, j) for j in range(size)] for i in range(size)], dtype=object)
@@ -224,7 +243,9 @@ def _turns(values: Signal) -> bool:
         def leaf(term: Term, known: dict[Term, float] = known) -> float | None:
             if isinstance(term.of, Primitive):  # blocks that remember, or choose, may give anything
                 return None if term.of.kind in ("product", "function") else float(rng.normal())
-            attitude = [Term("sensed", term.of, PARTS.index(part)) for part in ("qw", "qx", "qy", "qz")]
+            attitude = [
+                Term("sensed", term.of, PARTS.index(part)) for part in ("qw", "qx", "qy", "qz")
+            ]
             turn = rng.normal(size=4)
             known.update(zip(attitude, turn / np.linalg.norm(turn), strict=True))
             return known.get(term, 1.0 if term == ONE else float(rng.normal()))
@@ -275,9 +296,17 @@ def _converted(node: Node) -> Callable[[Value], Value]:
 
 def _extreme(reader: Tracer, node: Node, _: int) -> Signal:
     signals = inputs_of(reader, node, "1")
-    found, *others = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
+    found, *others = (
+        [signal([value]) for value in flat(signals[0])]
+        if len(signals) == 1
+        else fitted(node, *signals)
+    )
     for other in others:
-        found = mapped(partial(applied, (node.text("Operator", node.text("Function")) or "min").lower()), found, other)
+        found = mapped(
+            partial(applied, (node.text("Operator", node.text("Function")) or "min").lower()),
+            found,
+            other,
+        )
     return found
 
 
@@ -297,7 +326,10 @@ def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("BreakpointsSpecification", "Explicit values") == "Explicit values":
         places = node.numbers(node.named("BreakpointsForDimension1", "InputValues"), "[-5:5]")
     else:
-        first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
+        first, step = (
+            node.number(f"BreakpointsForDimension1{what}", "1")
+            for what in ("FirstPoint", "Spacing")
+        )
         places = np.asarray(first + step * np.arange(heights.size))
     return mapped(lambda value: looked_up(value, places, heights, clip=clip), reader.input(node))
 
@@ -305,11 +337,17 @@ def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
 def _indexed(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return the element of a table whose index, from 0, is the input, without its fraction and within the table."""
     element = node.text("InputsSelectThisObjectFromTable", "Element") == "Element"
-    if node.text("NumberOfTableDimensions", "2") != "1" or not element or node.is_on("TableIsInput"):
+    if (
+        node.text("NumberOfTableDimensions", "2") != "1"
+        or not element
+        or node.is_on("TableIsInput")
+    ):
         return None
     heights = node.numbers("Table", "[4 5 6;16 19 20;10 18 23]")
     places = np.arange(heights.size)
-    return mapped(lambda value: looked_up(_truncated(value), places, heights, clip=True), reader.input(node))
+    return mapped(
+        lambda value: looked_up(_truncated(value), places, heights, clip=True), reader.input(node)
+    )
 
 
 def _logic(reader: Tracer, node: Node, _: int) -> Signal | None:

@@ -50,11 +50,17 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         (main, *_) = functions.values()
         inports = (child for child in block.children.values() if child.kind == "Inport")
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
-        inputs = {name: columned(reader.input(node, ports[name])) for name in main.inputs if name in ports}
-        arguments = [inputs[name] if name in ports else block.workspace.lookup(name) for name in main.inputs]
+        inputs = {
+            name: columned(reader.input(node, ports[name])) for name in main.inputs if name in ports
+        }
+        arguments = [
+            inputs[name] if name in ports else block.workspace.lookup(name) for name in main.inputs
+        ]
         files = reader.network.expanded.libraries
         note = partial(block.note, "approximated")
-        run = Translation({}, undefined, files, functions, period=period_of(reader, block), note=note)
+        run = Translation(
+            {}, undefined, files, functions, period=period_of(reader, block), note=note
+        )
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = understood(block, lambda: reader.once(node, translated))
@@ -67,7 +73,11 @@ def understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal
         return translate()
     except UndefinedVariable as problem:
         raise node.refusal(
-            message("simulink.code_uses_unknown", "its code uses {name}, which is not known", name=problem.name)
+            message(
+                "simulink.code_uses_unknown",
+                "its code uses {name}, which is not known",
+                name=problem.name,
+            )
         ) from problem
     except (NotUnderstood, ValueError, TypeError, IndexError, KeyError) as problem:
         raise node.refusal(
@@ -84,12 +94,20 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
 
     Raises InvalidModel: what is not understood.
     """
-    known, note = {name: columned(values) for name, values in variables.items()}, partial(node.note, "approximated")
+    known, note = (
+        {name: columned(values) for name, values in variables.items()},
+        partial(node.note, "approximated"),
+    )
     run = Translation(known, node.workspace.lookup, note=note)
     return flat(understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
-_OF_C = {"sgn": "sign", "ln": "log", "fabs": "abs", "pow": "power"}  # functions that a Fcn has in place of MATLAB's
+_OF_C = {
+    "sgn": "sign",
+    "ln": "log",
+    "fabs": "abs",
+    "pow": "power",
+}  # functions that a Fcn has in place of MATLAB's
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
 
 
@@ -110,7 +128,9 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
 _BLOCKS: dict[str, Callable[..., Value]] = {
     **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
     "choose": chosen,
-    "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
+    "step": lambda time, before, after: computed(
+        "step", time=float(time), before=float(before), after=float(after)
+    ),
 }
 """Functions of formulas that are blocks of a flow."""
 
@@ -130,16 +150,29 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
     text, choices = row.pop("is"), row.pop("choices", None)
     while choice := _CHOICE.search(text):
         taken = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
-        if (taken := taken if choices is None else choices.get(taken.lower().rpartition(".")[2], "")) == "":
+        if (
+            taken := taken if choices is None else choices.get(taken.lower().rpartition(".")[2], "")
+        ) == "":
             return None
         text = text[: choice.start()] + taken + text[choice.end() :]
     if note := row.pop("note", ""):
         node.note("approximated", _NOTES[note])
     words = set(re.findall(r"[A-Za-z]\w*", text))
-    values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
+    values = {
+        name: reader.input(node, place)
+        for place, name in enumerate("uvw", start=1)
+        if name in words
+    }
     if "t" in words:
-        values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
-    values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
+        values["t"] = (
+            reader.input(node)
+            if node.text("TimeSource").startswith("Use external")
+            else signal([TIME])
+        )
+    values |= {
+        name: _parameter(node, default, others or [name])
+        for name, (default, *others) in row.items()
+    }
     columns = map(columned, fitted(node, *values.values()))
     run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
     return understood(node, lambda: [as_signal(run.value(text))])[0]

@@ -11,12 +11,20 @@ from simrob_drake.extensions.simulink.signals.code import columned, understood
 from simrob_drake.extensions.simulink.signals.forms import Signal, Tracer, signal
 from simrob_drake.extensions.simulink.signals.translation import Translation, as_signal
 from simrob_drake.extensions.simulink.values.code import undefined
-from simrob_drake.extensions.simulink.values.syntax import ScriptFunction, Section, Statement, lines_of, statements
+from simrob_drake.extensions.simulink.values.syntax import (
+    ScriptFunction,
+    Section,
+    Statement,
+    lines_of,
+    statements,
+)
 
 _SECTION = re.compile(
     r"(?m)^[ \t]*(?:(component|inputs|outputs|parameters|equations|function)|nodes|variables|branches|components)\b(.*)"
 )
-_MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
+_MEMBER = re.compile(
+    r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M
+)
 _QUANTITY = re.compile(r"\{([^{},']*?)[\s,]*'([^']*)'\s*\}")
 
 
@@ -39,7 +47,9 @@ def component(text: str) -> Component | None:
         if kind == "equations" or "private" in head.lower():
             found.body.extend(statements(lines))
         elif kind == "parameters":
-            found.parameters.update({name: f"{{{value}}}" for name, value, _ in _MEMBER.findall(lines)})
+            found.parameters.update(
+                {name: f"{{{value}}}" for name, value, _ in _MEMBER.findall(lines)}
+            )
         elif kind in ("inputs", "outputs"):
             for name, _, written in _MEMBER.findall(lines):
                 side = written or ("left" if kind == "inputs" else "right")
@@ -62,8 +72,15 @@ def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal
         reached = [reader.physical(node, *port) for port in found.inputs.values()]
         known: list[Any] = [columned(signal([0.0]) if one is None else one) for one in reached]
         for name, default in found.parameters.items():
-            known.append(node.matrix(name, _in_si(node, default)) * node.in_si(node.text(f"{name}_unit", "1"), name))
-        body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
+            known.append(
+                node.matrix(name, _in_si(node, default))
+                * node.in_si(node.text(f"{name}_unit", "1"), name)
+            )
+        body = [
+            _assigned(node, line)
+            for line in found.body
+            if not next(lines_of(line)).startswith("assert")
+        ]
         law = ScriptFunction("law", [*found.inputs, *found.parameters], [*found.outputs], body)
         files, note = reader.network.expanded.libraries, partial(node.note, "approximated")
         run = Translation({}, undefined, files, {"law": law}, note=note)

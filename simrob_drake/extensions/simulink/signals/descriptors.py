@@ -34,8 +34,15 @@ def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
     """
     size = e.shape[1]
     rows, rest = _echelon(np.hstack([e, a, b]), size)
-    held, moved, b1 = rows[:, :size], rows[:, size : 2 * size], rows[:, 2 * size :]  # held x' = moved x + b1 u
-    kept, b2 = rest[:, size : 2 * size], [rest[:, 2 * size :], 0 * rest[:, 2 * size :], 0 * rest[:, 2 * size :]]
+    held, moved, b1 = (
+        rows[:, :size],
+        rows[:, size : 2 * size],
+        rows[:, 2 * size :],
+    )  # held x' = moved x + b1 u
+    kept, b2 = (
+        rest[:, size : 2 * size],
+        [rest[:, 2 * size :], 0 * rest[:, 2 * size :], 0 * rest[:, 2 * size :]],
+    )
     while True:  # of u, u' and u'': kept x + b2 u = 0
         both = np.vstack([held, kept])
         found, lost = _echelon(np.hstack([both, _fractions(np.eye(len(both)))]), size)
@@ -49,8 +56,13 @@ def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
         if not stored.any() or driven[2].any():
             return None
         derived = [stored @ b1, -driven[0], -driven[1]]
-        kept, b2 = np.vstack([kept, stored @ moved]), [np.vstack(pair) for pair in zip(b2, derived, strict=True)]
-        held, moved, b1 = (np.delete(one, np.flatnonzero(stored)[0], 0) for one in (held, moved, b1))
+        kept, b2 = (
+            np.vstack([kept, stored @ moved]),
+            [np.vstack(pair) for pair in zip(b2, derived, strict=True)],
+        )
+        held, moved, b1 = (
+            np.delete(one, np.flatnonzero(stored)[0], 0) for one in (held, moved, b1)
+        )
     c = _fractions(c)
     if (solution := _solution(found, size, np.vstack([moved, c]))) is None:
         return None
@@ -61,8 +73,13 @@ def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
     if d[2].any():
         return None
     for place in (2, 1):  # a rate of what is given moves the states by what is given
-        driven[place - 1], d[place - 1] = driven[place - 1] + a @ driven[place], d[place - 1] + c @ driven[place]
-    return Reduced(a.astype(float), driven[0].astype(float), c.astype(float), [one.astype(float) for one in d])
+        driven[place - 1], d[place - 1] = (
+            driven[place - 1] + a @ driven[place],
+            d[place - 1] + c @ driven[place],
+        )
+    return Reduced(
+        a.astype(float), driven[0].astype(float), c.astype(float), [one.astype(float) for one in d]
+    )
 
 
 def _solution(found: Any, size: int, asked: Any) -> Any:
@@ -72,7 +89,10 @@ def _solution(found: Any, size: int, asked: Any) -> Any:
     """
     pivots = [int(np.flatnonzero(row[:size])[0]) for row in found]
     free = [place for place in range(size) if place not in pivots]
-    undetermined, solution = _fractions(np.eye(size)[:, free]), _fractions(np.zeros((size, found.shape[1] - size)))
+    undetermined, solution = (
+        _fractions(np.eye(size)[:, free]),
+        _fractions(np.zeros((size, found.shape[1] - size))),
+    )
     undetermined[pivots], solution[pivots] = -found[:, free], found[:, size:]
     return None if (asked @ undetermined).any() else solution
 
@@ -92,7 +112,9 @@ def without_fast(full: Reduced) -> Reduced:
 
 
 def _fractions(values: Any) -> Any:
-    exact = np.frompyfunc(lambda one: one if isinstance(one, Fraction) else Fraction(repr(float(one))), 1, 1)
+    exact = np.frompyfunc(
+        lambda one: one if isinstance(one, Fraction) else Fraction(repr(float(one))), 1, 1
+    )
     return np.asarray(exact(values), dtype=object)
 
 

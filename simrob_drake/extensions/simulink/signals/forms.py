@@ -23,7 +23,9 @@ from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
-TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"]
+TermKind = Literal[
+    "one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"
+]
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,9 @@ class Primitive:
     """Gives its inputs, once all is traced: loops go through blocks with states."""
     node: Node | None = None  # the block of the model that it is, or is a part of
     size: int = 1  # elements of its output
-    place: int | None = None  # which element of the block's signal it is; None where there is one only
+    place: int | None = (
+        None  # which element of the block's signal it is; None where there is one only
+    )
 
     @property
     def outputs(self) -> list[Value]:
@@ -81,7 +85,11 @@ class Form:
 
     def __mul__(self, other: Value) -> Value:
         """Return the product: a sum where the other is a number, else a block."""
-        return computed("product", self, other) if isinstance(other, Form) else added((float(other), self))
+        return (
+            computed("product", self, other)
+            if isinstance(other, Form)
+            else added((float(other), self))
+        )
 
     __rmul__ = __mul__
 
@@ -95,7 +103,9 @@ class Form:
 
 
 Value: TypeAlias = Form | float  # an element of a signal
-Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]  # values in an array of shape (n,), or (r, c) of a matrix
+Signal: TypeAlias = np.ndarray[
+    Any, np.dtype[np.object_]
+]  # values in an array of shape (n,), or (r, c) of a matrix
 
 MOST_ELEMENTS = 10_000  # of a signal
 PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -123,7 +133,9 @@ def added(*parts: tuple[float, Value]) -> Value:
     return Form(terms) if terms.keys() - {ONE} else terms.get(ONE, 0.0)
 
 
-def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Term, float], time: float = 0.0) -> float:
+def evaluated(
+    value: Value, leaf: Callable[[Term], float | None], known: dict[Term, float], time: float = 0.0
+) -> float:
     """Return what a value is at a time [s], of blocks in the states at their start.
 
     ``leaf`` gives a term, or None of a block that is to be computed; ``known`` are terms, to which others are added.
@@ -135,7 +147,11 @@ def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Te
             own = leaf(term)
             if own is None and isinstance(term.of, Primitive):
                 inputs = [evaluated(one, leaf, known, time) for one in term.of.inputs()]
-                written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
+                written = {
+                    "kind": term.of.kind,
+                    **term.of.parameters,
+                    **({"of": [{}] * len(inputs)} if inputs else {}),
+                }
                 block = AS_WRITTEN.validate_python(written).law
                 own = float(block.output(time, block.start, inputs)[term.index])
             known[term] = own or 0.0
@@ -145,7 +161,9 @@ def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Te
 
 def of_time(value: Value) -> bool:
     """Tell whether a value depends on time alone."""
-    return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)
+    return all(
+        term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms
+    )
 
 
 def early(value: Value, time: float = 0.0) -> float | None:
@@ -154,7 +172,9 @@ def early(value: Value, time: float = 0.0) -> float | None:
     def leaf(term: Term) -> float | None:
         return None if isinstance(term.of, Primitive) else time if term.kind == "time" else 1.0
 
-    with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
+    with suppress(
+        SimrobError, ValueError, ArithmeticError, RecursionError
+    ):  # it is told where it is written
         return evaluated(value, leaf, {}, time)
     return None
 
@@ -162,7 +182,9 @@ def early(value: Value, time: float = 0.0) -> float | None:
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
     """Return what a block of one output makes of its inputs (raises ValueError: complex ones)."""
     if any(isinstance(one, Form) and type(one) is not Form for one in inputs):
-        raise ValueError(message("simulink.complex_numbers", "complex numbers in a {kind}", kind=kind))
+        raise ValueError(
+            message("simulink.complex_numbers", "complex numbers in a {kind}", kind=kind)
+        )
     return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
 
@@ -183,7 +205,11 @@ def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
 
 
 def late(
-    kind: str, parameters: Sequence[dict[str, Any]], give: Callable[[], Signal], node: Node, shape: tuple[int, ...]
+    kind: str,
+    parameters: Sequence[dict[str, Any]],
+    give: Callable[[], Signal],
+    node: Node,
+    shape: tuple[int, ...],
 ) -> Signal:
     """Return a block for each element of a signal that is followed later, with parameters of its own or the last."""
     size = max(len(parameters), math.prod(shape))
@@ -252,7 +278,9 @@ def widened(values: Signal, size: int) -> Signal:
     if term.kind == "input" and isinstance(node, Node):
         grows = node.text("PortDimensions", "-1") in ("-1", "")
     if not others and isinstance(node, Node) and grows:
-        return signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
+        return signal(
+            Form({Term(term.kind, node, term.index + index): factor}) for index in range(size)
+        )
     return signal([value] * size)
 
 
@@ -282,7 +310,9 @@ class Tracer:
         self._guesses: _Shapes | None = None
         self._physical: dict[Place, Callable[[], Signal]] = {}
 
-    def offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
+    def offer(
+        self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn"
+    ) -> None:
         """Take note of what gives the physical signal at a port."""
         self._physical[self.network.net(node, side, number)] = give
 
@@ -302,7 +332,11 @@ class Tracer:
         if found is None:
             node.note(
                 "defaulted",
-                message("simulink.input_not_connected", "input {number} is not connected: it is 0", number=number),
+                message(
+                    "simulink.input_not_connected",
+                    "input {number} is not connected: it is 0",
+                    number=number,
+                ),
             )
             return signal([0.0])
         return found
@@ -368,7 +402,11 @@ class Tracer:
         self._under_way.remove(key)
         if found.size > MOST_ELEMENTS:
             raise node.refusal(
-                message("simulink.signal_too_large", "has a signal of more than {most} elements", most=MOST_ELEMENTS)
+                message(
+                    "simulink.signal_too_large",
+                    "has a signal of more than {most} elements",
+                    most=MOST_ELEMENTS,
+                )
             )
         name_after(node, flat(found))
         self._known[key] = found
@@ -395,12 +433,19 @@ class Tracer:
         loop = " → ".join([*way[way.index(node.path) :], node.path])
         node.note(
             "approximated",
-            message("simulink.algebraic_loop", "an algebraic loop, late by {lag:g} s: {loop}", lag=LAG, loop=loop),
+            message(
+                "simulink.algebraic_loop",
+                "an algebraic loop, late by {lag:g} s: {loop}",
+                lag=LAG,
+                loop=loop,
+            ),
         )
         with self._guessing({}):
             shape = self.output(node, number).shape
 
-        parameters = [{"numerator": [1.0], "denominator": [LAG, 1.0]} for _ in range(math.prod(shape))]
+        parameters = [
+            {"numerator": [1.0], "denominator": [LAG, 1.0]} for _ in range(math.prod(shape))
+        ]
         return late("transfer_function", parameters, lambda: self.output(node, number), node, shape)
 
 

@@ -107,13 +107,22 @@ def _follow_motions(moved: dict[Freedom, Law]) -> None:
             part: Value = Form({term: 1.0})
             if isinstance(term.of, Primitive):
                 part = Form({replace(term, of=block(term.of)): 1.0})
-            elif term.kind == "q" and isinstance(term.of, Freedom) and term.of in motions and term.of not in within:
+            elif (
+                term.kind == "q"
+                and isinstance(term.of, Freedom)
+                and term.of in motions
+                and term.of not in within
+            ):
                 part = inserted(motions[term.of], (*within, term.of))
             total.append((factor, part))
         return added(*total)
 
     for freedom, law in moved.items():
-        if any(term.kind == "q" and term.of in motions for terms in closure([motions[freedom]]) for term in terms):
+        if any(
+            term.kind == "q" and term.of in motions
+            for terms in closure([motions[freedom]])
+            for term in terms
+        ):
             law.reference = inserted(motions[freedom], (freedom,))
 
 
@@ -143,10 +152,18 @@ def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
         else message("simulink.has_no_elements", "has no elements")
     )
     if tracer.network.leads_outside(node, "lconn", number):
-        deed, text = "defaulted", message("simulink.comes_from_port", "comes from a port of the model")
+        deed, text = (
+            "defaulted",
+            message("simulink.comes_from_port", "comes from a port of the model"),
+        )
     node.note(
         deed,
-        message("simulink.nothing_drives_input", "its {how} input {problem}: nothing drives it", how=how, problem=text),
+        message(
+            "simulink.nothing_drives_input",
+            "its {how} input {problem}: nothing drives it",
+            how=how,
+            problem=text,
+        ),
     )
     return 0.0
 
@@ -158,7 +175,12 @@ def commanded(values: list[Value]) -> dict[Term, tuple[Freedom, float]]:
     for terms in closure(values):
         for term, value in terms.items():
             for other, gain in terms.items() if term.kind == "input" and term not in found else ():
-                if other.kind == "q" and isinstance(other.of, Freedom) and other.of not in taken and gain * value < 0:
+                if (
+                    other.kind == "q"
+                    and isinstance(other.of, Freedom)
+                    and other.of not in taken
+                    and gain * value < 0
+                ):
                     found[term] = other.of, -value / gain
                     taken.add(other.of)
                     break
@@ -191,7 +213,9 @@ def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
             (value,) = block.inputs()
             inner = terms_of(value)
             law.ki += -terms.pop(term) * inner.get(q, 0.0)
-            if {"lower", "upper", "period"} & block.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
+            if {"lower", "upper", "period"} & block.parameters.keys() or not all(
+                map(_asks, inner.keys() - {q})
+            ):
                 return False
     if min(law.kp, law.ki, law.kd) < 0 or not all(map(_asks, terms)) or (terms and not law.kp):
         return False
@@ -205,7 +229,11 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
     total: dict[Term, float] = {}
     for term, own in terms.items():
         block = term.of
-        if not isinstance(block, Primitive) or block.kind != "pid" or block.parameters.get("period"):
+        if (
+            not isinstance(block, Primitive)
+            or block.kind != "pid"
+            or block.parameters.get("period")
+        ):
             total[term] = total.get(term, 0.0) + own
             continue
         (error, *_) = block.inputs()
@@ -219,7 +247,10 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
         if node is not None and parameters.get("d"):
             node.note(
                 "approximated",
-                message("simulink.derivative_on_speed", "its derivative acts on measured speed alone, unfiltered"),
+                message(
+                    "simulink.derivative_on_speed",
+                    "its derivative acts on measured speed alone, unfiltered",
+                ),
             )
     return total
 
@@ -253,7 +284,10 @@ class ExternalForce:
     def jumps(self) -> bool:
         """Whether it depends on how a body is, and on a choice or a sign, as where contact is drawn of signals."""
         blocks = [term.of for term in self.terms if isinstance(term.of, Primitive)]
-        chooses = any(one.kind in ("switch", "compare") or one.parameters.get("function") == "sign" for one in blocks)
+        chooses = any(
+            one.kind in ("switch", "compare") or one.parameters.get("function") == "sign"
+            for one in blocks
+        )
         return chooses and any(term.kind in ("q", "w", "sensed") for term in self.terms)
 
 
@@ -274,7 +308,9 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
                         "it is the port external_force or external_torque of the station, at this frame",
                     ),
                 )
-    between = (_apart(tracer, coupling) for coupling in bodies.couplings if coupling.node.kind == BETWEEN)
+    between = (
+        _apart(tracer, coupling) for coupling in bodies.couplings if coupling.node.kind == BETWEEN
+    )
     floating = (_pulled(tracer, link) for link in bodies.links if link.joint.pulls)
     return [*pushes, *chain(*between, *floating)]
 
@@ -284,7 +320,9 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     node, wrench = link.joint.node, np.zeros(6).astype(object)
     real, *turned = (part_of(node, index) for index in range(3, 7))
     half = applied("sqrt", sum((part * part for part in turned), start=0.0))
-    share = 2.0 * applied("atan2", half, real) / applied("max", half, _SLOWEST)  # of the turn's axis and angle
+    share = (
+        2.0 * applied("atan2", half, real) / applied("max", half, _SLOWEST)
+    )  # of the turn's axis and angle
     for pull in link.joint.pulls:
         turns = pull.place >= _PLACES
         place: Value = share * turned[pull.place - _PLACES] if turns else part_of(node, pull.place)
@@ -296,11 +334,22 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
     force, torque = wrench[:_PLACES], wrench[_PLACES:]
     turn = orientation(node).T
-    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)))]
+    pushes = [
+        ExternalForce(
+            node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque))
+        )
+    ]
     if not link.base.grounded:
         arm = [part_of(node, index) for index in range(_PLACES)]
-        moment = [torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2] for i in range(_PLACES)]
-        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment]))
+        moment = [
+            torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2]
+            for i in range(_PLACES)
+        ]
+        pushes.append(
+            ExternalForce(
+                node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment]
+            )
+        )
     return pushes
 
 
@@ -310,7 +359,11 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     sides = (tracer.physical(node, side, 2) for side in ("lconn", "rconn"))
     if (values := next((one for one in sides if one is not None), None)) is None:
         node.note(
-            "lost", message("simulink.force_not_connected", "its force input is not connected: nothing drives it")
+            "lost",
+            message(
+                "simulink.force_not_connected",
+                "its force input is not connected: nothing drives it",
+            ),
         )
         return []
     line = [part_of(node, index) for index in range(_PLACES)]
@@ -318,7 +371,13 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
     return [
         ExternalForce(node, coupling.base, coupling.in_base, list(-1.0 * pull), [0.0] * 3),
-        ExternalForce(node, coupling.follower, coupling.in_follower, list(orientation(node).T.dot(pull)), [0.0] * 3),
+        ExternalForce(
+            node,
+            coupling.follower,
+            coupling.in_follower,
+            list(orientation(node).T.dot(pull)),
+            [0.0] * 3,
+        ),
     ]
 
 
@@ -351,7 +410,9 @@ def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> 
 _SLOWEST = 1e-9  # m/s
 
 
-def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[ContactPair, ExternalForce]:
+def forces_of_contacts(
+    contacts: Iterable[ContactPair], bodies: Bodies
+) -> dict[ContactPair, ExternalForce]:
     r"""Return what contacts of spheres with planes of the world do to the spheres; others are not there.
 
     .. math:: f_n = s(d / w) (k d + b \dot d), \qquad f_t = -\mu(|v|) f_n v / |v|
@@ -371,12 +432,18 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
         if solid.shape.kind != "sphere":
             continue
         force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
-        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, ends=(sphere, plane))
-        contact.node.note("read", message("simulink.own_contact_law", "by its own law, as forces on the sphere"))
+        found[contact] = ExternalForce(
+            contact.node, body, solid.pose, force, torque, ends=(sphere, plane)
+        )
+        contact.node.note(
+            "read", message("simulink.own_contact_law", "by its own law, as forces on the sphere")
+        )
     return found
 
 
-def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list[Value], list[Value]]:
+def _wrench(
+    node: Node, surface: ContactParameters, radius: float
+) -> tuple[list[Value], list[Value]]:
     """Return force and torque on a sphere in its own axes, from where it is seen from the plane."""
     seen = {part: part_of(node, index) for index, part in enumerate(PARTS)}
     width = node.number("NormalTransitionRegionWidth", "1e-4", unit="m")
@@ -389,11 +456,19 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
     across: list[Value] = [0.0, 0.0]
     if surface.static:
         part = np.linspace(0.0, 1.0, 11)
-        smooth, speeds = part * part * (3.0 - 2.0 * part), surface.speed * np.append(part, 1.0 + 0.5 * part[1:])
+        smooth, speeds = (
+            part * part * (3.0 - 2.0 * part),
+            surface.speed * np.append(part, 1.0 + 0.5 * part[1:]),
+        )
         falling = surface.static + (surface.dynamic - surface.static) * smooth[1:]
-        coefficient = looked_up(speed, speeds, np.append(surface.static * smooth, falling), clip=True)
+        coefficient = looked_up(
+            speed, speeds, np.append(surface.static * smooth, falling), clip=True
+        )
         grip = coefficient * normal / applied("max", speed, _SLOWEST)
         across = [-1.0 * (grip * one) for one in sliding]
     turn = orientation(node).T
-    force, torque = signal([*across, normal]), signal([radius * across[1], -radius * across[0], 0.0])
+    force, torque = (
+        signal([*across, normal]),
+        signal([radius * across[1], -radius * across[0], 0.0]),
+    )
     return list(turn.dot(force)), list(turn.dot(torque))

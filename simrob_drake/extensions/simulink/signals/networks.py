@@ -23,14 +23,39 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.model.network import Connections, Place
 from simrob_drake.extensions.simulink.model.nodes import Node, without_file
-from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
-from simrob_drake.extensions.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
+from simrob_drake.extensions.simulink.signals.arithmetic import (
+    applied,
+    chosen,
+    compared,
+    limited,
+    looked_up,
+)
+from simrob_drake.extensions.simulink.signals.descriptors import (
+    AT_ONCE,
+    Reduced,
+    reduced,
+    without_fast,
+)
 from simrob_drake.extensions.simulink.signals.dynamics import rate_of
-from simrob_drake.extensions.simulink.signals.forms import Primitive, Rule, Signal, Tracer, Value, added, flat, signal
+from simrob_drake.extensions.simulink.signals.forms import (
+    Primitive,
+    Rule,
+    Signal,
+    Tracer,
+    Value,
+    added,
+    flat,
+    signal,
+)
 from simrob_drake.extensions.simulink.signals.translation import Translation
 from simrob_drake.extensions.simulink.tables import table
 from simrob_drake.extensions.simulink.values.code import undefined
-from simrob_drake.extensions.simulink.values.evaluate import NUMBERS, Evaluator, UndefinedVariable, matrix
+from simrob_drake.extensions.simulink.values.evaluate import (
+    NUMBERS,
+    Evaluator,
+    UndefinedVariable,
+    matrix,
+)
 from simrob_drake.extensions.simulink.values.syntax import NotUnderstood, parse
 
 
@@ -62,17 +87,28 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     """Return side and number of each port of an element by name: as the file tells, or as the block is by default."""
     try:
         written = json.loads(node.text("InternalSimscapePortConfiguration", "{}"))
-        listed = {f"{side[0].lower()}conn": [port["id"] for port in written[side]] for side in ("Left", "Right")}
+        listed = {
+            f"{side[0].lower()}conn": [port["id"] for port in written[side]]
+            for side in ("Left", "Right")
+        }
     except (ValueError, KeyError, TypeError):
         left, right = elements()[node.kind].ports.split("|")
         listed = {"lconn": left.split(), "rconn": right.split()}
-    return {name: (side, place) for side, names in listed.items() for place, name in enumerate(names, start=1)}
+    return {
+        name: (side, place)
+        for side, names in listed.items()
+        for place, name in enumerate(names, start=1)
+    }
 
 
 def outputs_of(node: Node) -> list[tuple[str, str, int]]:
     """Return the ports at which an element tells something: name, side and number."""
     ports = ports_of(node)
-    names = [part.partition("=")[0].strip() for part in elements()[node.kind].equations.split(";") if "=" in part]
+    names = [
+        part.partition("=")[0].strip()
+        for part in elements()[node.kind].equations.split(";")
+        if "=" in part
+    ]
     return [(name, *ports[name]) for name in names if name in ports]
 
 
@@ -110,14 +146,24 @@ class _Equations:
     def add(self, node: Node, reader: Tracer) -> None:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
-        known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
+        known = self._branches(
+            node, element, {name: reader.network.net(node, *port) for name, port in ports.items()}
+        )
         sums = [part for part in element.equations.split(";") if "=" not in part]
         driving = re.findall(r"\w+", " ".join([*sums, element.law]))
-        drivers = {name: reader.physical(node, *port) for name, port in ports.items() if name in driving}
-        driven: dict[str, Value] = {name: flat(one)[0] for name, one in drivers.items() if one is not None and one.size}
+        drivers = {
+            name: reader.physical(node, *port) for name, port in ports.items() if name in driving
+        }
+        driven: dict[str, Value] = {
+            name: flat(one)[0] for name, one in drivers.items() if one is not None and one.size
+        }
         if element.law:
             words = re.findall(r"\w+", element.law)
-            takes = {name: {place: often for _, place, often in known[name]} for name in known if name in words}
+            takes = {
+                name: {place: often for _, place, often in known[name]}
+                for name in known
+                if name in words
+            }
             self.laws.append(_Law(node, len(self.signals), takes, driven))
             known["f"] = self._signal(0.0)
         known |= {name: self._signal(value) for name, value in driven.items()}
@@ -135,7 +181,9 @@ class _Equations:
     def _branches(self, node: Node, element: NetworkBlock, nets: dict[str, object]) -> Known:
         known: Known = {}
         for number, branch in enumerate(element.branches.split(", "), start=1):
-            if nets.keys().isdisjoint(branch.split()):  # of the two ends one may be hidden: it stands still
+            if nets.keys().isdisjoint(
+                branch.split()
+            ):  # of the two ends one may be hidden: it stands still
                 raise node.refusal(
                     message(
                         "simulink.odd_ports",
@@ -154,7 +202,10 @@ class _Equations:
                 known[f"{name}v{number}"] = [(which, place, sign) for place, sign in ends]
                 known[f"{name}i{number}"] = [(which, through, 1.0)]
         if "dx" in element.equations:
-            known |= {name: [(which, self.unknown((node, "x")), 1.0)] for name, which in (("x", 1), ("dx", 0))}
+            known |= {
+                name: [(which, self.unknown((node, "x")), 1.0)]
+                for name, which in (("x", 1), ("dx", 0))
+            }
         return known
 
     def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
@@ -168,7 +219,9 @@ class _Equations:
 
 def _dense(rows: Sequence[dict[int, float]], size: int) -> Vector:
     """Return rows of factors by their places as a matrix."""
-    return np.array([[row.get(place, 0.0) for place in range(size)] for row in rows]).reshape(len(rows), size)
+    return np.array([[row.get(place, 0.0) for place in range(size)] for row in rows]).reshape(
+        len(rows), size
+    )
 
 
 def _factors(node: Node, text: str, known: Known) -> Factors:
@@ -191,7 +244,9 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
     return found
 
 
-_NEITHER = message("simulink.neither_value_nor_signal", "is neither a figure of it, nor a signal that drives it")
+_NEITHER = message(
+    "simulink.neither_value_nor_signal", "is neither a figure of it, nor a signal that drives it"
+)
 _SENSES = {"same": 1.0, "opposite": -1.0}
 """Choices that are figures."""
 
@@ -222,8 +277,16 @@ def _members(network: Connections, start: Node) -> list[Node]:
     """Return the elements that hang together with one over conserving ports, and whatever else is on these."""
 
     def conserving(node: Node) -> list[Place]:
-        branches, ports = (elements()[node.kind].branches, ports_of(node)) if node.kind in elements() else ("", {})
-        return [network.net(node, *ports[name]) for name in branches.replace(",", "").split() if name in ports]
+        branches, ports = (
+            (elements()[node.kind].branches, ports_of(node))
+            if node.kind in elements()
+            else ("", {})
+        )
+        return [
+            network.net(node, *ports[name])
+            for name in branches.replace(",", "").split()
+            if name in ports
+        ]
 
     return sorted(network.joined(start, conserving), key=lambda one: one.path)
 
@@ -246,7 +309,9 @@ def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
         found = reduced(*equations.matrices())
         if found is None:
             raise members[0].refusal(
-                message("simulink.network_undetermined", "its network does not determine what it does")
+                message(
+                    "simulink.network_undetermined", "its network does not determine what it does"
+                )
             )
         settled = without_fast(found)
         if not _acts_at_once(settled, equations) and len(settled.a) < len(found.a):
@@ -272,7 +337,10 @@ def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
     except (InvalidModel, NotUnderstood, ArithmeticError) as problem:
         why = without_file(problem, members[0].findings.report.source)
         for node in members:
-            node.note("lost", message("simulink.network_not_read_why", "its network is not read: {why}", why=why))
+            node.note(
+                "lost",
+                message("simulink.network_not_read_why", "its network is not read: {why}", why=why),
+            )
         return []
 
 
@@ -303,10 +371,14 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
     try:
         return flat(run.value(elements()[node.kind].law))[0]
     except UndefinedVariable as problem:
-        raise node.refusal(compound("{problem} {neither}", problem=problem.name, neither=_NEITHER)) from problem
+        raise node.refusal(
+            compound("{problem} {neither}", problem=problem.name, neither=_NEITHER)
+        ) from problem
 
 
-def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float) -> Value:
+def _stop(
+    depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float
+) -> Value:
     """Return what a stop resists with that is entered: at once, or growing over a width (Simscape, Hard Stop)."""
     damped = chosen(compared(">=", speed, 0.0), speed, 0.0) if model == 2 else speed
     force = stiffness * depth + damping * damped
@@ -320,8 +392,12 @@ def _within(node: Node, torque: Value, speed: Value) -> Value:
     """Return what a motor gives of a torque at a speed: by a table, or by its greatest torque and power."""
     speed = applied("abs", speed)
     if node.text("torque_speed_param", "tabulated").rpartition(".")[2] in ("tabulated", "1"):
-        speeds = node.numbers("w_t", "[0 3750 7500 8000]") * node.in_si(node.text("w_t_unit", "rpm"), "w_t")
-        most = node.numbers("T_t", "[.09 .08 .07 0]") * node.in_si(node.text("T_t_unit", "N*m"), "T_t")
+        speeds = node.numbers("w_t", "[0 3750 7500 8000]") * node.in_si(
+            node.text("w_t_unit", "rpm"), "w_t"
+        )
+        most = node.numbers("T_t", "[.09 .08 .07 0]") * node.in_si(
+            node.text("T_t_unit", "N*m"), "T_t"
+        )
         bound = looked_up(speed, speeds, most, clip=True)
     else:
         power = node.quantity("power_max", default="30")
@@ -339,14 +415,24 @@ def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
     parts = [(found.c, states), (found.d[0], inputs)]
     if found.d[1].any():
         driven = zip(inputs, (found.d[1] != 0.0).any(axis=0).tolist(), strict=True)
-        parts.append((found.d[1], [rate_of(node, one) if counts else 0.0 for one, counts in driven]))
+        parts.append(
+            (found.d[1], [rate_of(node, one) if counts else 0.0 for one, counts in driven])
+        )
 
     def output(row: int) -> Value:
-        return added(*((float(own), one) for rows, values in parts for own, one in zip(rows[row], values, strict=True)))
+        return added(
+            *(
+                (float(own), one)
+                for rows, values in parts
+                for own, one in zip(rows[row], values, strict=True)
+            )
+        )
 
     rows = itertools.count(len(equations.outputs))
     for law in equations.laws:
-        inputs[law.place] = _law_of(law.node, law.driven | {name: output(next(rows)) for name in law.takes})
+        inputs[law.place] = _law_of(
+            law.node, law.driven | {name: output(next(rows)) for name in law.takes}
+        )
     return [output(row) for row in range(len(equations.outputs))]
 
 

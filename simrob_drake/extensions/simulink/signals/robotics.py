@@ -13,7 +13,14 @@ import numpy as np
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
-from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, looked_up
+from simrob_drake.extensions.simulink.signals.arithmetic import (
+    applied,
+    chosen,
+    compared,
+    joined,
+    limited,
+    looked_up,
+)
 from simrob_drake.extensions.simulink.signals.dynamics import period_of
 from simrob_drake.extensions.simulink.signals.forms import (
     Form,
@@ -41,7 +48,11 @@ def _of_changes(time: Value, start: float, changes: list[_Change], derivative: i
     for when, order, jump in changes:
         power = order - derivative
         if jump and power >= 0:
-            since = compared(">=", time, when) if power == 0 else limited(added((1.0, time), (-when, 1.0)), 0.0, np.inf)
+            since = (
+                compared(">=", time, when)
+                if power == 0
+                else limited(added((1.0, time), (-when, 1.0)), 0.0, np.inf)
+            )
             value = reduce(operator.mul, [since] * max(power, 1))
             parts.append((jump / math.factorial(power), value))
     return added(*parts)
@@ -53,26 +64,40 @@ def _trajectory(reader: Tracer, node: Node, number: int) -> Signal | None:
         return None
     points = node.matrix("Waypoints", "[]")
     try:
-        made = _trapezoids(node, points) if "Trapezoidal" in node.kind else _polynomials(node, points)
+        made = (
+            _trapezoids(node, points) if "Trapezoidal" in node.kind else _polynomials(node, points)
+        )
     except (ArithmeticError, LookupError, np.linalg.LinAlgError) as problem:
         raise node.refusal(
-            message("simulink.no_trajectory", "no trajectory follows from its figures: {problem}", problem=problem)
+            message(
+                "simulink.no_trajectory",
+                "no trajectory follows from its figures: {problem}",
+                problem=problem,
+            )
         ) from problem
     (time,) = flat(reader.input(node))
-    return signal(_of_changes(time, float(row[0]), one, number - 1) for row, one in zip(points, made, strict=True))
+    return signal(
+        _of_changes(time, float(row[0]), one, number - 1)
+        for row, one in zip(points, made, strict=True)
+    )
 
 
 def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
     """Return how each coordinate speeds up, goes on evenly and slows down, from each waypoint to the next."""
     sides = {"End Time": "EndTime", "Peak Velocity": "PeakVelocity", "Acceleration": "Acceleration",
              "Acceleration Time": "AccelTime"}  # fmt: skip
-    choices = [node.text(f"Parameter{place}") for place in range(1, int(node.number("NumParams", "0")) + 1)]
+    choices = [
+        node.text(f"Parameter{place}") for place in range(1, int(node.number("NumParams", "0")) + 1)
+    ]
     steps = np.diff(points, axis=1)
     shaped = {choice: _as_wide(node, sides[choice], steps) for choice in choices}
     if len(choices) < 2:
         node.note(
             "approximated",
-            message("simulink.speed_choice", "its figures leave a choice: its speed rises for a third of the time"),
+            message(
+                "simulink.speed_choice",
+                "its figures leave a choice: its speed rises for a third of the time",
+            ),
         )
     now, found = np.zeros(len(points)), [list[_Change]() for _ in points]
     for (row, place), way in np.ndenumerate(steps):
@@ -108,12 +133,22 @@ def _profile(node: Node, way: float, known: dict[str, float]) -> tuple[float, fl
     """Return how long a trapezoid of speed lasts, and how long its speed rises [s]."""
     names = tuple(sorted(known))
     if names not in _PROFILES or not (way or "End Time" in known):
-        raise node.refusal(message("simulink.part_duration_open", "its figures leave open how long a part of it lasts"))
+        raise node.refusal(
+            message(
+                "simulink.part_duration_open", "its figures leave open how long a part of it lasts"
+            )
+        )
     lasts = known.get("End Time", 0.0)
-    lasts, rising = _PROFILES[names](way, *(known[name] for name in names)) if way else (lasts, lasts / 3)
+    lasts, rising = (
+        _PROFILES[names](way, *(known[name] for name in names)) if way else (lasts, lasts / 3)
+    )
     if not 0 < rising <= lasts / 2 * (1 + 1e-9):
         raise node.refusal(
-            message("simulink.speed_cannot_rise", "its speed cannot rise and fall within {seconds:g} s", seconds=lasts)
+            message(
+                "simulink.speed_cannot_rise",
+                "its speed cannot rise and fall within {seconds:g} s",
+                seconds=lasts,
+            )
         )
     return lasts, rising
 
@@ -139,9 +174,14 @@ def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
     """Return the jumps of derivatives of cubic or quintic polynomials from each waypoint to the next."""
     method = node.text("Method", "Cubic Polynomial")
     if "Spline" in method:
-        raise node.refusal(message("simulink.b_spline", "a B-spline, which this import does not read"))
+        raise node.refusal(
+            message("simulink.b_spline", "a B-spline, which this import does not read")
+        )
     times = node.numbers("TimePoints", "[0 1]", size=points.shape[1])
-    names = ["VelocityBoundaryCondition", *(["AccelerationBoundaryCondition"] if "Quintic" in method else [])]
+    names = [
+        "VelocityBoundaryCondition",
+        *(["AccelerationBoundaryCondition"] if "Quintic" in method else []),
+    ]
     ends = [points, *(_as_wide(node, name, points) for name in names)]
     orders = range(2 * len(ends))
 
@@ -156,7 +196,9 @@ def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
         for place, lasts in enumerate(np.diff(times)):
             known = [end[row, place + side] for side in (0, 1) for end in ends]
             begun, ended = at(0.0), at(float(lasts))
-            coefficients = np.linalg.solve(np.vstack([begun[: len(ends)], ended[: len(ends)]]), known)
+            coefficients = np.linalg.solve(
+                np.vstack([begun[: len(ends)], ended[: len(ends)]]), known
+            )
             jumps.append(begun @ coefficients - before)
             before = ended @ coefficients
         jumps.append(-before)
@@ -170,22 +212,30 @@ def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
     pose, path = flat(reader.input(node)), reader.input(node, 2)
     ports = iter((3, 4))
     speed, ahead = (
-        flat(reader.input(node, next(ports)))[0] if node.is_on(f"{name}Port") else node.number(name, default)
+        flat(reader.input(node, next(ports)))[0]
+        if node.is_on(f"{name}Port")
+        else node.number(name, default)
         for name, default in (("DesiredLinearVelocity", "0.1"), ("LookaheadDistance", "1"))
     )
     if any(isinstance(one, Form) for one in path.flat) or path.shape[1:] != (2,) or len(pose) != 3:
         return None
     if not isinstance(ahead, Form) and ahead <= 0:
-        raise node.refusal(message("simulink.lookahead_distance", "its lookahead distance is not above 0"))
+        raise node.refusal(
+            message("simulink.lookahead_distance", "its lookahead distance is not above 0")
+        )
     if number == 1:
         return signal([speed])
     x, y, heading = pose
     points = path.astype(float)
-    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))  # of the path, up to each waypoint
+    lengths = np.append(
+        0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))
+    )  # of the path, up to each waypoint
     points, lengths = points[np.append(True, np.diff(lengths) > 0)], np.unique(lengths)
     if not 2 <= len(points) <= _MOST_SEGMENTS:
         return None
-    (nearest,) = reader.once(node, lambda: [signal([_nearest(reader, node, (x, y), (points, lengths), ahead)])])
+    (nearest,) = reader.once(
+        node, lambda: [signal([_nearest(reader, node, (x, y), (points, lengths), ahead)])]
+    )
     there = added((1.0, nearest[0]), (1.0, ahead))
     to_x, to_y = (looked_up(there, lengths, points[:, axis], clip=True) for axis in (0, 1))
     aside = applied("atan2", to_y - y, to_x - x) - heading
@@ -196,7 +246,11 @@ def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
 
 
 def _nearest(
-    reader: Tracer, node: Node, place: tuple[Value, Value], path: tuple[Vector, Vector], ahead: Value
+    reader: Tracer,
+    node: Node,
+    place: tuple[Value, Value],
+    path: tuple[Vector, Vector],
+    ahead: Value,
 ) -> Value:
     """Return how far along the path the nearest point is: at first of all of it, then ahead of where it was before.
 
@@ -222,15 +276,25 @@ def _nearest(
         along = to_x * (place[0] - start[0]) + to_y * (place[1] - start[1])
         reached = applied("max", before - float(first), along)  # never back
         here = limited(reached, 0.0, float(last - first))
-        off_x, off_y = (one - float(own) - by * here for one, own, by in zip(place, start, (to_x, to_y), strict=True))
+        off_x, off_y = (
+            one - float(own) - by * here
+            for one, own, by in zip(place, start, (to_x, to_y), strict=True)
+        )
         distance = off_x * off_x + off_y * off_y
-        seen = joined("and", compared("<=", before, float(last)), compared(">=", sight, float(first)))
+        seen = joined(
+            "and", compared("<=", before, float(last)), compared(">=", sight, float(first))
+        )
         closer = joined("and", seen, compared("<", distance, least))
-        least, nearest = chosen(closer, distance, least), chosen(closer, here + float(first), nearest)
+        least, nearest = (
+            chosen(closer, distance, least),
+            chosen(closer, here + float(first), nearest),
+        )
     return nearest
 
 
 ROBOTICS: dict[str, Rule] = {
-    **dict.fromkeys(("Trapezoidal Velocity Profile Trajectory", "Polynomial Trajectory"), _trajectory),
+    **dict.fromkeys(
+        ("Trapezoidal Velocity Profile Trajectory", "Polynomial Trajectory"), _trajectory
+    ),
     "Pure Pursuit": _pure_pursuit,
 }

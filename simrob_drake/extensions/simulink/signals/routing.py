@@ -37,7 +37,9 @@ from simrob_drake.extensions.simulink.signals.forms import (
 )
 from simrob_drake.extensions.simulink.values.evaluate import matrix
 
-_BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
+_BETWEEN = re.compile(
+    r",(?![^\[]*\])"
+)  # the commas between the indices of a matrix, and not those within brackets
 
 
 def _inport(reader: Tracer, node: Node, _: int) -> Signal:
@@ -45,7 +47,9 @@ def _inport(reader: Tracer, node: Node, _: int) -> Signal:
     if bus is not None:
         return _of_bus(reader, node, bus, [node.text(ELEMENT)])
     size = int(abs(np.prod(node.numbers("PortDimensions", "-1"))))  # 1 of none
-    return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
+    return signal(
+        Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS)))
+    )
 
 
 def _concatenated(reader: Tracer, node: Node, _: int) -> Signal:
@@ -110,7 +114,9 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     first = 1 if node.text("IndexMode", "One-based") == "One-based" else 0
     if node.text("NumberOfDimensions", "1") == "1":
-        places = node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
+        places = (
+            node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
+        )
         values = widened(values.ravel(order="F"), int(places.max(initial=0)) + 1)
         if places.size and places.max() >= len(values):
             raise node.refusal(
@@ -129,7 +135,11 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
     for size, option, part in zip(values.shape, [*options, "", ""], parts, strict=False):
         try:
             whole = "all" in option.lower()
-            own: Any = range(size) if whole else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+            own: Any = (
+                range(size)
+                if whole
+                else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+            )
         except (LookupError, ValueError, TypeError):
             return None
         if any(not 0 <= index < size for index in own):
@@ -141,7 +151,9 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
 def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
     values, mode = reader.input(node), node.text("OutputDimensionality", "1-D array")
     column, row = mode.startswith("Column"), mode.startswith("Row")
-    shape: tuple[int, ...] = (values.size, 1) if column else (1, values.size) if row else (values.size,)
+    shape: tuple[int, ...] = (
+        (values.size, 1) if column else (1, values.size) if row else (values.size,)
+    )
     if mode.startswith("Customize"):
         shape = tuple(map(int, node.numbers("OutputDimensions", "[1,1]")))
     values = widened(values.ravel(order="F"), math.prod(shape))
@@ -169,9 +181,16 @@ def _of_bus(reader: Tracer, node: Node, bus: tuple[Node, int] | None, names: lis
     for name, source in sources.items():
         if source is None:
             raise node.refusal(
-                message("simulink.signal_of_bus", "the signal {name} of its bus is not found", name=name)
+                message(
+                    "simulink.signal_of_bus", "the signal {name} of its bus is not found", name=name
+                )
             )
-    return signal(value for source in sources.values() if source is not None for value in flat(reader.output(*source)))
+    return signal(
+        value
+        for source in sources.values()
+        if source is not None
+        for value in flat(reader.output(*source))
+    )
 
 
 def _selected(reader: Tracer, bus: tuple[Node, int] | None, names: str) -> tuple[Node, int] | None:
@@ -189,7 +208,9 @@ def _elements(reader: Tracer, node: Node, output: int) -> dict[str, Node]:
     """Return the port blocks that are the signals of a subsystem's bus; raises InvalidModel: it runs on a condition."""
     found = reader.network.elements(node, output)
     if found and reader.network.is_conditional(node):
-        raise node.refusal(message("simulink.conditional_bus", "a bus that is made under a condition is not read"))
+        raise node.refusal(
+            message("simulink.conditional_bus", "a bus that is made under a condition is not read")
+        )
     return found
 
 
@@ -197,12 +218,24 @@ def _in_bus(reader: Tracer, bus: Node, output: int, name: str) -> tuple[Node, in
     """Return what feeds a bus under a name: its input's own, its line's, or ``signal3`` for the third."""
     network = reader.network
     if bus.kind in ("BusSelector", "Inport"):
-        names = bus.text("OutputSignals").split(",") if bus.kind == "BusSelector" else [bus.text(ELEMENT)] * output
+        names = (
+            bus.text("OutputSignals").split(",")
+            if bus.kind == "BusSelector"
+            else [bus.text(ELEMENT)] * output
+        )
         outer = network.source(bus) if bus.kind == "BusSelector" else network.bus_of(bus)
-        return _selected(reader, outer, f"{names[output - 1].strip()}.{name}") if len(names) >= output else None
+        return (
+            _selected(reader, outer, f"{names[output - 1].strip()}.{name}")
+            if len(names) >= output
+            else None
+        )
     if (element := _elements(reader, bus, output).get(name)) is not None:
         return network.source(element)
-    assigned = [part.strip() for part in bus.text("AssignedSignals").split(",")] if bus.kind == "BusAssignment" else []
+    assigned = (
+        [part.strip() for part in bus.text("AssignedSignals").split(",")]
+        if bus.kind == "BusAssignment"
+        else []
+    )
     if name in assigned:
         return network.source(bus, 2 + assigned.index(name))
     if bus.kind in PASSING or bus.kind == "BusAssignment":
@@ -229,7 +262,11 @@ def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
     if [element for _, element, _ in written] == [asked]:
         node.note(
             "approximated",
-            message("simulink.data_store", "the data store {asked} holds what is written at that time", asked=asked),
+            message(
+                "simulink.data_store",
+                "the data store {asked} holds what is written at that time",
+                asked=asked,
+            ),
         )
         return reader.input(written[0][0], written[0][2])
     memory = next((one for one in same if one.kind == "DataStoreMemory"), None)
@@ -238,7 +275,11 @@ def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
     value = memory.value("InitialValue", "0")
     for field in asked.split(".")[1:]:
         value = value.get(field) if isinstance(value, dict) else None
-    return None if value is None or isinstance(value, dict) else signal(map(float, matrix(value).ravel(order="F")))
+    return (
+        None
+        if value is None or isinstance(value, dict)
+        else signal(map(float, matrix(value).ravel(order="F")))
+    )
 
 
 def _elements_of(node: Node) -> list[str]:
@@ -247,10 +288,16 @@ def _elements_of(node: Node) -> list[str]:
 
 
 def _multiport_switch(reader: Tracer, node: Node, _: int) -> Signal | None:
-    if node.text("DataPortOrder", "One-based contiguous") not in ("One-based contiguous", "Zero-based contiguous"):
+    if node.text("DataPortOrder", "One-based contiguous") not in (
+        "One-based contiguous",
+        "Zero-based contiguous",
+    ):
         return None
     first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
-    choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), MOST_INPUTS))]
+    choices = [
+        reader.input(node, 2 + place)
+        for place in range(min(int(node.number("Inputs", "3")), MOST_INPUTS))
+    ]
     found, index = choices[-1], reader.input(node)
     for place in reversed(range(len(choices) - 1)):
         found = switched(node, choices[place], index, found, "<=", place + first)
@@ -268,14 +315,18 @@ ROUTING: dict[str, Rule] = {
     **dict.fromkeys(("Inport", "InportShadow"), _inport),
     **dict.fromkeys(
         ("Mux", "BusCreator"),
-        lambda reader, node, _: signal(value for part in inputs_of(reader, node) for value in flat(part)),
+        lambda reader, node, _: signal(
+            value for part in inputs_of(reader, node) for value in flat(part)
+        ),
     ),
     "Concatenate": _concatenated,
     "Demux": _demux,
     "Selector": _selector,
     "Reshape": _reshape,
     "BusSelector": _bus_selector,
-    "ManualSwitch": lambda reader, node, _: reader.input(node, 1 if node.text("sw", "1") == "1" else 2),
+    "ManualSwitch": lambda reader, node, _: reader.input(
+        node, 1 if node.text("sw", "1") == "1" else 2
+    ),
     "MultiPortSwitch": _multiport_switch,
     "DataStoreRead": _stored,
 }
@@ -290,8 +341,14 @@ def _conditional(reader: Tracer, node: Node, number: int) -> Signal | None:
     if inside is None or condition is None:
         return None
     values, port = reader.output(*inside), reader.network.outport(node, number)
-    start = port.numbers("InitialOutput", "0") if port is not None and port.text("InitialOutput") != "[]" else None
-    other = signal([0.0] if start is None or start.size not in (1, values.size) else map(float, start))
+    start = (
+        port.numbers("InitialOutput", "0")
+        if port is not None and port.text("InitialOutput") != "[]"
+        else None
+    )
+    other = signal(
+        [0.0] if start is None or start.size not in (1, values.size) else map(float, start)
+    )
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
         text = message(
             "simulink.condition_fails",
@@ -314,7 +371,10 @@ def _condition(reader: Tracer, node: Node) -> Value | None:
     texts += [text.strip() for text in block.text("ElseIfExpressions").split(",") if text.strip()]
     inputs = {f"u{place}": one for place, one in enumerate(inputs_of(reader, block, "1"), start=1)}
     tests = [condition_on(block, text, inputs) for text in texts[: min(way, _MOST_WAYS)]]
-    earlier = [joined("not", test) if isinstance(test, Form) else float(not test) for test in tests[: way - 1]]
+    earlier = [
+        joined("not", test) if isinstance(test, Form) else float(not test)
+        for test in tests[: way - 1]
+    ]
     parts = [*earlier, *tests[way - 1 :]]
     return parts[0] if len(parts) == 1 else joined("and", *parts)
 
@@ -329,7 +389,11 @@ def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
         if condition is None or inside is None:
             return None
         values = reader.output(*inside)
-        merged = values if merged is None else mapped(partial(chosen, condition), *fitted(node, values, merged))
+        merged = (
+            values
+            if merged is None
+            else mapped(partial(chosen, condition), *fitted(node, values, merged))
+        )
     return merged
 
 

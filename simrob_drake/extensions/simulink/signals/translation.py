@@ -33,7 +33,12 @@ from simrob_drake.extensions.simulink.signals.forms import (
 from simrob_drake.extensions.simulink.values.code import CodeRun
 from simrob_drake.extensions.simulink.values.elementary import INTEGERS
 from simrob_drake.extensions.simulink.values.evaluate import NUMBERS, Algebra, count, matrix
-from simrob_drake.extensions.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
+from simrob_drake.extensions.simulink.values.syntax import (
+    Expression,
+    NotUnderstood,
+    Statement,
+    lines_of,
+)
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 
 _ENDED = "return"  # where it is kept whether a function has returned
@@ -57,14 +62,23 @@ class Complex(Form):
 
     def __mul__(self, other: Value) -> Value:
         other = other if isinstance(other, Complex) else Complex(other)
-        real, imag = self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
+        real, imag = (
+            self.real * other.real - self.imag * other.imag,
+            self.real * other.imag + self.imag * other.real,
+        )
         return Complex(real, imag)
 
     def __truediv__(self, other: Value) -> Value:
-        return other.__rtruediv__(self) if isinstance(other, Complex) else Complex(self.real / other, self.imag / other)
+        return (
+            other.__rtruediv__(self)
+            if isinstance(other, Complex)
+            else Complex(self.real / other, self.imag / other)
+        )
 
     def __rtruediv__(self, other: Value) -> Value:
-        return other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
+        return (
+            other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
+        )
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -90,7 +104,9 @@ class Translation(CodeRun):
         self._note = note
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
-        self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
+        self._kept: dict[
+            str, Any
+        ] = {}  # persistent variables as they are at a sample; None before they have begun
         self._last: Translation | None = None  # the run of the function that was called last
         super().__init__(*arguments)
         self._workspace = self._outside
@@ -103,14 +119,23 @@ class Translation(CodeRun):
             **dict.fromkeys(("&", "&&"), partial(_both, "and")),
             **dict.fromkeys(("|", "||"), partial(_both, "or")),
             **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
-            **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
+            **{
+                name: partial(self._applied, name)
+                for name in FUNCTIONS
+                if name not in ("min", "max", "pow")
+            },
             **MATH,
-            **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
+            **{
+                f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180)))
+                for name in ("sin", "cos", "tan")
+            },
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
             "real": lambda u: u.real if isinstance(u, Complex) else u,
             "imag": lambda u: u.imag if isinstance(u, Complex) else 0.0,
-            "abs": lambda u: MATH["hypot"](u.real, u.imag) if isinstance(u, Complex) else applied("abs", u),
+            "abs": lambda u: (
+                MATH["hypot"](u.real, u.imag) if isinstance(u, Complex) else applied("abs", u)
+            ),
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
             **{name: partial(whole, name) for name in INTEGERS},
             **self._own,
@@ -163,13 +188,17 @@ class Translation(CodeRun):
         if words[0] == "persistent":
             self._keep(words[1:])
             return
-        waiting = [] if self._within else [name for name, state in self._kept.items() if state is None]
+        waiting = (
+            [] if self._within else [name for name, state in self._kept.items() if state is None]
+        )
         before, self._within = dict(self.variables), self._within or bool(waiting)
         super()._do(line)
         if not waiting:
             return
         self._within = False
-        if begun := {name: self.variables[name] for name in waiting if matrix(self.variables[name]).size}:
+        if begun := {
+            name: self.variables[name] for name in waiting if matrix(self.variables[name]).size
+        }:
             self.variables.clear()
             self._kept |= {name: self._state(name, start) for name, start in begun.items()}
             self.variables.update({**before, **{name: self._kept[name] for name in begun}})
@@ -181,10 +210,17 @@ class Translation(CodeRun):
             why = (
                 message("simulink.function_others_call", "in a function that others call")
                 if self.depth > 1
-                else message("simulink.though_no_sample_time", "though nothing says its sample time")
+                else message(
+                    "simulink.though_no_sample_time", "though nothing says its sample time"
+                )
             )
             raise NotUnderstood(
-                message("simulink.persistent_names", "persistent {names}, {why}", names=" ".join(names), why=why)
+                message(
+                    "simulink.persistent_names",
+                    "persistent {names}, {why}",
+                    names=" ".join(names),
+                    why=why,
+                )
             )
         self._kept |= dict.fromkeys(names)
         self.variables |= {name: np.zeros((0, 0)) for name in names}
@@ -198,7 +234,11 @@ class Translation(CodeRun):
 
     def _store(self, target: Expression, value: Any) -> None:
         if self._declared.intersection(target.parts[:1]):
-            raise NotUnderstood(message("simulink.changes_global", "changes the global {name}", name=target.parts[0]))
+            raise NotUnderstood(
+                message(
+                    "simulink.changes_global", "changes the global {name}", name=target.parts[0]
+                )
+            )
         super()._store(target, value)
 
     def _state(self, name: str, start: Any) -> Any:
@@ -215,7 +255,9 @@ class Translation(CodeRun):
         made = np.empty(array.shape, dtype=object)
         for place, value in np.ndenumerate(array):
             parameters = {"period": self._period, "initial": float(value)}
-            made[place] = Primitive("delay", parameters, partial(self._at_end, name, place)).outputs[0]
+            made[place] = Primitive(
+                "delay", parameters, partial(self._at_end, name, place)
+            ).outputs[0]
         return made
 
     def _took_file(self, text: str) -> bool:
@@ -233,21 +275,32 @@ class Translation(CodeRun):
         for output, value in zip(self.functions[name].outputs, found, strict=True):
             if value is None:
                 raise NotUnderstood(
-                    message("simulink.gives_no_output", "{name} gives no {output}", name=name, output=output)
+                    message(
+                        "simulink.gives_no_output",
+                        "{name} gives no {output}",
+                        name=name,
+                        output=output,
+                    )
                 )
         if (inner := self._last) is None or not inner._kept:
             return found
         for kept, state in inner._kept.items():
             if state is not None and matrix(inner.variables[kept]).shape != state.shape:
                 raise NotUnderstood(
-                    message("simulink.persistent_size", "persistent {kept}, whose size changes", kept=kept)
+                    message(
+                        "simulink.persistent_size",
+                        "persistent {kept}, whose size changes",
+                        kept=kept,
+                    )
                 )
         return [self._held(value) for value in found]
 
     def _held(self, value: Any) -> Any:
         """Return an output of what is sampled."""
         hold = partial(computed, "hold", period=self._period)
-        return mapped(lambda one: hold(one) if isinstance(one, Form) else one, matrix(value).astype(object))
+        return mapped(
+            lambda one: hold(one) if isinstance(one, Form) else one, matrix(value).astype(object)
+        )
 
     def _condition(self, text: str) -> Value:
         condition: Value = 1.0
@@ -255,12 +308,16 @@ class Translation(CodeRun):
             condition = _both("and", condition, one)
         return condition
 
-    def _loop(self, keyword: str, line: str, body: list[Statement], left: int = _MOST_ROUNDS) -> None:
+    def _loop(
+        self, keyword: str, line: str, body: list[Statement], left: int = _MOST_ROUNDS
+    ) -> None:
         """Run a loop; of one whose end signals decide all rounds are translated, one in the other."""
         if keyword == "for":
             super()._loop(keyword, line, body)
             return
-        while (condition := self._condition(line.removeprefix("while"))) and not isinstance(condition, Form):
+        while (condition := self._condition(line.removeprefix("while"))) and not isinstance(
+            condition, Form
+        ):
             self._block(body)
             self._count()
         if isinstance(condition, Form) and not left:
@@ -328,12 +385,16 @@ def _power(base: Value, exponent: Value, guarded: Callable[[Value], Value]) -> V
     return result
 
 
-def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]) -> Callable[..., Any]:
+def _on_symbols(
+    numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]
+) -> Callable[..., Any]:
     """Return a function of matrices: numeric where all are of numbers, if there is one, else element by element."""
 
     def function(*arrays: Any) -> Any:
         values = [matrix(array) for array in arrays]
-        if numeric is not None and not any(isinstance(one, Form) for array in values for one in array.flat):
+        if numeric is not None and not any(
+            isinstance(one, Form) for array in values for one in array.flat
+        ):
             return numeric(*(array.astype(float) for array in values))
         return mapped(symbolic, *(array.astype(object) for array in values))
 
@@ -346,7 +407,11 @@ def _norm(array: Any, kind: Any = 2) -> Any:
         return NUMBERS["norm"](array, kind)
     if count(kind) != 2:
         raise NotUnderstood(message("simulink.other_norm", "a norm that is not the second"))
-    return matrix(signal([applied("sqrt", sum((one * one for one in flat(values.astype(object))), start=0.0))]))
+    return matrix(
+        signal(
+            [applied("sqrt", sum((one * one for one in flat(values.astype(object))), start=0.0))]
+        )
+    )
 
 
 def _inverse(array: Any) -> Any:
@@ -356,7 +421,9 @@ def _inverse(array: Any) -> Any:
     if (found := inverse(values.astype(object))) is None:
         raise NotUnderstood(
             message(
-                "simulink.inverse_of_signals", "the inverse of {size} signals", size=" x ".join(map(str, values.shape))
+                "simulink.inverse_of_signals",
+                "the inverse of {size} signals",
+                size=" x ".join(map(str, values.shape)),
             )
         )
     return found
@@ -364,7 +431,9 @@ def _inverse(array: Any) -> Any:
 
 def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any:
     if second is not None and matrix(second).size:
-        return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
+        return mapped(
+            partial(applied, name), matrix(first).astype(object), matrix(second).astype(object)
+        )
     values = matrix(first).astype(object)
     if axis is not None or 1 not in values.shape:
         raise NotUnderstood(message("simulink.of_a_matrix", "{name} of a matrix", name=name))
@@ -374,15 +443,26 @@ def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any
 def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:
     if matrix(points).dtype == object or matrix(values).dtype == object or method != "linear":
         raise NotUnderstood(
-            message("simulink.interp1_by", "interp1 by {method}, or of a table that changes", method=method)
+            message(
+                "simulink.interp1_by",
+                "interp1 by {method}, or of a table that changes",
+                method=method,
+            )
         )
-    return mapped(lambda u: looked_up(u, matrix(points), matrix(values), clip=False), matrix(at).astype(object))
+    return mapped(
+        lambda u: looked_up(u, matrix(points), matrix(values), clip=False),
+        matrix(at).astype(object),
+    )
 
 
 def _merged(condition: Value, yes: Any, no: Any) -> Any:
     if isinstance(yes, str | dict) or isinstance(no, str | dict):
-        raise NotUnderstood(message("simulink.conditional_text", "a text or structure that depends on a condition"))
+        raise NotUnderstood(
+            message("simulink.conditional_text", "a text or structure that depends on a condition")
+        )
     first, second = matrix(yes), matrix(no)
     if first.shape != second.shape:
-        raise NotUnderstood(message("simulink.conditional_size", "a matrix whose size depends on a condition"))
+        raise NotUnderstood(
+            message("simulink.conditional_size", "a matrix whose size depends on a condition")
+        )
     return mapped(partial(chosen, condition), first.astype(object), second.astype(object))

@@ -48,7 +48,9 @@ def legal(name: str) -> str:
     parts = ""
     for part in name.split("."):
         if part.isdecimal() and parts:
-            parts = f"{parts.removesuffix(']')}{',' if parts.endswith(']') else '['}{int(part) + 1}]"
+            parts = (
+                f"{parts.removesuffix(']')}{',' if parts.endswith(']') else '['}{int(part) + 1}]"
+            )
         else:
             plain = re.fullmatch(r"[A-Za-z_]\w*", part, re.ASCII)
             own = part if plain else f"'{re.sub(_ODD, lambda found: f'u{ord(found[0]):x}', part)}'"
@@ -71,17 +73,25 @@ def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
     found: dict[str, dict[int, tuple[str, str]]] = {}
     for signal in ports.outputs.signals:
         port = signal.output or signal.names[0].rpartition(".")[0]
-        names = [port if name == port else f"{port}.{name.rpartition('.')[2]}" for name in signal.names]
+        names = [
+            port if name == port else f"{port}.{name.rpartition('.')[2]}" for name in signal.names
+        ]
         places = signal.entries or range(len(names))
-        found.setdefault(port, {}).update(zip(places, zip(names, signal.units, strict=True), strict=True))
+        found.setdefault(port, {}).update(
+            zip(places, zip(names, signal.units, strict=True), strict=True)
+        )
     for robot in ports.plant.robots.values():
         for suffix, text in (("reference_velocity", "{0.si}/s"), ("feedforward", "{0.effort}")):
             port, units = f"{robot.prefix}{suffix}", map(text.format, robot.model.units)
-            found[port] = dict(enumerate(zip((f"{port}.{axis}" for axis in robot.axes), units, strict=True)))
+            found[port] = dict(
+                enumerate(zip((f"{port}.{axis}" for axis in robot.axes), units, strict=True))
+            )
     return found
 
 
-def _of_ports(ports: Mapping[str, Any], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
+def _of_ports(
+    ports: Mapping[str, Any], named: Mapping[str, Mapping[int, tuple[str, str]]]
+) -> dict[str, Element]:
     return {
         legal(name): Element(legal(name), port, place, unit)
         for port, own in ports.items()
@@ -96,8 +106,17 @@ def _undeclared(port: str, size: int) -> dict[int, tuple[str, str]]:
     return {place: (port if size == 1 else f"{port}.{place}", "1") for place in range(size)}
 
 
-_GAINS = {"kp": "{effort}/{si}", "ki": "{effort}/({si}·s)", "kd": "{effort}·s/{si}", "torque_limit": "{effort}"}
-_OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}  # gains and their units
+_GAINS = {
+    "kp": "{effort}/{si}",
+    "ki": "{effort}/({si}·s)",
+    "kd": "{effort}·s/{si}",
+    "torque_limit": "{effort}",
+}
+_OF_COMPUTED_TORQUE = {
+    "kp": "1/s²",
+    "kd": "1/s",
+    "torque_limit": "{effort}",
+}  # gains and their units
 _SECTIONS = ("forces", "controllers", "contact", "floor")  # sections whose numbers are parameters
 _LONGEST = 9  # entries that a list of such numbers has
 
@@ -154,7 +173,11 @@ def _servo_by_axis(config: StationConfig, robot: str) -> dict[str, Any]:
     resolved = resolve(config).robots[robot]
     gains, axes = resolved.gains, resolved.axes
     by_axis = {
-        gain: {axis: value for axis, value in zip(axes, getattr(gains, gain).tolist(), strict=True) if value < math.inf}
+        gain: {
+            axis: value
+            for axis, value in zip(axes, getattr(gains, gain).tolist(), strict=True)
+            if value < math.inf
+        }
         for gain in _units(config, robot)
     }
     return config.servo_of(robot).model_dump(mode="json", exclude_none=True) | by_axis
@@ -162,11 +185,17 @@ def _servo_by_axis(config: StationConfig, robot: str) -> dict[str, Any]:
 
 def _of_robot(config: StationConfig, robot: ResolvedRobot) -> Iterator[Parameter]:
     for gain, unit in _units(config, robot.name).items():
-        for axis, known, value in zip(robot.axes, robot.model.units, getattr(robot.gains, gain), strict=True):
+        for axis, known, value in zip(
+            robot.axes, robot.model.units, getattr(robot.gains, gain), strict=True
+        ):
             way = ("robots", robot.name, "servo", gain, axis)
-            yield from _numbers(float(value), way, unit.format(effort=known.effort, si=known.si), robot.prefix)
+            yield from _numbers(
+                float(value), way, unit.format(effort=known.effort, si=known.si), robot.prefix
+            )
     stated = config.robots[robot.name].mass_factors
-    for link in (name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0):
+    for link in (
+        name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0
+    ):
         to_link = ("robots", robot.name, "mass_factors", link)
         yield from _numbers(float(stated.get(link, 1.0)), to_link, "1", robot.prefix)
 
@@ -176,7 +205,11 @@ def _numbers(value: Any, way: tuple[str, ...], unit: str, prefix: str = "") -> I
     if isinstance(value, Strict):
         texts = field_texts(type(value))
         for field, info in type(value).model_fields.items():
-            yield from _numbers(getattr(value, field), (*way, info.alias or field), _unit(field, texts.get(field, "")))
+            yield from _numbers(
+                getattr(value, field),
+                (*way, info.alias or field),
+                _unit(field, texts.get(field, "")),
+            )
     elif isinstance(value, Mapping):
         for key, inner in value.items():
             if "." not in str(key):

@@ -73,7 +73,9 @@ def _described(station: SteppedStation) -> dict[str, Any]:
 def _step(station: SteppedStation, request: Request) -> None:
     if request.dt is None:
         raise InvalidParameter(
-            message("simulink.request_dt", "request: dt"), None, message("simulink.a_time", "a time [s]")
+            message("simulink.request_dt", "request: dt"),
+            None,
+            message("simulink.a_time", "a time [s]"),
         )
     if request.inputs is not None:
         values = request.inputs if isinstance(request.inputs, list) else [request.inputs]
@@ -97,8 +99,16 @@ class _Handler(socketserver.StreamRequestHandler):
     def handle(self) -> None:
         server = cast(StationServer, self.server)
         with suppress(OSError):  # the client went
-            if not hmac.compare_digest(self.rfile.readline(_LONGEST).strip(), server.token.encode()):
-                self._tell({"error": message("simulink.no_token", "the first line is not the token of this server")})
+            if not hmac.compare_digest(
+                self.rfile.readline(_LONGEST).strip(), server.token.encode()
+            ):
+                self._tell(
+                    {
+                        "error": message(
+                            "simulink.no_token", "the first line is not the token of this server"
+                        )
+                    }
+                )
             elif not server.free.acquire(blocking=False):
                 self._tell(
                     {
@@ -150,7 +160,12 @@ class StationServer(socketserver.ThreadingTCPServer):
     allow_reuse_address = daemon_threads = True
 
     def __init__(
-        self, config: StationConfig, *, host: str = LOCAL, port: int | None = None, token: str | None = None
+        self,
+        config: StationConfig,
+        *,
+        host: str = LOCAL,
+        port: int | None = None,
+        token: str | None = None,
     ) -> None:
         """Listen; ``serve_forever`` then answers.
 

@@ -10,7 +10,11 @@ from simrob_drake import apply_solver, build_station
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.extensions.simulink.stepping.parameters import elements, parameters_of, with_parameters
+from simrob_drake.extensions.simulink.stepping.parameters import (
+    elements,
+    parameters_of,
+    with_parameters,
+)
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
@@ -43,7 +47,9 @@ class SteppedStation:
             raise InvalidParameter(
                 "mode",
                 "kinematic",
-                message("simulink.dynamic_only", "dynamic: a kinematic station has no motion of its own"),
+                message(
+                    "simulink.dynamic_only", "dynamic: a kinematic station has no motion of its own"
+                ),
             )
         self.parameters = parameters_of(self.config)
         self.reset()
@@ -64,7 +70,9 @@ class SteppedStation:
         self._build(config)
 
     def _with(self, parameters: Mapping[str, float]) -> StationConfig:
-        return with_parameters(self.config, {self.parameters[name]: value for name, value in parameters.items()})
+        return with_parameters(
+            self.config, {self.parameters[name]: value for name, value in parameters.items()}
+        )
 
     def _build(self, config: StationConfig) -> None:
         self._diagram = build_station(config)
@@ -75,9 +83,16 @@ class SteppedStation:
         self._context = self._simulator.get_mutable_context()
         begun = State.at_start_of(config)
         robots = ports.plant.robots.values()
-        references = {robot.name: robot.initial for robot in robots} | (begun.references if begun else {})
-        starts = {f"{robot.prefix}reference": np.array(references[robot.name], dtype=float) for robot in robots}
-        self._inputs = {name: starts.get(name, np.zeros(port.size())) for name, port in ports.inputs.items()}
+        references = {robot.name: robot.initial for robot in robots} | (
+            begun.references if begun else {}
+        )
+        starts = {
+            f"{robot.prefix}reference": np.array(references[robot.name], dtype=float)
+            for robot in robots
+        }
+        self._inputs = {
+            name: starts.get(name, np.zeros(port.size())) for name, port in ports.inputs.items()
+        }
         self._fixed = {
             name: self._diagram.GetInputPort(name).FixValue(self._context, values)
             for name, values in self._inputs.items()
@@ -115,7 +130,9 @@ class SteppedStation:
             return float(self._inputs[element.port][element.index])
         if name not in self.outputs:
             raise UnknownName(
-                message("simulink.variable", "variable"), name, [*self.inputs, *self.outputs, *self.parameters]
+                message("simulink.variable", "variable"),
+                name,
+                [*self.inputs, *self.outputs, *self.parameters],
             )
         element = self.outputs[name]
         if element.port not in self._values:
@@ -131,12 +148,16 @@ class SteppedStation:
         """
         if name not in self.inputs and name not in self.parameters:
             raise UnknownName(
-                message("simulink.input_or_parameter", "input or parameter"), name, [*self.inputs, *self.parameters]
+                message("simulink.input_or_parameter", "input or parameter"),
+                name,
+                [*self.inputs, *self.parameters],
             )
         if not np.isfinite(value):
             unit = self.inputs[name].unit if name in self.inputs else self.parameters[name].unit
             raise InvalidParameter(
-                name, value, message("simulink.finite_number_in", "a finite number [{unit}]", unit=unit)
+                name,
+                value,
+                message("simulink.finite_number_in", "a finite number [{unit}]", unit=unit),
             )
         if name in self.inputs:
             self._held[name] = value
@@ -146,7 +167,10 @@ class SteppedStation:
             raise InvalidParameter(
                 name,
                 value,
-                message("simulink.before_first_step", "set before the first step: parameters stay as they are then"),
+                message(
+                    "simulink.before_first_step",
+                    "set before the first step: parameters stay as they are then",
+                ),
             )
         else:
             self._changed[name] = value
@@ -155,7 +179,9 @@ class SteppedStation:
     def _hold(self, name: str, value: float) -> None:
         element = self.inputs[name]
         self._inputs[element.port][element.index] = value
-        self._fixed[element.port].GetMutableData().get_mutable_value().SetAtIndex(element.index, value)
+        self._fixed[element.port].GetMutableData().get_mutable_value().SetAtIndex(
+            element.index, value
+        )
         self._values.clear()
 
     def advance(self, time: float) -> None:
@@ -169,7 +195,10 @@ class SteppedStation:
         if self.stopped:
             raise StepFailed(
                 message(
-                    "simulink.was_ended", "{station} was ended: {reason}", station=self.config.name, reason=self.stopped
+                    "simulink.was_ended",
+                    "{station} was ended: {reason}",
+                    station=self.config.name,
+                    reason=self.stopped,
                 )
             )
         self._values.clear()
@@ -178,7 +207,10 @@ class SteppedStation:
                 self._simulator.Initialize()
                 self._begun = True
             status = self._simulator.AdvanceTo(time)
-        except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+        except (
+            RuntimeError,
+            SystemExit,
+        ) as problem:  # Drake's failed assertions come as SystemExit
             sentence = " ".join(str(problem).split()).split(". ")[0][:200]
             raise StepFailed(
                 message(
@@ -235,17 +267,22 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
         InvalidParameter: a step that is not positive, or servos that yield to forces or are no PID.
     """
     if not 0 < step <= 0.1:
-        raise InvalidParameter("--step", step, message("simulink.time_at_most", "a time of at most 0.1 s"))
+        raise InvalidParameter(
+            "--step", step, message("simulink.time_at_most", "a time of at most 0.1 s")
+        )
     servos = [config.servo_of(robot) for robot in config.robots]
     if any(servo.admittance_gain or servo.law != "pid" for servo in servos):
         expected = message(
-            "simulink.yielding_servos", "servos that yield, or whose law is not pid, cannot be stepped at a fixed rate"
+            "simulink.yielding_servos",
+            "servos that yield, or whose law is not pid, cannot be stepped at a fixed rate",
         )
         raise Unsuitable("--step", expected)
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     implicit = {"realization": "implicit"}
     robots = {
-        name: robot.model_copy(update={"servo": robot.servo and robot.servo.model_copy(update=implicit)})
+        name: robot.model_copy(
+            update={"servo": robot.servo and robot.servo.model_copy(update=implicit)}
+        )
         for name, robot in config.robots.items()
     }
     servo = config.servo.model_copy(update=implicit)

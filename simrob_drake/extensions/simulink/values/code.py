@@ -42,7 +42,9 @@ MOST_STEPS = 20_000  # statements of one piece of code
 
 _TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)(?:((?:\.[A-Za-z]\w*)+)\s*|[^=]*)=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
-_FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
+_FILE = re.compile(
+    r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?"""
+)
 _FARTHEST = 100_000  # place to which an assignment makes a matrix grow
 _MOST_CALLS = 50
 _HERE = "(this block)"
@@ -89,7 +91,9 @@ class CodeRun(Evaluator):
         text = self._parameter
         own: dict[str, Callable[..., Any]] = {
             **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
-            "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
+            "Simulink": lambda: {
+                "Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}
+            },
             **{name: partial(self._first_of, name) for name in self.functions},
         }
         super().__init__(lookup, {**self.algebra(), **own})
@@ -106,7 +110,8 @@ class CodeRun(Evaluator):
     def _lookup(self, name: str) -> Any:
         if name in self.unknown:
             raise UndefinedVariable(
-                name, message("simulink.set_by_mask_code", "it is set by mask code outside the subset")
+                name,
+                message("simulink.set_by_mask_code", "it is set by mask code outside the subset"),
             )
         return self.variables[name] if name in self.variables else super()._lookup(name)
 
@@ -118,7 +123,11 @@ class CodeRun(Evaluator):
         """Take in a function of this name that is known, or that a file has, unless it is in use."""
         if name in self._algebra or name in self.unknown:
             return False
-        if name not in self.functions and self._files is not None and len(self.functions) <= _MOST_CALLS:
+        if (
+            name not in self.functions
+            and self._files is not None
+            and len(self.functions) <= _MOST_CALLS
+        ):
             self._learn(self._files.script(name))
         if name in self.functions:
             self._algebra = {**self._algebra, name: partial(self._first_of, name)}
@@ -144,14 +153,17 @@ class CodeRun(Evaluator):
         if name.startswith("value@"):
             return self._lookup(name.removeprefix("value@"))
         if name not in self._texts:
-            raise NotUnderstood(message("simulink.get_param_of", "get_param of {name}", name=name[:40]))
+            raise NotUnderstood(
+                message("simulink.get_param_of", "get_param of {name}", name=name[:40])
+            )
         return self._texts[name]
 
     def _first_of(self, name: str, *arguments: Any) -> Any:
         (first, *_) = self.called(name, list(arguments)) or [None]
         if first is None:
             raise UndefinedVariable(
-                name, message("simulink.unknown_script", "what {name}.m gives is not known", name=name)
+                name,
+                message("simulink.unknown_script", "what {name}.m gives is not known", name=name),
             )
         return first
 
@@ -168,8 +180,13 @@ class CodeRun(Evaluator):
         """
         function = self.functions[name]
         if self.depth > _MOST_CALLS:
-            raise NotUnderstood(message("simulink.calls_itself", "{function} calls itself", function=function.name))
-        arguments_in = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
+            raise NotUnderstood(
+                message("simulink.calls_itself", "{function} calls itself", function=function.name)
+            )
+        arguments_in = {
+            "nargin": matrix(len(arguments)),
+            **dict(zip(function.inputs, arguments, strict=False)),
+        }
         if function.inputs[-1:] == ["varargin"]:
             arguments_in["varargin"] = arguments[len(function.inputs) - 1 :]
         inner = self._inner(arguments_in)
@@ -193,7 +210,11 @@ class CodeRun(Evaluator):
         self._steps += 1
         if self._steps > MOST_STEPS:
             raise NotUnderstood(
-                message("simulink.too_many_statements", "runs for more than {most} statements", most=MOST_STEPS)
+                message(
+                    "simulink.too_many_statements",
+                    "runs for more than {most} statements",
+                    most=MOST_STEPS,
+                )
             )
 
     def _do(self, line: Statement) -> None:
@@ -222,7 +243,11 @@ class CodeRun(Evaluator):
         match parse(text):
             case ("call", (("name", ("eval",)), (code,))):
                 if self.depth > _MOST_CALLS:
-                    raise NotUnderstood(message("simulink.code_without_end", "makes code that makes code without end"))
+                    raise NotUnderstood(
+                        message(
+                            "simulink.code_without_end", "makes code that makes code without end"
+                        )
+                    )
                 self.depth += 1
                 self._block(statements(str(self.evaluated(code))))
                 self.depth -= 1
@@ -237,7 +262,11 @@ class CodeRun(Evaluator):
     def _set(self, block: Any, *pairs: Any) -> None:
         """Note parameters that a statement sets of blocks within that of the code."""
         if isinstance(block, str) and block.startswith(f"{_HERE}/"):
-            texts = {name: value for name, value in zip(pairs[::2], pairs[1::2], strict=True) if isinstance(value, str)}
+            texts = {
+                name: value
+                for name, value in zip(pairs[::2], pairs[1::2], strict=True)
+                if isinstance(value, str)
+            }
             self.settings.setdefault(block.removeprefix(f"{_HERE}/"), {}).update(texts)
 
     def _loop(self, keyword: str, line: str, body: list[Statement]) -> None:
@@ -283,7 +312,12 @@ class CodeRun(Evaluator):
                 self._pass_over(
                     f"{name} =",
                     NotUnderstood(
-                        message("simulink.gives_no_name", "{text} gives no {name}", text=right[:40], name=name)
+                        message(
+                            "simulink.gives_no_name",
+                            "{text} gives no {name}",
+                            text=right[:40],
+                            name=name,
+                        )
                     ),
                 )
             elif name != "~":
@@ -296,7 +330,9 @@ class CodeRun(Evaluator):
         if name in self.functions or self.find(name):
             return self.called(name, values)
         if name not in SEVERAL:
-            raise NotUnderstood(message("simulink.several_outputs", "several outputs of {name}", name=name))
+            raise NotUnderstood(
+                message("simulink.several_outputs", "several outputs of {name}", name=name)
+            )
         return SEVERAL[name](*values)
 
     def _store(self, target: Expression, value: Any) -> None:
@@ -313,7 +349,10 @@ class CodeRun(Evaluator):
                 self._store(owner, self._changed(self._known(owner), index, value))
             case _:
                 raise NotUnderstood(
-                    message("simulink.assigns_to_nothing", "assigns to what is no name, field or element")
+                    message(
+                        "simulink.assigns_to_nothing",
+                        "assigns to what is no name, field or element",
+                    )
                 )
 
     def _known(self, target: Expression, *, outside: bool = False) -> Any:
@@ -328,7 +367,13 @@ class CodeRun(Evaluator):
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
         """Return a matrix, cells or structures with what is at an index replaced; they grow to it."""
         if isinstance(known, dict | list) or isinstance(value, str | dict | list):
-            several = list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []
+            several = (
+                list(known)
+                if isinstance(known, list)
+                else [known]
+                if isinstance(known, dict)
+                else []
+            )
             place = int(self._places(index[-1], len(several))[0])
             several += [{} for _ in range(place + 1 - len(several))]
             several[place] = value
@@ -336,7 +381,9 @@ class CodeRun(Evaluator):
         array = np.zeros((0, 0)) if known is None else matrix(known)
         sizes = [array.size] if len(index) == 1 else list(array.shape)
         ways = zip(zip(index, sizes, strict=True), matrix(value).shape, strict=False)
-        places = [self._places(node, size or (node.kind == "colon") * own) for (node, size), own in ways]  # as it gets
+        places = [
+            self._places(node, size or (node.kind == "colon") * own) for (node, size), own in ways
+        ]  # as it gets
         both = np.result_type(array, matrix(value))
         if len(places) == 1:
             flat = array.reshape(-1, order="F")
@@ -345,8 +392,15 @@ class CodeRun(Evaluator):
             grown[places[0]] = matrix(value).reshape(-1, order="F")
             if grown.size == array.size:
                 return grown.reshape(array.shape, order="F")
-            return grown.reshape(-1, 1) if array.shape[1:] == (1,) and array.shape[0] > 1 else grown.reshape(1, -1)
-        grown = np.zeros([max(size, int(one.max()) + 1) for size, one in zip(sizes, places, strict=True)], dtype=both)
+            return (
+                grown.reshape(-1, 1)
+                if array.shape[1:] == (1,) and array.shape[0] > 1
+                else grown.reshape(1, -1)
+            )
+        grown = np.zeros(
+            [max(size, int(one.max()) + 1) for size, one in zip(sizes, places, strict=True)],
+            dtype=both,
+        )
         grown[: array.shape[0], : array.shape[1]] = array
         grown[np.ix_(*places)] = matrix(value)
         return grown
@@ -356,14 +410,18 @@ class CodeRun(Evaluator):
             return np.arange(size)
         places = self._at(node, size).reshape(-1).astype(int) - 1
         if places.size == 0 or places.min() < 0 or places.max() > _FARTHEST:
-            raise NotUnderstood(message("simulink.impossible_index", "has an index that no matrix has"))
+            raise NotUnderstood(
+                message("simulink.impossible_index", "has an index that no matrix has")
+            )
         return places
 
     def _switch(self, parts: list[tuple[str, list[Statement]]]) -> None:
         (head, _), *ways = parts
         subject, tests = head.removeprefix("switch").strip(), []
         for words, body in ways:
-            choices = words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
+            choices = (
+                words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
+            )
             test = "if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices)
             tests.append(("else" if words.startswith("otherwise") else test, body))
         self._choose(tests)

@@ -13,7 +13,13 @@ import numpy as np
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.elementary import CONSTANTS, EACH
-from simrob_drake.extensions.simulink.values.growth import LARGEST, Budget, check_growth, check_size, count_entries
+from simrob_drake.extensions.simulink.values.growth import (
+    LARGEST,
+    Budget,
+    check_growth,
+    check_size,
+    count_entries,
+)
 from simrob_drake.extensions.simulink.values.syntax import Expression, NotUnderstood, written
 from simrob_drake.extensions.simulink.values.systems import SYSTEMS
 
@@ -24,14 +30,24 @@ _MOST_SIGNAL_PRODUCTS = 30_000
 def matrix(value: Any) -> Vector:
     """Return a value as a matrix of shape (r, c) (raises NotUnderstood: it is no number, or too large)."""
     if isinstance(value, str):
-        raise NotUnderstood(message("simulink.text_as_number", "uses the text '{text}' as a number", text=value[:20]))
+        raise NotUnderstood(
+            message(
+                "simulink.text_as_number", "uses the text '{text}' as a number", text=value[:20]
+            )
+        )
     if isinstance(value, dict | list):
         raise NotUnderstood(message("simulink.structure_as_number", "uses a structure as a number"))
-    symbolic = isinstance(value, np.ndarray) and value.dtype == object and all(map(_is_value, value.flat))
+    symbolic = (
+        isinstance(value, np.ndarray) and value.dtype == object and all(map(_is_value, value.flat))
+    )
     array = np.atleast_2d(value if symbolic else np.asarray(value, dtype=float))
     if array.size > LARGEST:
         raise NotUnderstood(
-            message("simulink.matrix_too_large", "makes a matrix of more than {largest} elements", largest=LARGEST)
+            message(
+                "simulink.matrix_too_large",
+                "makes a matrix of more than {largest} elements",
+                largest=LARGEST,
+            )
         )
     return array
 
@@ -60,17 +76,26 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     sizes = [count(number) for argument in arguments for number in matrix(argument).reshape(-1)]
     if not sizes:
         return 1, 1
-    rows, columns = sizes[0], math.prod(sizes[1:]) if sizes[1:] else sizes[0]  # further dimensions lie side by side
+    rows, columns = (
+        sizes[0],
+        math.prod(sizes[1:]) if sizes[1:] else sizes[0],
+    )  # further dimensions lie side by side
     if rows * columns > LARGEST:
         raise NotUnderstood(
-            message("simulink.matrix_too_large", "makes a matrix of more than {largest} elements", largest=LARGEST)
+            message(
+                "simulink.matrix_too_large",
+                "makes a matrix of more than {largest} elements",
+                largest=LARGEST,
+            )
         )
     return rows, columns
 
 
 def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None, **options: bool) -> Vector:
     """Do something with a matrix down the columns, or along the only row, as MATLAB does."""
-    return matrix(reduce(matrix(value), axis=count(axis) - 1 if axis is not None else _way(value), **options))
+    return matrix(
+        reduce(matrix(value), axis=count(axis) - 1 if axis is not None else _way(value), **options)
+    )
 
 
 def _way(value: Any) -> int:
@@ -113,27 +138,51 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
-    "diag": lambda a: np.diag(matrix(a).reshape(-1)) if 1 in matrix(a).shape else matrix(np.diag(matrix(a))).T,
-    **{name: partial(_along, getattr(np, name), keepdims=True) for name in ("sum", "prod", "mean", "any", "all")},
+    "diag": lambda a: (
+        np.diag(matrix(a).reshape(-1)) if 1 in matrix(a).shape else matrix(np.diag(matrix(a))).T
+    ),
+    **{
+        name: partial(_along, getattr(np, name), keepdims=True)
+        for name in ("sum", "prod", "mean", "any", "all")
+    },
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
     **{name: partial(_along, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
-    "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
+    "norm": lambda u, p=2: np.linalg.norm(
+        matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None
+    ),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
-    "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
-    **{name: _of_matrices(getattr(np, name)) for name in ("kron", "trace", "transpose", "fliplr", "flipud")},
+    "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(
+        matrix(a).shape
+    ),
+    **{
+        name: _of_matrices(getattr(np, name))
+        for name in ("kron", "trace", "transpose", "fliplr", "flipud")
+    },
     **{name: _of_matrices(getattr(np.linalg, name)) for name in ("det", "inv")},
-    "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
-    "linspace": lambda start, stop, n=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(np.floor(n))),
+    "interp1": lambda x, y, at: np.interp(
+        matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan
+    ),
+    "linspace": lambda start, stop, n=100: np.linspace(
+        matrix(start)[0, 0], matrix(stop)[0, 0], count(np.floor(n))
+    ),
     "unique": _unique,
     "repmat": _repmat,
-    "reshape": lambda a, *to: matrix(a).reshape(_shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"),
-    "size": lambda u, axis=None: matrix(matrix(u).shape if axis is None else matrix(u).shape[count(axis) - 1]),
+    "reshape": lambda a, *to: matrix(a).reshape(
+        _shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"
+    ),
+    "size": lambda u, axis=None: matrix(
+        matrix(u).shape if axis is None else matrix(u).shape[count(axis) - 1]
+    ),
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
-    "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
-    "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
+    "length": lambda value: (
+        len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape)
+    ),
+    "isempty": lambda value: float(
+        not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)
+    ),
     "isscalar": lambda value: float(np.size(value) == 1),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
     "ischar": lambda value: float(isinstance(value, str)),
@@ -141,7 +190,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "iscell": lambda value: float(isinstance(value, list)),
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
     "find": lambda value, most=1e9: np.reshape(
-        np.flatnonzero(matrix(value).T)[: int(np.max(most))] + 1, (1, -1) if _way(value) else (-1, 1)
+        np.flatnonzero(matrix(value).T)[: int(np.max(most))] + 1,
+        (1, -1) if _way(value) else (-1, 1),
     ),
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
@@ -150,7 +200,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "char": lambda value: value[0] if isinstance(value, list) else value,
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
-    "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
+    "num2str": lambda value: (
+        value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}"
+    ),
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }
 """By their names in MATLAB."""
@@ -204,13 +256,26 @@ class Evaluator:
         try:
             return self._of(node)
         except MemoryError as problem:
-            raise NotUnderstood(message("simulink.needs_more_memory", "needs more memory than there is")) from problem
-        except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
+            raise NotUnderstood(
+                message("simulink.needs_more_memory", "needs more memory than there is")
+            ) from problem
+        except (
+            ValueError,
+            ArithmeticError,
+            IndexError,
+            TypeError,
+            RecursionError,
+            np.linalg.LinAlgError,
+        ) as problem:
             raised = (
                 problem
                 if isinstance(problem, NotUnderstood)
                 else NotUnderstood(
-                    message("simulink.cannot_be_computed", "cannot be computed: {problem}", problem=problem)
+                    message(
+                        "simulink.cannot_be_computed",
+                        "cannot be computed: {problem}",
+                        problem=problem,
+                    )
                 )
             )
             raise raised from problem
@@ -235,7 +300,9 @@ class Evaluator:
             case ("end", ()) if self._ends:
                 return matrix(self._ends[-1])
             case ("end" | "colon", ()):
-                raise NotUnderstood(message("simulink.end_outside_index", "has an 'end' or a ':' outside an index"))
+                raise NotUnderstood(
+                    message("simulink.end_outside_index", "has an 'end' or a ':' outside an index")
+                )
         return getattr(self, f"_{node.kind}")(*node.parts)
 
     def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
@@ -251,7 +318,9 @@ class Evaluator:
         except TypeError as problem:
             if values:
                 raise
-            raise UndefinedVariable(name) from problem  # a variable whose name is a function's, too, as tf
+            raise UndefinedVariable(
+                name
+            ) from problem  # a variable whose name is a function's, too, as tf
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
@@ -268,7 +337,10 @@ class Evaluator:
         if isinstance(value, dict | list):
             several: list[Any] = value if isinstance(value, list) else [value]
             if len(arguments) == 2 and isinstance(several[0], list):
-                several, arguments = several[int(self._index(arguments[0], len(several)).flat[0])], arguments[1:]
+                several, arguments = (
+                    several[int(self._index(arguments[0], len(several)).flat[0])],
+                    arguments[1:],
+                )
             places = [self._index(argument, len(several)) for argument in arguments]
             return several[int(max((place.reshape(-1)[0] for place in places), default=0))]
         return self._indexed(matrix(value), arguments)
@@ -284,7 +356,11 @@ class Evaluator:
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
         if len(arguments) != 2:
             raise NotUnderstood(
-                message("simulink.index_dimensions", "has an index of {count} dimensions", count=len(arguments))
+                message(
+                    "simulink.index_dimensions",
+                    "has an index of {count} dimensions",
+                    count=len(arguments),
+                )
             )
         places = [self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True)]
         self._budget.spend(check_size(math.prod(map(len, places))))
@@ -333,11 +409,18 @@ class Evaluator:
         return value[name]
 
     def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
-        first, last, by = (1.0 if end is None else float(matrix(self._of(end))[0, 0]) for end in (start, stop, step))
+        first, last, by = (
+            1.0 if end is None else float(matrix(self._of(end))[0, 0])
+            for end in (start, stop, step)
+        )
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
         if not steps < LARGEST:
             raise NotUnderstood(
-                message("simulink.range_too_large", "makes a range of more than {largest} elements", largest=LARGEST)
+                message(
+                    "simulink.range_too_large",
+                    "makes a range of more than {largest} elements",
+                    largest=LARGEST,
+                )
             )
         return matrix(first + by * np.arange(max(int(steps) + 1, 0)))
 
@@ -357,7 +440,9 @@ class Evaluator:
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
         values = [[self._of(node) for node in row] for row in rows]
         self._budget.spend(sum(count_entries(value) for row in values for value in row))
-        return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
+        return (
+            values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
+        )
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
         value = matrix(self._of(operand))
@@ -391,13 +476,21 @@ class Evaluator:
                 )
             )
         if operator in ("/", "\\"):  # A \\ B is (B' / A')'
-            return self._quotient(first, second) if operator == "/" else self._quotient(second.T, first.T).T
+            return (
+                self._quotient(first, second)
+                if operator == "/"
+                else self._quotient(second.T, first.T).T
+            )
         with np.errstate(all="ignore"):
             if operator in each:
                 return matrix(each[operator](first, second))
             if operator == "*":
                 return matrix(each[".*"](first, second) if lone else first @ second)
-            return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
+            return matrix(
+                each[".^"](first, second)
+                if lone
+                else np.linalg.matrix_power(first, int(second[0, 0]))
+            )
 
     @np.errstate(all="ignore")
     def _quotient(self, first: Vector, second: Vector) -> Vector:

@@ -219,5 +219,9 @@ class Budget:
         self._elements_left -= elements
         if self._elements_left < 0:
             raise NotUnderstood(
-                message("simulink.elements_in_all", "makes more than {most:.3g} elements in all", most=MOST_ELEMENTS)
+                message(
+                    "simulink.elements_in_all",
+                    "makes more than {most:.3g} elements in all",
+                    most=MOST_ELEMENTS,
+                )
             )

@@ -48,9 +48,19 @@ class _Scan:
 
     def __init__(self, file: bytes) -> None:
         mark = file[_HEADER - 2 : _HEADER]
-        self._order, self._room, self._elements = "<" if mark == _VERSION_5[0] else ">", LARGEST, _MOST_ELEMENTS
-        for kind, content in self._elements_of(memoryview(file)[_HEADER:]) if mark in _VERSION_5 else ():
-            packed = self._elements_of(memoryview(self._inflated(content))) if kind == _COMPRESSED else ()
+        self._order, self._room, self._elements = (
+            "<" if mark == _VERSION_5[0] else ">",
+            LARGEST,
+            _MOST_ELEMENTS,
+        )
+        for kind, content in (
+            self._elements_of(memoryview(file)[_HEADER:]) if mark in _VERSION_5 else ()
+        ):
+            packed = (
+                self._elements_of(memoryview(self._inflated(content)))
+                if kind == _COMPRESSED
+                else ()
+            )
             for inner, variable in packed or ((kind, content),):
                 if inner == _MATRIX:
                     self._check_matrix(variable, 1)
@@ -59,7 +69,9 @@ class _Scan:
         if depth > _DEEPEST:
             raise UnboundedMat(
                 message(
-                    "simulink.mat_too_deep", "it nests cells or structures more than {deepest} deep", deepest=_DEEPEST
+                    "simulink.mat_too_deep",
+                    "it nests cells or structures more than {deepest} deep",
+                    deepest=_DEEPEST,
                 )
             )
         sparse = False
@@ -86,7 +98,11 @@ class _Scan:
             self._elements -= 1
             if self._elements < 0:
                 raise UnboundedMat(
-                    message("simulink.mat_too_large", "it holds more than {most} elements", most=_MOST_ELEMENTS)
+                    message(
+                        "simulink.mat_too_large",
+                        "it holds more than {most} elements",
+                        most=_MOST_ELEMENTS,
+                    )
                 )
             kind, size = struct.unpack(f"{self._order}II", data[start : start + 8])
             if kind >> 16:  # a small one: its content stands in the second half of its own tag
@@ -109,7 +125,9 @@ class _Scan:
         if self._room <= 0:
             raise UnboundedMat(
                 message(
-                    "simulink.mat_unpacks", "it unpacks to more than {megabytes} MB", megabytes=LARGEST // 1_000_000
+                    "simulink.mat_unpacks",
+                    "it unpacks to more than {megabytes} MB",
+                    megabytes=LARGEST // 1_000_000,
                 )
             )
         return found
@@ -124,7 +142,9 @@ def contents_of_mat(file: Path, option: str) -> dict[str, Any]:
         return _contents(content_of(file, LARGEST))
     except NotImplementedError as problem:
         raise InvalidParameter(
-            option, str(file), message("simulink.saved_with_v7", "saved with -v7: version 7.3 is not read")
+            option,
+            str(file),
+            message("simulink.saved_with_v7", "saved with -v7: version 7.3 is not read"),
         ) from problem
     except Exception as problem:  # readers of damaged files raise whatever they like
         raise InvalidParameter(
@@ -143,7 +163,11 @@ def _contents(data: bytes) -> dict[str, Any]:
 
 def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
     """Return the variables of a file, by name; errors as of :func:`contents_of_mat`."""
-    return {name: value for name, raw in contents_of_mat(file, option).items() if (value := _plain(raw)) is not None}
+    return {
+        name: value
+        for name, raw in contents_of_mat(file, option).items()
+        if (value := _plain(raw)) is not None
+    }
 
 
 _UNNAMED, _NAMED = slice(48, 56), struct.pack("<HHI", 1, 1, ord("w"))
@@ -161,7 +185,11 @@ def stored_workspace(content: bytes) -> dict[str, Any] | None:
         held = _plain(_contents(b" " * 124 + bytes(data[:4]) + bytes(data[8:])).get("w"))
     except Exception:  # as above
         return None
-    return {name: value for name, value in held.items() if value is not None} if isinstance(held, dict) else None
+    return (
+        {name: value for name, value in held.items() if value is not None}
+        if isinstance(held, dict)
+        else None
+    )
 
 
 def _plain(raw: Any) -> Any:
@@ -169,7 +197,10 @@ def _plain(raw: Any) -> Any:
     if isinstance(raw, np.ndarray) and raw.dtype.names:
         if "_ObjectMetadata" in raw.dtype.names:
             return None
-        several = [{name: _plain(one[name]) for name in raw.dtype.names} for one in raw.reshape(-1, order="F")]
+        several = [
+            {name: _plain(one[name]) for name in raw.dtype.names}
+            for one in raw.reshape(-1, order="F")
+        ]
         return several if len(several) > 1 else several[0] if several else {}
     if isinstance(raw, np.ndarray) and raw.dtype.kind in "US":
         return "".join(str(part) for part in raw.reshape(-1))

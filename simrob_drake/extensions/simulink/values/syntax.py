@@ -11,8 +11,12 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.messages import message
 
-KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
-_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+KEYWORD = re.compile(
+    r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b"
+)
+_SIGNATURE = re.compile(
+    r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*"
+)
 _OPENS = "if", "for", "while", "switch", "try", "function"
 _PARTS = "elseif", "else", "case", "otherwise", "catch"
 _PIECE = re.compile(r"""\"[^"\n]*"?|(?<![\w)\]}'.])'[^'\n]*'?|%[^\n]*|.""", re.DOTALL)
@@ -41,7 +45,11 @@ class ScriptFunction(NamedTuple):
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
     """Return the functions of a script by name, the first of them first; none of a script without."""
-    code = re.sub(r"(?m)^([ \t]*function\b[^\n(]*\([^)]*\))", r"\1\n", code) if "function" in code else ""
+    code = (
+        re.sub(r"(?m)^([ \t]*function\b[^\n(]*\([^)]*\))", r"\1\n", code)
+        if "function" in code
+        else ""
+    )
     return dict(_functions_in(statements(code)))
 
 
@@ -50,7 +58,12 @@ def _functions_in(lines: list[Statement]) -> Iterator[tuple[str, ScriptFunction]
         for head, body in line.parts if isinstance(line, Section) else ():
             if signature := _SIGNATURE.match(head):
                 several, one, name, inputs = signature.groups()
-                yield name, ScriptFunction(name, names_in(inputs or ""), names_in(several or one or ""), body)
+                yield (
+                    name,
+                    ScriptFunction(
+                        name, names_in(inputs or ""), names_in(several or one or ""), body
+                    ),
+                )
             yield from _functions_in(body)
 
 
@@ -103,7 +116,9 @@ def _nested(lines: list[str]) -> list[Statement]:
 def statements(code: str) -> list[Statement]:
     """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
     code = re.sub(r"\.\.\.[^\n]*(?:\n|$)", " ", code.replace("\r", ""))
-    code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
+    code = re.sub(
+        r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE
+    )
     found, current, depth = list[str](), "", 0
     for piece in (match[0] for match in _PIECE.finditer(code + "\n") if match[0][0] != "%"):
         depth = max(0, depth + (piece in ("(", "[", "{")) - (piece in (")", "]", "}")))
@@ -114,7 +129,9 @@ def statements(code: str) -> list[Statement]:
             current = ""
         else:
             current += piece
-    parted = (re.sub(r"^(else|try|otherwise) ", r"\1\n", one) for one in found)  # as some write on one line
+    parted = (
+        re.sub(r"^(else|try|otherwise) ", r"\1\n", one) for one in found
+    )  # as some write on one line
     return _nested([part.strip() for one in parted for part in one.split("\n") if part.strip()])
 
 
@@ -146,7 +163,9 @@ _QUOTED = re.compile(r"'((?:[^'\n]|'')*)'|\"((?:[^\"\n]|\"\")*)\"")
 _SPACE = re.compile(r"(?:[ \t\r]|\.\.\.[^\n]*(?:\n|$))+")
 _LEVELS = ("||",), ("&&",), ("|",), ("&",), ("==", "~=", "<", ">", "<=", ">="), (":",), ("+", "-"), (
     "*", "/", "\\", ".*", "./"), ("unary",), ("^", ".^")  # fmt: skip
-_BINDS = {operator: level for level, operators in enumerate(_LEVELS, start=1) for operator in operators}
+_BINDS = {
+    operator: level for level, operators in enumerate(_LEVELS, start=1) for operator in operators
+}
 """How tightly operators bind."""
 _SIGNS = "-", "+", "~", "!"
 
@@ -162,7 +181,9 @@ def _tokens_of(text: str) -> list[_Token]:
     """Return the pieces of an expression; between elements of a matrix that blanks part there is a comma."""
     if len(text) > LONGEST:
         raise NotUnderstood(
-            message("simulink.expression_too_long", "is longer than {longest} letters", longest=LONGEST)
+            message(
+                "simulink.expression_too_long", "is longer than {longest} letters", longest=LONGEST
+            )
         )
     tokens, brackets, place, spaced = list[_Token](), "", 0, False
     while place < len(text):
@@ -172,7 +193,9 @@ def _tokens_of(text: str) -> list[_Token]:
         if space or text[place] == "\n":
             place, spaced = space.end() if space else place + 1, True
             continue
-        after_value = bool(tokens) and (tokens[-1].kind != "operator" or tokens[-1].text in (*")]}'", ".'"))
+        after_value = bool(tokens) and (
+            tokens[-1].kind != "operator" or tokens[-1].text in (*")]}'", ".'")
+        )
         opens = text[place] == '"' or (text[place] == "'" and (spaced or not after_value))
         if (match := _QUOTED.match(text, place)) and opens:
             text_of, string = match.groups()
@@ -182,7 +205,11 @@ def _tokens_of(text: str) -> list[_Token]:
             token = _Token(str(match.lastgroup), match[0])
         else:
             raise NotUnderstood(
-                message("simulink.stray_text", "has '{text}', which stands in no expression", text=text[place])
+                message(
+                    "simulink.stray_text",
+                    "has '{text}', which stands in no expression",
+                    text=text[place],
+                )
             )
         place = match.end()
         begins = token.kind != "operator" or token.text in ("(", "[", "{", "~", "!") or (
@@ -205,7 +232,11 @@ def parse(text: str) -> Expression:
     parser = _Parser([*_tokens_of(text.strip()), _END])
     node = parser.expression()
     if parser.here is not _END:
-        raise NotUnderstood(message("simulink.should_end", "has '{text}' where it should end", text=parser.here.text))
+        raise NotUnderstood(
+            message(
+                "simulink.should_end", "has '{text}' where it should end", text=parser.here.text
+            )
+        )
     return node
 
 
@@ -227,7 +258,9 @@ class _Parser:
     def expression(self, above: int = 0) -> Expression:
         """Return the expression that begins here, with operators that bind tighter than ``above``."""
         left = self._operand()
-        while self._stands(*_BINDS) and _BINDS[self.here.text] > above and not self._is_lone_colon():
+        while (
+            self._stands(*_BINDS) and _BINDS[self.here.text] > above and not self._is_lone_colon()
+        ):
             operator = self._next().text
             right = self.expression(_BINDS[operator])
             if operator != ":":
@@ -246,14 +279,20 @@ class _Parser:
         self._depth += 1
         if self._depth > DEEPEST:
             raise NotUnderstood(
-                message("simulink.brackets_too_deep", "nests brackets more than {deepest} deep", deepest=DEEPEST)
+                message(
+                    "simulink.brackets_too_deep",
+                    "nests brackets more than {deepest} deep",
+                    deepest=DEEPEST,
+                )
             )
         if self._stands(*_SIGNS):
             sign = self._next().text.replace("!", "~")
             node = Expression("unary", (sign, self.expression(_BINDS["unary"])))
         else:
             node = self._atom()
-            while self._stands("(", "'", ".'", ".") or (self._stands("{") and node.kind in ("name", "call", "field")):
+            while self._stands("(", "'", ".'", ".") or (
+                self._stands("{") and node.kind in ("name", "call", "field")
+            ):
                 if self.here.text in ("(", "{"):
                     node = Expression("call", (node, self._arguments()))
                 elif self._next().text != ".":
@@ -268,7 +307,9 @@ class _Parser:
     def _atom(self) -> Expression:
         token = self._next()
         if token is _END:
-            raise NotUnderstood(message("simulink.ends_without_value", "ends where a value should stand"))
+            raise NotUnderstood(
+                message("simulink.ends_without_value", "ends where a value should stand")
+            )
         if token.kind == "number":
             kind = "imaginary" if token.text[-1] in "ij" else "number"
             return Expression(kind, (float(token.text.rstrip("ij").lower().replace("d", "e")),))
@@ -284,13 +325,19 @@ class _Parser:
             kind, closing = ("matrix", "]") if token.text == "[" else ("cell", "}")
             return Expression(kind, (self._rows(closing),))
         raise NotUnderstood(
-            message("simulink.token_without_value", "has '{token}' where a value should stand", token=token.text)
+            message(
+                "simulink.token_without_value",
+                "has '{token}' where a value should stand",
+                token=token.text,
+            )
         )
 
     def _arguments(self) -> tuple[Expression, ...]:
         rows = self._rows(")" if self._next().text == "(" else "}")
         if len(rows) > 1:
-            raise NotUnderstood(message("simulink.semicolon_in_arguments", "has a ';' among arguments"))
+            raise NotUnderstood(
+                message("simulink.semicolon_in_arguments", "has a ';' among arguments")
+            )
         return rows[0] if rows else ()
 
     def _rows(self, closing: str) -> tuple[tuple[Expression, ...], ...]:
@@ -304,13 +351,19 @@ class _Parser:
             else:
                 rows[-1].append(self.expression())
                 if not self._stands(",", ";", closing):
-                    raise NotUnderstood(message("simulink.lacks_a_bracket", "lacks a closing bracket"))
+                    raise NotUnderstood(
+                        message("simulink.lacks_a_bracket", "lacks a closing bracket")
+                    )
         self._close(closing)
         return tuple(tuple(row) for row in rows if row)
 
     def _close(self, bracket: str) -> None:
         if not self._stands(bracket):
-            raise NotUnderstood(message("simulink.lacks_this_bracket", "lacks a closing '{bracket}'", bracket=bracket))
+            raise NotUnderstood(
+                message(
+                    "simulink.lacks_this_bracket", "lacks a closing '{bracket}'", bracket=bracket
+                )
+            )
         self._next()
 
 

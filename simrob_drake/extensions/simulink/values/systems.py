@@ -17,7 +17,9 @@ def _numbers(value: Any) -> Vector:
 def _regulator(*arguments: Any) -> Vector:
     """Return the gains K of u = -K x with the least ∫ xᵀ Q x + uᵀ R u dt, of a system or its A and B."""
     first, *rest = arguments
-    a, b, q, r = map(_numbers, (first.get("A"), first.get("B"), *rest) if isinstance(first, dict) else arguments)
+    a, b, q, r = map(
+        _numbers, (first.get("A"), first.get("B"), *rest) if isinstance(first, dict) else arguments
+    )
     return np.asarray(np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r)))
 
 
@@ -37,7 +39,10 @@ def _time_series(values: Any, times: Any) -> dict[str, Vector]:
 
 
 SYSTEMS: dict[str, Callable[..., Any]] = {
-    "tf": lambda numerator, denominator: {"numerator": _numbers(numerator), "denominator": _numbers(denominator)},
+    "tf": lambda numerator, denominator: {
+        "numerator": _numbers(numerator),
+        "denominator": _numbers(denominator),
+    },
     "ss": lambda a, b, c, d: dict(zip("ABCD", map(_numbers, (a, b, c, d)), strict=True)),
     "lqr": _regulator,
     "timeseries": _time_series,

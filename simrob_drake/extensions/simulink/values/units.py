@@ -22,8 +22,12 @@ class Unit(NamedTuple):
 
     def times(self, other: "Unit", power: int = 1) -> "Unit":
         """Return the product with a power of another unit."""
-        powers = tuple(one + power * own for one, own in zip(self.dimension, other.dimension, strict=True))
-        return Unit(self.factor / other.factor if power == -1 else self.factor * other.factor**power, powers)
+        powers = tuple(
+            one + power * own for one, own in zip(self.dimension, other.dimension, strict=True)
+        )
+        return Unit(
+            self.factor / other.factor if power == -1 else self.factor * other.factor**power, powers
+        )
 
 
 _NAMED = {name: Unit(1.0, tuple(row)) for name, row in zip(("kg", "m", "s", "A"), np.eye(4, dtype=int).tolist(),
@@ -37,7 +41,9 @@ def parse_unit(text: str) -> Unit:
     try:
         return _unit(parse(text if len(text) <= _LONGEST else ""))
     except (NotUnderstood, ArithmeticError):
-        raise UnknownUnit(message("simulink.no_known_unit", "'{text}' is no unit known here", text=text[:40])) from None
+        raise UnknownUnit(
+            message("simulink.no_known_unit", "'{text}' is no unit known here", text=text[:40])
+        ) from None
 
 
 def _unit(tree: Expression, *, counts: bool = False) -> Unit:
@@ -50,7 +56,9 @@ def _unit(tree: Expression, *, counts: bool = False) -> Unit:
         case ("name", (name,)) if name in table("units"):
             return _unit(parse(str(table("units")[name])), counts=True)
         case ("binary", ("*" | "/" as sign, left, right)):
-            return _unit(left, counts=counts).times(_unit(right, counts=counts), 1 if sign == "*" else -1)
+            return _unit(left, counts=counts).times(
+                _unit(right, counts=counts), 1 if sign == "*" else -1
+            )
         case ("binary", ("^", base, ("number", (power,)))) if power in _POWERS:
             return Unit(1.0).times(_unit(base), int(power))
         case ("binary", ("^", base, ("unary", ("-", ("number", (power,)))))) if power in _POWERS:

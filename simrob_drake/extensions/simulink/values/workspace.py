@@ -22,7 +22,18 @@ from simrob_drake.extensions.simulink.values.syntax import NotUnderstood
 
 _PATIENCE = 60.0  # s
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
-_IDLE = ("set_param", "get_param", "gcb", "gcbh", "gcs", "bdroot", "add_block", "add_line", "delete_line", "disp")
+_IDLE = (
+    "set_param",
+    "get_param",
+    "gcb",
+    "gcbh",
+    "gcs",
+    "bdroot",
+    "add_block",
+    "add_line",
+    "delete_line",
+    "disp",
+)
 """Functions of Simulink, which do nothing where Octave runs code."""
 _NOTHING = "function varargout = {name}(varargin)\n  varargout = cell(1, nargout);\nend\n"
 _SCRIPT = """load('given.mat');
@@ -51,7 +62,9 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
             message("simulink.install_octave", "install GNU Octave, or leave it out"),
         )
 
-    paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
+    paths = "".join(
+        f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders
+    )
 
     def run(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
         from scipy.io import savemat
@@ -60,14 +73,27 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
         for name in dict.fromkeys(_NAME.findall(code)):
             with suppress(UndefinedVariable):  # a function, or a variable that the code sets
                 known[name] = lookup(name)
-        texts = {"code": _SCRIPT.format(code=paths + code), **{name: _NOTHING.format(name=name) for name in _IDLE}}
-        command, quiet = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"], subprocess.DEVNULL
+        texts = {
+            "code": _SCRIPT.format(code=paths + code),
+            **{name: _NOTHING.format(name=name) for name in _IDLE},
+        }
+        command, quiet = (
+            [program, "--no-gui", "--no-init-file", "--quiet", "code.m"],
+            subprocess.DEVNULL,
+        )
         with TemporaryDirectory() as folder:
             savemat(Path(folder, "given.mat"), known)
             for name, text in texts.items():
                 Path(folder, f"{name}.m").write_text(text, encoding="utf-8")
             try:
-                subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
+                subprocess.run(
+                    command,
+                    cwd=folder,
+                    stdin=quiet,
+                    capture_output=True,
+                    timeout=_PATIENCE,
+                    check=False,
+                )
             except subprocess.TimeoutExpired as problem:
                 expected = message(
                     "simulink.quicker_mask_code",
@@ -92,18 +118,27 @@ class Variables:
     """Those that are computed when they are first asked for."""
     unknown: set[str] = field(default_factory=set)  # names that code outside the subset sets
     code: str = ""  # what sets further variables, once one is asked for that is not known
-    octave: Octave | None = None  # what runs code outside the subset; that of the outer levels unless given
+    octave: Octave | None = (
+        None  # what runs code outside the subset; that of the outer levels unless given
+    )
     files: Files | None = None  # what code may name; those of the outer levels unless given
     texts: dict[str, str] = field(default_factory=dict)  # parameters of a mask, as they are written
-    absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
+    absent: set[str] = field(
+        default_factory=set
+    )  # files that code takes variables from, and that are not there
     settings: dict[str, dict[str, str]] = field(default_factory=dict)
     """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
     unset: bool = False  # whether it would set others by what is outside the subset
-    spare: Callable[[str], Any] = lambda _: None  # what counts where no code tells a variable; None of nothing
+    spare: Callable[[str], Any] = lambda _: (
+        None
+    )  # what counts where no code tells a variable; None of nothing
 
     def __post_init__(self) -> None:
         if self.outer is not None:
-            self.octave, self.files = self.octave or self.outer.octave, self.files or self.outer.files
+            self.octave, self.files = (
+                self.octave or self.outer.octave,
+                self.files or self.outer.files,
+            )
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
@@ -124,7 +159,9 @@ class Variables:
             raise UndefinedVariable(
                 name,
                 message(
-                    "simulink.set_by_code_of", "it is set by code of '{name}' that only MATLAB runs", name=self.name
+                    "simulink.set_by_code_of",
+                    "it is set by code of '{name}' that only MATLAB runs",
+                    name=self.name,
                 ),
             )
         if self.outer is None:
@@ -163,12 +200,16 @@ class Variables:
         self.settings, self.unset = run.settings, run.unset
         lacking = self.unknown | run.incomplete
         if lacking and self.octave is not None:
-            found = self.octave(code, lambda name: undefined(name) if name in self.unknown else self.lookup(name))
+            found = self.octave(
+                code, lambda name: undefined(name) if name in self.unknown else self.lookup(name)
+            )
             self.variables |= {name: value for name, value in found.items() if name in lacking}
             self.unknown -= found.keys()
 
 
-def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | None = None) -> dict[str, Any]:
+def variables_of(
+    settings: Mapping[str, str], files: list[Path], named: Files | None = None
+) -> dict[str, Any]:
     """Return the variables that a user gives, by expressions and files, which may name what others hold.
 
     A name ``tool.mass`` is a field of a structure; files are `.mat`, or `.m` scripts of assignments. Raises
@@ -183,7 +224,9 @@ def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | 
                 run.run(content_of(file).decode("utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
                 expected = message(
-                    "simulink.mat_or_script", "a .mat file or a script of assignments: {problem}", problem=problem
+                    "simulink.mat_or_script",
+                    "a .mat file or a script of assignments: {problem}",
+                    problem=problem,
                 )
                 raise InvalidParameter("--variables", str(file), expected) from problem
     for name, text in settings.items():
@@ -191,7 +234,9 @@ def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | 
             run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
             expected = message(
-                "simulink.an_expression", "an expression such as [0 0 1] or 30*pi/180: it {problem}", problem=problem
+                "simulink.an_expression",
+                "an expression such as [0 0 1] or 30*pi/180: it {problem}",
+                problem=problem,
             )
             raise InvalidParameter(f"--set {name}", text, expected) from problem
     return run.variables

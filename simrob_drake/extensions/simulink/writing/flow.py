@@ -49,7 +49,11 @@ class FlowWriter:
     """
 
     def __init__(
-        self, name: str, measured: Mapping[Term, Sum], laws: Mapping[Freedom, Law], report: ImportReport
+        self,
+        name: str,
+        measured: Mapping[Term, Sum],
+        laws: Mapping[Freedom, Law],
+        report: ImportReport,
     ) -> None:
         """Take what no block computes, as sums of the station's signals, and joints' laws, for who reads a torque."""
         self.name, self._measured, self._laws, self._report = name, dict(measured), laws, report
@@ -66,9 +70,13 @@ class FlowWriter:
         for term, factor in terms_of(value).items():
             for name, own in self._signal(term).items():
                 total[name] = total.get(name, 0.0) + factor * own
-        if not np.isfinite(total.get("one", 0.0)):  # which no file holds: something divided by 0 is it
+        if not np.isfinite(
+            total.get("one", 0.0)
+        ):  # which no file holds: something divided by 0 is it
             sign = float(np.nan_to_num(np.sign(total.pop("one"))))
-            total |= self.sum(Primitive("product", {"divides": [1]}, lambda: [sign, 0.0]).outputs[0])
+            total |= self.sum(
+                Primitive("product", {"divides": [1]}, lambda: [sign, 0.0]).outputs[0]
+            )
         return {name: float(f"{own:.15g}") for name, own in total.items()}
 
     def _signal(self, term: Term) -> Sum:
@@ -87,10 +95,18 @@ class FlowWriter:
             self._report.add(
                 "approximated",
                 joint,
-                message("simulink.acceleration_filtered", "its acceleration is filtered, by {lag:g} s", lag=LAG),
+                message(
+                    "simulink.acceleration_filtered",
+                    "its acceleration is filtered, by {lag:g} s",
+                    lag=LAG,
+                ),
             )
             name = self._names.give(f"{joint or 'joint'}_a")
-            self.blocks[name] = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+            self.blocks[name] = {
+                "kind": "transfer_function",
+                "numerator": [1.0, 0.0],
+                "denominator": [LAG, 1.0],
+            }
             self.blocks[name]["of"] = [self.sum(Form({Term("w", term.of): 1.0}))]
             return {name: 1.0}
         if term.kind == "t" and isinstance(term.of, Freedom) and term.of in self._laws:
@@ -100,7 +116,11 @@ class FlowWriter:
 
     def _open(self, term: Term) -> Sum:
         node = term.of
-        path = node.path if isinstance(node, Node) else f"{getattr(node, 'name', term.kind)}_{term.kind}"
+        path = (
+            node.path
+            if isinstance(node, Node)
+            else f"{getattr(node, 'name', term.kind)}_{term.kind}"
+        )
         name = self._names.give(path if not term.index else f"{path}_{term.index + 1}")
         self.blocks[name] = {"kind": "input"}
         if isinstance(node, Node) and term.kind == "open":
@@ -133,15 +153,24 @@ class FlowWriter:
     def _block(self, block: Primitive) -> list[str]:
         if block not in self._known:
             name = self._give(block)
-            outputs = [f"{name}.{index}" for index in range(block.size)] if block.size > 1 else [name]
+            outputs = (
+                [f"{name}.{index}" for index in range(block.size)] if block.size > 1 else [name]
+            )
             self._known[block] = outputs  # before its inputs, which may lead back to it
             self.blocks[name] = {"kind": block.kind, **block.parameters}
             sums = [self.sum(value) for value in block.inputs()]
             if sums or block.kind != "step":
                 self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
-            if (problem := _problem(name, self.blocks[name])) is not None and block.node is not None:
+            if (
+                problem := _problem(name, self.blocks[name])
+            ) is not None and block.node is not None:
                 block.node.note(
-                    "open", message("simulink.left_open_at_zero", "{problem}: it is left open, at 0", problem=problem)
+                    "open",
+                    message(
+                        "simulink.left_open_at_zero",
+                        "{problem}: it is left open, at 0",
+                        problem=problem,
+                    ),
                 )
                 self.blocks[name] = {"kind": "input"}
                 outputs[:] = [name] * block.size
@@ -163,7 +192,10 @@ class FlowWriter:
         if not self.blocks:
             return {}
         several = len(self.blocks) > _MOST_SIGNALS
-        return {"blocks": self.blocks, **({"signals": self.shown[:_MOST_SIGNALS]} if several else {})}
+        return {
+            "blocks": self.blocks,
+            **({"signals": self.shown[:_MOST_SIGNALS]} if several else {}),
+        }
 
 
 def _problem(name: str, block: dict[str, Any]) -> str | None:
@@ -173,7 +205,11 @@ def _problem(name: str, block: dict[str, Any]) -> str | None:
     except ValidationError as problem:
         found = problem.errors()[0]
         key = ".".join(map(str, found["loc"][1:]))
-        return compound("{key} {problem}", key=key, problem=value_problem(found)) if key else value_problem(found)
+        return (
+            compound("{key} {problem}", key=key, problem=value_problem(found))
+            if key
+            else value_problem(found)
+        )
     except InvalidParameter as problem:
         return str(problem)
     return None
@@ -204,7 +240,9 @@ def _net(law: Law, freedom: Freedom) -> Value:
     return law.net + freedom.stiffness * (freedom.rest - Form({Term("q", freedom): 1.0}))
 
 
-def flows_of(files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]) -> dict[str, Any]:
+def flows_of(
+    files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]
+) -> dict[str, Any]:
     """Return the controllers of a station, a signal flow for each robot with a law.
 
     Stops that no contact gives, and forces on bodies, are part of the first. Frame sensors are measured as ``sensed``
@@ -218,9 +256,15 @@ def flows_of(files: StationFiles, sensors: Collection[str], sensed: Mapping[Term
         called = f"law_{name}" if several else "law"
         writer = FlowWriter(called, measured, model.laws, model.report)
         axes = robot.axes.items() if robot is not None else ()
-        torque = {axis: made for one, axis in axes if (made := writer.sum(_net(model.law_of(one), one)))}
+        torque = {
+            axis: made for one, axis in axes if (made := writer.sum(_net(model.law_of(one), one)))
+        }
         ends = {f"{plain(node.block.name)}_end": writer.sum(value) for node, value in stops.items()}
-        forces = {writer.name_of(push.node): made for push in pushes if (made := _force(writer, push, files))}
+        forces = {
+            writer.name_of(push.node): made
+            for push in pushes
+            if (made := _force(writer, push, files))
+        }
         if not (torque or ends or forces):
             continue
         stops.clear()
@@ -228,7 +272,9 @@ def flows_of(files: StationFiles, sensors: Collection[str], sensed: Mapping[Term
         writer.take_inputs(model.tracer)
         section: dict[str, Any] = {"kind": "signal_flow", **({"robot": name} if several else {})}
         parts = {"torque": torque, "forces": forces, "stops": ends}
-        flows[called] = section | writer.section | {key: part for key, part in parts.items() if part}
+        flows[called] = (
+            section | writer.section | {key: part for key, part in parts.items() if part}
+        )
         for node, outputs in writer.opened.items():
             measured |= {Term("open", node, index): {one: 1.0} for index, one in outputs.items()}
     return flows
@@ -238,17 +284,25 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles) -> dict
     """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
     named = files.named(push.body)
     if named is None or push.body.grounded:
-        push.node.note("dropped", message("simulink.force_on_fixed", "a force on what stands fixed"))
+        push.node.note(
+            "dropped", message("simulink.force_on_fixed", "a force on what stands fixed")
+        )
         return {}
     place, own = named
     pose = own @ push.pose
-    section: dict[str, Any] = {"at": place, "point": [float(f"{value:.12g}") for value in pose.translation()]}
+    section: dict[str, Any] = {
+        "at": place,
+        "point": [float(f"{value:.12g}") for value in pose.translation()],
+    }
     axes = np.round(pose.rotation().matrix(), 15).astype(object)
     for what, vector in (("force", push.force), ("torque", push.torque)):
         if any(vector):
             section[what] = [writer.sum(part) for part in axes.dot(signal(vector))]
     push.node.note(
-        "read", message("simulink.acts_on", "it acts on {place}, by {writer}", place=place, writer=writer.name)
+        "read",
+        message(
+            "simulink.acts_on", "it acts on {place}, by {writer}", place=place, writer=writer.name
+        ),
     )
     return section
 
@@ -261,7 +315,11 @@ def frame_sensors(files: StationFiles) -> tuple[dict[str, dict[str, Any]], dict[
     """Return a model's Transform Sensors by name, and what their terms are in the station as sums of signals."""
     sections, measured, model = dict[str, dict[str, Any]](), dict[Term, Sum](), files.model
     sensing = {push.node: push.ends for push in model.pushes if push.senses}
-    sensing |= {link.joint.node: None for link in model.bodies.links if link.joint.senses or link.joint.pulls}
+    sensing |= {
+        link.joint.node: None
+        for link in model.bodies.links
+        if link.joint.senses or link.joint.pulls
+    }
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             places = _ends(node, sensing.get(node), model.network)
@@ -270,7 +328,10 @@ def frame_sensors(files: StationFiles) -> tuple[dict[str, dict[str, Any]], dict[
             name = files.names.give(node.path)
             rotation = files.turn.rotation().matrix() if section["axes"] == "world" else np.eye(3)
             sections[name] = section
-            measured |= {Term("sensed", node, index): _part(name, index, rotation) for index in range(len(PARTS))}
+            measured |= {
+                Term("sensed", node, index): _part(name, index, rotation)
+                for index in range(len(PARTS))
+            }
             node.note(
                 "read",
                 message(
@@ -287,7 +348,11 @@ def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> l
     """Return where what a block senses is, and where it is seen from; of a force that is the world, and not told."""
     if ends is not None:
         return [frame_place(network, end) for end in ends]
-    return [network.net(node, side) for side in ("rconn", "lconn") if node.kind != PUSH or side == "rconn"]
+    return [
+        network.net(node, side)
+        for side in ("rconn", "lconn")
+        if node.kind != PUSH or side == "rconn"
+    ]
 
 
 def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, Any] | None:
@@ -299,7 +364,10 @@ def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, A
             node.note(
                 "dropped",
                 message(
-                    "simulink.end_on_nothing", "{kind}: its {end} is on no robot or piece", kind=node.kind, end=end
+                    "simulink.end_on_nothing",
+                    "{kind}: its {end} is on no robot or piece",
+                    kind=node.kind,
+                    end=end,
                 ),
             )
             return None
@@ -308,7 +376,11 @@ def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, A
     observer = node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base")
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
-    section = {"kind": "frame", **{key: value for key, value in ends.items() if value != [0.0] * 6}, "axes": axes}
+    section = {
+        "kind": "frame",
+        **{key: value for key, value in ends.items() if value != [0.0] * 6},
+        "axes": axes,
+    }
     return section | ({"turning": False} if observer.startswith("NonRotating") else {})
 
 
@@ -317,4 +389,8 @@ def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:
     if first is None:
         return {f"frame.{name}.{PARTS[index]}": 1.0}
     column = rotation[:, index - first]
-    return {f"frame.{name}.{PARTS[first + k]}": float(column[k]) for k in range(3) if abs(column[k]) > 1e-12}
+    return {
+        f"frame.{name}.{PARTS[first + k]}": float(column[k])
+        for k in range(3)
+        if abs(column[k]) > 1e-12
+    }

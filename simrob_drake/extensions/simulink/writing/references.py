@@ -49,7 +49,11 @@ class JointMotions:
     def moving(self) -> dict[Freedom, Form]:
         """The positions that change over time, and depend on nothing else."""
         found = {freedom: self.values.get(freedom) for freedom in self.axes}
-        return {freedom: value for freedom, value in found.items() if isinstance(value, Form) and of_time(value)}
+        return {
+            freedom: value
+            for freedom, value in found.items()
+            if isinstance(value, Form) and of_time(value)
+        }
 
     def reference(self) -> dict[str, Any]:
         """Return the reference section of the robot."""
@@ -60,13 +64,19 @@ class JointMotions:
         targets = {name: self._held(freedom) / units[name] for freedom, name in self.axes.items()}
         if targets == {name: self.start[name] / unit for name, unit in units.items()}:
             return {"kind": "hold"}
-        return {"kind": "hold", "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()}}
+        return {
+            "kind": "hold",
+            "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()},
+        }
 
     def prescribed(self) -> dict[str, dict[str, Any]]:
         """Return a reference for each joint, by its axis."""
         if moving := self.moving:
             self._sample({freedom: self.axes[freedom] for freedom in moving})
-        follow = {"kind": "table", "file": self.table.name}  # by a cubic spline, for the sake of its acceleration
+        follow = {
+            "kind": "table",
+            "file": self.table.name,
+        }  # by a cubic spline, for the sake of its acceleration
         return {
             axis: follow if freedom in moving else replace(self, axes={freedom: axis}).reference()
             for freedom, axis in self.axes.items()
@@ -85,7 +95,9 @@ class JointMotions:
         if (finer := _finer(times, moved)).size and finer.size < most - times.size:
             times = np.union1d(times, finer)
             moved = self._computed(moving, times)
-        rows = np.column_stack([times, *(moved.get(one, np.full_like(times, self._held(one))) for one in axes)])
+        rows = np.column_stack(
+            [times, *(moved.get(one, np.full_like(times, self._held(one))) for one in axes)]
+        )
         header = ",".join(["time", *axes.values()])
         np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=header, comments="")
 
@@ -95,19 +107,31 @@ class JointMotions:
             return dict(zip(moving, over_time(list(moving.values()), times), strict=True))
         except (RuntimeError, ValueError, SimrobError) as problem:  # of one block
             if len(moving) > 1:
-                return dict(ChainMap(*(self._computed({one: value}, times) for one, value in moving.items())))
+                return dict(
+                    ChainMap(
+                        *(self._computed({one: value}, times) for one, value in moving.items())
+                    )
+                )
             (freedom,) = moving
             self.files.report.add(
                 "lost",
                 freedom.name,
-                message("simulink.motion_missing", "its motion is not there, it is held: {problem}", problem=problem),
+                message(
+                    "simulink.motion_missing",
+                    "its motion is not there, it is held: {problem}",
+                    problem=problem,
+                ),
             )
             return {}
 
     def _held(self, freedom: Freedom) -> float:
         """Return a constant position; an input is taken to hold the start."""
         value = self.values.get(freedom)
-        return self.start[self.axes[freedom]] if value is None or isinstance(value, Form) else float(value)
+        return (
+            self.start[self.axes[freedom]]
+            if value is None or isinstance(value, Form)
+            else float(value)
+        )
 
 
 def _finer(times: Vector, moved: Mapping[Freedom, Vector]) -> Vector:
@@ -136,15 +160,24 @@ def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]]) 
         positions[called] = np.array(list(starts[name].values()), dtype=float)
         speeds[called] = np.array([freedom.start_speed or 0.0 for freedom in robot.axes])
         if not robot.tree.root.grounded:
-            joints[f"{called}::{name}/{robot.links[robot.tree.root]}"] = _free(robot.tree, files.turn)
-    joints |= {f"{name}::{name}/{name}": _free(tree, files.turn) for tree, name in files.free.items()}
-    moves = any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values())))
+            joints[f"{called}::{name}/{robot.links[robot.tree.root]}"] = _free(
+                robot.tree, files.turn
+            )
+    joints |= {
+        f"{name}::{name}/{name}": _free(tree, files.turn) for tree, name in files.free.items()
+    }
+    moves = any(
+        speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values()))
+    )
     return State(positions, speeds, positions, joints) if moves else None
 
 
 def _free(tree: Tree, turn: RigidTransform) -> JointState:
     """Return position and velocity of a free body as Drake has them: orientation and turning rate first."""
-    pose, (linear, rate) = turn @ tree.base, (turn.rotation() @ part for part in np.split(tree.speed, 2))
+    pose, (linear, rate) = (
+        turn @ tree.base,
+        (turn.rotation() @ part for part in np.split(tree.speed, 2)),
+    )
     position: Vector = np.concatenate([pose.rotation().ToQuaternion().wxyz(), pose.translation()])
     return JointState(position, np.concatenate([rate, linear]))
 
@@ -155,14 +188,22 @@ def coupling_sections(files: StationFiles, *, kinematic: bool) -> dict[str, Any]
 
     def add(node: Node, section: dict[str, Any]) -> None:
         if kinematic:
-            node.note("lost", message("simulink.holds_nothing", "holds nothing in a station whose motion is given"))
+            node.note(
+                "lost",
+                message(
+                    "simulink.holds_nothing", "holds nothing in a station whose motion is given"
+                ),
+            )
             return
         name = files.names.give(node.path)
         sections[name] = section
         node.note(
             "read",
             message(
-                "simulink.is_the_coupling", "it is the coupling {name}, of kind {kind}", name=name, kind=section["kind"]
+                "simulink.is_the_coupling",
+                "it is the coupling {name}, of kind {kind}",
+                name=name,
+                kind=section["kind"],
             ),
         )
 
@@ -183,13 +224,18 @@ def coupling_sections(files: StationFiles, *, kinematic: bool) -> dict[str, Any]
         for closing in robot.tree.closings:
             tie(closing, closing.kind, **closing.parameters)
         for node, ratios in robot.tree.gears.items():
-            by_axis = {f"{files.prefix(name)}{robot.axes[freedom]}": ratio for freedom, ratio in ratios.items()}
+            by_axis = {
+                f"{files.prefix(name)}{robot.axes[freedom]}": ratio
+                for freedom, ratio in ratios.items()
+            }
             add(node, {"kind": "gear", "ratios": by_axis})
     units = {"length": ("NaturalLength", "m"), "stiffness": ("SpringStiffness", "N/m"),
              "damping": ("DampingCoefficient", "N*s/m")}  # fmt: skip
     for coupling in files.model.bodies.couplings:
         if coupling.node.kind == SPRING:
-            values = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
+            values = {
+                key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()
+            }
             tie(coupling, "spring", **values)
     _tell_of_loose(files.model)
     return {"couplings": sections} if sections else {}
@@ -201,7 +247,10 @@ def _tell_of_loose(model: SimulinkModel) -> None:
         if coupling.node.kind in (*GEARS, ROD) and coupling not in held:
             coupling.node.note(
                 "lost",
-                message("simulink.couples_held_by_nothing", "couples mechanisms of which one is held by nothing"),
+                message(
+                    "simulink.couples_held_by_nothing",
+                    "couples mechanisms of which one is held by nothing",
+                ),
             )
 
 
@@ -211,18 +260,32 @@ def _ends(held: Coupling, files: StationFiles, *, framed: bool) -> dict[str, Any
     if base is None or follower is None or base[0] == follower[0]:
         return None
     what, size = ("pose", 6) if framed else ("point", 3)
-    poses = pose_list(base[1] @ held.in_base)[:size], pose_list(follower[1] @ held.in_follower)[:size]
+    poses = (
+        pose_list(base[1] @ held.in_base)[:size],
+        pose_list(follower[1] @ held.in_follower)[:size],
+    )
     return {"body": base[0], what: poses[0], "other": follower[0], f"other_{what}": poses[1]}
 
 
 def servo_section(robot: RobotFile, laws: Mapping[Freedom, Law]) -> dict[str, Any]:
     """Return the section `servo` of a robot, by the laws of its joints."""
     gains = {
-        key: {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
+        key: {
+            axis: float(f"{getattr(laws[freedom], key):.12g}")
+            for freedom, axis in robot.axes.items()
+        }
         for key in ("kp", "ki", "kd")
     }
-    section = {key: _at_once(values) for key, values in gains.items() if key != "ki" or any(values.values())}
-    limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
+    section = {
+        key: _at_once(values)
+        for key, values in gains.items()
+        if key != "ki" or any(values.values())
+    }
+    limits = {
+        axis: laws[freedom].limit
+        for freedom, axis in robot.axes.items()
+        if isfinite(laws[freedom].limit)
+    }
     return section | ({"torque_limit": limits} if limits else {})
 
 

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 POINT = 1e-3  # m: radius of a sphere that stands for a point
 _RIM = 8  # spheres on each rim of a cylinder
-_CORNERS, _ROUND = 40, 0.05  # of a mesh that touch at most, and by what part of its radius a ball may be off
+_CORNERS, _ROUND = (
+    40,
+    0.05,
+)  # of a mesh that touch at most, and by what part of its radius a ball may be off
 _FLAT = 1e-3  # part of its size by which the corners of a side may be off
 _SMALL = 10  # radii of these spheres in the thickness of a mesh
 
@@ -45,7 +48,9 @@ def spheres_of(solid: SolidBody) -> Spheres:
         turns = 2 * np.pi * np.arange(_RIM) / _RIM
         rim = (reach - radius) * np.column_stack([np.cos(turns), np.sin(turns)])
         levels = (0.0,) if flat else (radius - end, end - radius)
-        return Spheres([np.array([x, y, z]) for z in levels for x, y in rim], radius, _RIM, "cylinder")
+        return Spheres(
+            [np.array([x, y, z]) for z in levels for x, y in rim], radius, _RIM, "cylinder"
+        )
     half = np.array(shape.size) / 2
     radius = float(half.min() / 5)
     corners = [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)]

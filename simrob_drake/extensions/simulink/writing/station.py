@@ -53,9 +53,21 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
-    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # by which couplings are constraints
-    "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
-    "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
+    "points": {
+        "kind": "discrete",
+        "scheme": "sap",
+        "time_step": 1e-4,
+    },  # by which couplings are constraints
+    "struck": {
+        "kind": "discrete",
+        "scheme": "sap",
+        "time_step": 2e-4,
+    },  # by forces that jump: contact in signals
+    "walkers": {
+        "kind": "discrete",
+        "scheme": "sap",
+        "time_step": 5e-4,
+    },  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 _OF_SERVOS = [f"{which}_error_{unit}" for which in ("final", "largest") for unit in ("deg", "m")]
@@ -77,13 +89,17 @@ class StationWriter:
     def write(self) -> StationFiles:
         """Write everything, and return what there is."""
         name = plain(self._model.path.stem)
-        mechanisms = _together(self._weighing([tree for tree in self._model.trees if tree.branches]))
+        mechanisms = _together(
+            self._weighing([tree for tree in self._model.trees if tree.branches])
+        )
         homes = {tree: _home(tree) for tree in mechanisms}
         base_solids = self._share_world(mechanisms, homes)
         for tree in mechanisms:
             robot_name = self._names.give(homes[tree].partition("/")[0] or name)
             writer = UrdfWriter(self._folder / robot_name, self._report, self._names)
-            self._files.robots[robot_name] = writer.robot(robot_name, tree, base_solids.get(tree, []))
+            self._files.robots[robot_name] = writer.robot(
+                robot_name, tree, base_solids.get(tree, [])
+            )
         for robot in self._files.robots.values():
             robot.axes = dict(sorted(robot.axes.items(), key=lambda entry: self._place(entry[0])))
         pieces = self._pieces(base_solids)
@@ -91,21 +107,30 @@ class StationWriter:
             self._report.add(
                 "dropped",
                 name,
-                message("simulink.only_pieces", "the station: everything stands fixed, so only pieces are written"),
+                message(
+                    "simulink.only_pieces",
+                    "the station: everything stands fixed, so only pieces are written",
+                ),
             )
             return self._files
         self._files.content = self._station(name, pieces)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
-        (self._folder / f"{name}.yaml").write_text(header + as_yaml(self._files.content), encoding="utf-8")
+        (self._folder / f"{name}.yaml").write_text(
+            header + as_yaml(self._files.content), encoding="utf-8"
+        )
         return self._files
 
-    def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
+    def _share_world(
+        self, trees: list[Tree], homes: dict[Tree, str]
+    ) -> dict[Tree, list[SolidBody]]:
         """Return which solids of the world belong to a robot's base: those drawn in its subsystem."""
         shared: dict[Tree, list[SolidBody]] = {}
         world = self._model.world
         grounded = [tree for tree in trees if tree.root is world and homes[tree]]
         for solid in world.solids if world else []:
-            owner = next((tree for tree in grounded if solid.node.path.startswith(f"{homes[tree]}/")), None)
+            owner = next(
+                (tree for tree in grounded if solid.node.path.startswith(f"{homes[tree]}/")), None
+            )
             if owner is not None and solid.node not in self._touching.colliding:
                 shared.setdefault(owner, []).append(solid)
         return shared
@@ -114,7 +139,10 @@ class StationWriter:
         taken = {solid.node for solids in base_solids.values() for solid in solids}
         pieces: dict[str, dict[str, Any]] = {}
         groups: dict[str, list[SolidBody]] = {}
-        for solid in [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]:
+        for solid in [
+            *(self._model.world.solids if self._model.world else []),
+            *self._touching.slabs.values(),
+        ]:
             if solid.node not in taken:
                 groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
         for group, solids in groups.items():
@@ -123,17 +151,28 @@ class StationWriter:
         for tree in self._model.trees:
             if not (tree.branches or tree.root.grounded) and tree.root.solids:
                 path = tree.root.solids[0].node.path.partition("/")[0]
-                solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
-                if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
+                solids = [
+                    replace(solid, pose=tree.frame.inverse() @ solid.pose)
+                    for solid in tree.root.solids
+                ]
+                if name := self._piece(
+                    pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}
+                ):
                     self._files.free[tree] = name
         return pieces
 
-    def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
+    def _piece(
+        self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]
+    ) -> str:
         name = self._names.give(path)
         fixed = "free" not in entry
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
             self._report.add(
-                "dropped", path, message("simulink.free_and_weightless", "is free and weighs nothing: it cannot move")
+                "dropped",
+                path,
+                message(
+                    "simulink.free_and_weightless", "is free and weighs nothing: it cannot move"
+                ),
             )
             return ""
         writer = UrdfWriter(self._folder / name, self._report, self._names)
@@ -143,7 +182,9 @@ class StationWriter:
         self._files.pieces.append(name)
         if not any(solid.node in self._touching.colliding for solid in solids) and not fixed:
             self._report.add(
-                "read", path, message("simulink.falls_freely", "falls freely: nothing holds or touches it")
+                "read",
+                path,
+                message("simulink.falls_freely", "falls freely: nothing holds or touches it"),
             )
         return name
 
@@ -155,13 +196,18 @@ class StationWriter:
                 self._report.add(
                     "approximated",
                     piece,
-                    message("simulink.stands_fixed", "stands fixed: nothing falls in a kinematic station"),
+                    message(
+                        "simulink.stands_fixed",
+                        "stands fixed: nothing falls in a kinematic station",
+                    ),
                 )
         content: dict[str, Any] = {
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
         }
-        robots = {key: self._robot(key, robot, kinematic) for key, robot in self._files.robots.items()}
+        robots = {
+            key: self._robot(key, robot, kinematic) for key, robot in self._files.robots.items()
+        }
         content |= _robot_sections(robots)
         if not kinematic and (prescribed := self._prescribed()):
             content["prescribed"] = prescribed
@@ -183,7 +229,8 @@ class StationWriter:
             push.node.note(
                 "dropped",
                 message(
-                    "simulink.force_in_kinematic", "a force, in a station without forces: what moves is prescribed"
+                    "simulink.force_in_kinematic",
+                    "a force, in a station without forces: what moves is prescribed",
                 ),
             )
         content |= coupling_sections(self._files, kinematic=kinematic)
@@ -200,7 +247,9 @@ class StationWriter:
     def _pushes(self) -> list[str]:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
         driven = {push.node for push in self._model.pushes}
-        pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH and node not in driven]
+        pushes = [
+            node for node in self._model.expanded.nodes if node.kind == PUSH and node not in driven
+        ]
         kinds = [kind for kind in ("Force", "Torque") if
                  any(node.is_on(f"Enable{kind}{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))]  # fmt: skip
         return [f"external_{kind.lower()}" for kind in kinds or ["Force"]]
@@ -211,7 +260,9 @@ class StationWriter:
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         solver = self._solver()
         if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
-            longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
+            longest = (
+                0.02 if self._touching.ends else 0.005
+            )  # limits of a law are found within a step
             solver = {**solver, "accuracy": min(solver["accuracy"], 1e-4), "max_step": longest}
         content["solver"] = solver
         freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
@@ -232,8 +283,14 @@ class StationWriter:
         stand = all(robot.tree.root.grounded for robot in self._files.robots.values())
         if driven == {"motion"} and stand and not self._files.free:
             return True
-        bound = any(robot.tree.closings or robot.tree.gears or not robot.tree.root.grounded for robot in robots)
-        if robots and (bound or not (self._files.free or any(robot.mass for robot in self._files.robots.values()))):
+        bound = any(
+            robot.tree.closings or robot.tree.gears or not robot.tree.root.grounded
+            for robot in robots
+        )
+        if robots and (
+            bound
+            or not (self._files.free or any(robot.mass for robot in self._files.robots.values()))
+        ):
             names = [name for robot in robots for name in robot.weightless.values()]
             text = message(
                 "simulink.weightless_links",
@@ -242,10 +299,18 @@ class StationWriter:
             )
             self._report.add("lost", message("simulink.motion_by_forces", "motion by forces"), text)
             return True
-        for branch in (branch for robot in robots for branch in robot.tree.branches if branch.body in robot.weightless):
+        for branch in (
+            branch
+            for robot in robots
+            for branch in robot.tree.branches
+            if branch.body in robot.weightless
+        ):
             branch.link.joint.node.note(
                 "lost",
-                message("simulink.held_where_it_starts", "what it moves weighs nothing: it is held where it starts"),
+                message(
+                    "simulink.held_where_it_starts",
+                    "what it moves weighs nothing: it is held where it starts",
+                ),
             )
             for freedom in branch.freedoms:
                 freedom.driven = "motion"
@@ -260,7 +325,8 @@ class StationWriter:
                 branch.link.joint.node.note(
                     "lost",
                     message(
-                        "simulink.weightless_left_out", "nothing holds what it joins, which weighs nothing: left out"
+                        "simulink.weightless_left_out",
+                        "nothing holds what it joins, which weighs nothing: left out",
                     ),
                 )
         return kept if any(map(_weighs, kept)) else trees
@@ -268,7 +334,9 @@ class StationWriter:
     def _robot(self, name: str, robot: RobotFile, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
         indent(robot.element)
-        ElementTree(robot.element).write(folder / f"{name}.urdf", encoding="unicode", xml_declaration=True)
+        ElementTree(robot.element).write(
+            folder / f"{name}.urdf", encoding="unicode", xml_declaration=True
+        )
         floating = not robot.tree.root.grounded
         described: dict[str, Any] = {
             "description": f"{name}, from the Simulink model {self._model.path.stem}",
@@ -277,7 +345,9 @@ class StationWriter:
             "root": robot.links[robot.tree.root],
             "axes": list(robot.axes.values()),
         }
-        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
+        rotors = {
+            axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()
+        }
         drives = {"rotor_inertia": rotors} if any(rotors.values()) else {}
         parts = {"drives": drives, "tools": robot.tools, "feet": feet_of(robot, self._files)}
         described |= {key: part for key, part in parts.items() if part}
@@ -289,10 +359,17 @@ class StationWriter:
         base = self._turn @ robot.tree.base
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
-        degrees = {axis: np.rad2deg(start[axis]) if one.turns else start[axis] for one, axis in robot.axes.items()}
+        degrees = {
+            axis: np.rad2deg(start[axis]) if one.turns else start[axis]
+            for one, axis in robot.axes.items()
+        }
         # The robot has no home, so an axis at zero is named only where its range excludes zero.
         ranges = {name_of(joint): joint_limits(joint) for joint in robot.element.iterfind("joint")}
-        named = [axis for axis, value in degrees.items() if value or not ranges[axis][0] <= 0.0 <= ranges[axis][1]]
+        named = [
+            axis
+            for axis, value in degrees.items()
+            if value or not ranges[axis][0] <= 0.0 <= ranges[axis][1]
+        ]
         if named:
             entry["initial_deg"] = {axis: float(f"{degrees[axis]:.12g}") for axis in named}
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
@@ -308,7 +385,10 @@ class StationWriter:
             self._report.add(
                 "dropped",
                 name,
-                message("simulink.speeds_at_start", "speeds at the start: what moves it is its reference"),
+                message(
+                    "simulink.speeds_at_start",
+                    "speeds at the start: what moves it is its reference",
+                ),
             )
         return entry
 
@@ -316,18 +396,24 @@ class StationWriter:
         """Return the motions that are inputs of joints, beside which all else moves by forces."""
         sections: dict[str, Any] = {}
         for name, robot in self._files.robots.items():
-            axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
+            axes = {
+                freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"
+            }
             forms = {freedom: self._model.law_of(freedom).reference for freedom in axes}
             file = self._folder / f"{name}_prescribed.csv"
             found = JointMotions(self._files, axes, forms, self._starts(robot), file).prescribed()
-            sections |= {f"{self._files.prefix(name)}{axis}": section for axis, section in found.items()}
+            sections |= {
+                f"{self._files.prefix(name)}{axis}": section for axis, section in found.items()
+            }
         return sections
 
     def _starts(self, robot: RobotFile) -> dict[str, float]:
         starts = {}
         for freedom, axis in robot.axes.items():
             desired = freedom.start or 0.0
-            starts[axis] = taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+            starts[axis] = taken = float(
+                np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE)
+            )
             if abs(taken - desired) > 2 * _INSIDE:
                 text = message(
                     "simulink.start_out_of_limits",
@@ -356,7 +442,12 @@ class StationWriter:
         return law
 
     def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
-        gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
+        gains = {
+            "kp": law.kp,
+            "ki": law.ki,
+            "kd": law.kd,
+            "limit": law.limit if isfinite(law.limit) else 0.0,
+        }
         shown = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
         drive = (
             message("simulink.servo_with", "servo {gains}", gains=shown)
@@ -381,7 +472,13 @@ class StationWriter:
         self._report.add(
             "read",
             freedom.name,
-            message("simulink.axis_of_robot", "axis {axis} of {robot}: {drive}", axis=axis, robot=robot, drive=drive),
+            message(
+                "simulink.axis_of_robot",
+                "axis {axis} of {robot}: {drive}",
+                axis=axis,
+                robot=robot,
+                drive=drive,
+            ),
         )
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
@@ -398,10 +495,18 @@ class StationWriter:
         robots, touches = list(self._files.robots.values()), self._touching.ends
         if any(robot.tree.closings or robot.tree.gears for robot in robots):
             loops = [robot for robot in robots if robot.tree.closings]
-            points = any(closing.kind in ("rod", "ball") for robot in loops for closing in robot.tree.closings)
-            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)  # they tear at couplings
+            points = any(
+                closing.kind in ("rod", "ball")
+                for robot in loops
+                for closing in robot.tree.closings
+            )
+            sprung = any(
+                freedom.stiffness for robot in loops for freedom in robot.axes
+            )  # they tear at couplings
             return SOLVERS["points" if points or sprung or touches else "loops"]
-        if any(_is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots):  # late in cenic
+        if any(
+            _is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots
+        ):  # late in cenic
             return SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
             return SOLVERS["struck"]
@@ -415,7 +520,9 @@ def _home(tree: Tree) -> str:
 
 
 def _weighs(tree: Tree) -> bool:
-    return any(solid.weight.mass > 0 for body in tree.bodies if not body.grounded for solid in body.solids)
+    return any(
+        solid.weight.mass > 0 for body in tree.bodies if not body.grounded for solid in body.solids
+    )
 
 
 def _is_moved(robot: RobotFile) -> bool:
@@ -439,7 +546,9 @@ def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
-    return {"robot": robot} | {key: robot.pop(key) for key in ("servo", "joint_stops", "reference") if key in robot}
+    return {"robot": robot} | {
+        key: robot.pop(key) for key in ("servo", "joint_stops", "reference") if key in robot
+    }
 
 
 def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:

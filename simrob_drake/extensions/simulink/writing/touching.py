@@ -31,7 +31,9 @@ from simrob_drake.robots.imports import ImportReport
 
 _PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
 _MOST_POINTS = 100  # of a cloud that touch
-MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
+MOST_DISSIPATION = (
+    50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
+)
 
 
 def _touching_text(what: str, spheres: str) -> str:
@@ -42,8 +44,16 @@ def _touching_text(what: str, spheres: str) -> str:
         spheres: the spheres in words, with their radius.
     """
     texts = {
-        "sphere": message("simulink.mesh_as_ball", "a mesh that touches: nearly a ball, {spheres}", spheres=spheres),
-        "box": message("simulink.box_as_spheres", "a box that touches: {spheres} in its corners", spheres=spheres),
+        "sphere": message(
+            "simulink.mesh_as_ball",
+            "a mesh that touches: nearly a ball, {spheres}",
+            spheres=spheres,
+        ),
+        "box": message(
+            "simulink.box_as_spheres",
+            "a box that touches: {spheres} in its corners",
+            spheres=spheres,
+        ),
         "cylinder": message(
             "simulink.cylinder_as_spheres",
             "a cylinder that touches: {spheres} on its rims, on eight of which it stands",
@@ -62,12 +72,16 @@ def _touching_text(what: str, spheres: str) -> str:
 class Touching:
     """The contacts of a station."""
 
-    ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
+    ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(
+        default_factory=list
+    )
     """Bodies and solids of each contact."""
     floor: bool = False  # whether a plane at z = 0, or a grid of heights, is one of the ends
     laid: Node | None = None  # the block of that grid
     terrain: dict[str, Any] = field(default_factory=dict)  # its section, without its file
-    heights: Vector | None = None  # of its tiles, shape (rows along the way, columns from the left) [m]
+    heights: Vector | None = (
+        None  # of its tiles, shape (rows along the way, columns from the left) [m]
+    )
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
     """Other planes and disks of the world, as what is under them, in the model's world."""
     colliding: set[Node] = field(default_factory=set)  # solids that touch
@@ -78,34 +92,61 @@ def read_touching(model: SimulinkModel, turn: RigidTransform) -> Touching:
     """Sort contacts by what they connect; ``turn`` places the model's world in ours."""
     touching, network = Touching(), model.network
     for contact in model.contacts:
-        one, other = ((model.bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
+        one, other = (
+            (model.bodies.by_place[frame_place(network, node)], node) for node in contact.pair
+        )
         surface = contact.surface
         clouds = {node: body for body, node in (one, other) if node.kind == CLOUD}
         try:
-            points = {node: node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3) for node in clouds}
+            points = {
+                node: node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3)
+                for node in clouds
+            }
             if not all(map(len, points.values())):
-                raise contact.node.refusal(message("simulink.point_cloud_empty", "its point cloud is empty"))
-        except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
+                raise contact.node.refusal(
+                    message("simulink.point_cloud_empty", "its point cloud is empty")
+                )
+        except (
+            InvalidModel,
+            ValueError,
+        ) as problem:  # which have not three figures, or cannot be computed
             why = without_file(problem, model.report.source)
             contact.node.note(
-                "lost", message("simulink.point_cloud_not_read", "its point cloud is not read: {why}", why=why)
+                "lost",
+                message(
+                    "simulink.point_cloud_not_read", "its point cloud is not read: {why}", why=why
+                ),
             )
             continue
         for node, body in clouds.items():
             if node not in touching.colliding:
                 body.solids += _cloud(node, points[node], body.frames[network.net(node, "lconn")])
             share = len(points[node]) / sum(solid.node is node for solid in body.solids)
-            surface = replace(surface, stiffness=surface.stiffness * share, damping=surface.damping * share)
+            surface = replace(
+                surface, stiffness=surface.stiffness * share, damping=surface.damping * share
+            )
         touching.colliding.update(contact.pair)
         touching.ends.append((replace(contact, surface=surface), one, other))
         for body, node in (one, other):
             if node.kind in (_PLANE, "Disk", GRID):
-                _stand(touching, contact.node, node, body, turn, body.frames[network.net(node, "lconn")])
+                _stand(
+                    touching,
+                    contact.node,
+                    node,
+                    body,
+                    turn,
+                    body.frames[network.net(node, "lconn")],
+                )
     return touching
 
 
 def _stand(
-    touching: Touching, contact: Node, node: Node, body: RigidPart, turn: RigidTransform, pose: RigidTransform
+    touching: Touching,
+    contact: Node,
+    node: Node,
+    body: RigidPart,
+    turn: RigidTransform,
+    pose: RigidTransform,
 ) -> None:
     """Take a surface as the floor, its terrain or a piece; of those that move a disk is part of what carries it."""
     there = turn @ pose
@@ -117,7 +158,11 @@ def _stand(
     elif not body.grounded:
         contact.note(
             "lost",
-            message("simulink.contact_of_moving_surface", "contact of {path}, a surface that moves", path=node.path),
+            message(
+                "simulink.contact_of_moving_surface",
+                "contact of {path}, a surface that moves",
+                path=node.path,
+            ),
         )
     elif node.kind == GRID:
         _lay(touching, node, there, flat=flat)
@@ -149,7 +194,11 @@ def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
 
     x, y = (node.numbers(f"{axis}GridVector", "[0 1]", unit="m") for axis in "XY")
     heights = node.matrix("ZHeights", "[0 0; 0 0]") * node.unit("ZHeights", "m")
-    if heights.shape != (x.size, y.size) or min(x.size, y.size) < 2 or min(np.diff(x).min(), np.diff(y).min()) <= 0:
+    if (
+        heights.shape != (x.size, y.size)
+        or min(x.size, y.size) < 2
+        or min(np.diff(x).min(), np.diff(y).min()) <= 0
+    ):
         raise node.refusal(
             message(
                 "simulink.heights_of_grid",
@@ -163,11 +212,18 @@ def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
     x0, y0, z0 = turn.T @ pose.translation()
     surface = RegularGridInterpolator((x + x0, y + y0), heights + z0, bounds_error=False)
     reach = float(np.abs(y + y0).max())
-    size = float(max(min(np.diff(x).min(), np.diff(y).min()), np.ptp(x) / MOST_BOXES, reach / MOST_BOXES))
+    size = float(
+        max(min(np.diff(x).min(), np.diff(y).min()), np.ptp(x) / MOST_BOXES, reach / MOST_BOXES)
+    )
     while True:
         rows, half = max(1, round(float(np.ptp(x)) / size)), max(1, round(reach / size))
-        along, across = x[0] + x0 + size * (np.arange(rows) + 0.5), size * (np.arange(2 * half)[::-1] - half + 0.5)
-        tiles = np.round(np.nan_to_num(surface(tuple(np.meshgrid(along, across, indexing="ij")))), 4)
+        along, across = (
+            x[0] + x0 + size * (np.arange(rows) + 0.5),
+            size * (np.arange(2 * half)[::-1] - half + 0.5),
+        )
+        tiles = np.round(
+            np.nan_to_num(surface(tuple(np.meshgrid(along, across, indexing="ij")))), 4
+        )
         if np.count_nonzero(np.diff(tiles, axis=1)) + rows <= MOST_BOXES:
             break
         size *= 1.05
@@ -190,7 +246,14 @@ def _slab(node: Node, pose: RigidTransform) -> SolidBody:
     plane = node.kind == _PLANE
     size = (20.0, 20.0, 1.0) if plane else (*positive(node, "Radius", "1", 1), 0.02)
     under = pose @ RigidTransform([0.0, 0.0, -size[-1] / 2])
-    return SolidBody(node, NOTHING, Shape("box" if plane else "cylinder", size), _GREY, visible=not plane, pose=under)
+    return SolidBody(
+        node,
+        NOTHING,
+        Shape("box" if plane else "cylinder", size),
+        _GREY,
+        visible=not plane,
+        pose=under,
+    )
 
 
 def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
@@ -206,7 +269,10 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
             radius=POINT,
         ),
     )
-    sphere, places = Shape("sphere", (POINT,)), [pose @ RigidTransform(points[place]) for place in taken]
+    sphere, places = (
+        Shape("sphere", (POINT,)),
+        [pose @ RigidTransform(points[place]) for place in taken],
+    )
     return [SolidBody(node, NOTHING, sphere, _GREY, visible=False, pose=place) for place in places]
 
 
@@ -241,14 +307,20 @@ def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
             touching.standing.add(node)
             _, radius, share, what = spheres[0]
             if what != "sphere" or solids[0].shape is None or solids[0].shape.mesh is not None:
-                spheres_text = message("simulink.spheres_of", "spheres of {radius:.3g} m", radius=radius)
+                spheres_text = message(
+                    "simulink.spheres_of", "spheres of {radius:.3g} m", radius=radius
+                )
                 report.add("approximated", node.path, _touching_text(what, spheres_text))
             surface = contact.surface
             for solid, (middles, *_) in zip(solids, spheres, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
-                places = [[round(float(value), 12) for value in pose.multiply(point)] for point in middles]
+                places = [
+                    [round(float(value), 12) for value in pose.multiply(point)] for point in middles
+                ]
                 points.setdefault(robot.links[body], []).extend(places)
-                shared = replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share)
+                shared = replace(
+                    surface, stiffness=surface.stiffness / share, damping=surface.damping / share
+                )
                 by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
@@ -258,7 +330,10 @@ def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
 
 
 def _feet_surfaces(
-    by_link: dict[str, list[tuple[float, ContactParameters]]], weight: float, report: ImportReport, where: str
+    by_link: dict[str, list[tuple[float, ContactParameters]]],
+    weight: float,
+    report: ImportReport,
+    where: str,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the figures of most feet, and of ``others`` those that differ; ``weight`` [N] is what a sphere carries."""
     written: dict[tuple[float, ContactParameters], dict[str, Any]] = {}
@@ -267,7 +342,10 @@ def _feet_surfaces(
             report.add(
                 "approximated",
                 f"{where}: {link}",
-                message("simulink.contacts_differ", "its contacts differ: all get the figures of the first"),
+                message(
+                    "simulink.contacts_differ",
+                    "its contacts differ: all get the figures of the first",
+                ),
             )
         if ones[0] not in written:
             radius, surface = ones[0]
@@ -279,13 +357,18 @@ def _feet_surfaces(
     return written[first], {"others": others} if others else {}
 
 
-def bounded_dissipation(surface: ContactParameters, weight: float, report: ImportReport, where: str) -> float:
+def bounded_dissipation(
+    surface: ContactParameters, weight: float, report: ImportReport, where: str
+) -> float:
     """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring, and tell how it differs.
 
     Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
     put to twice the depth at rest: as deep as a body sinks that is laid down, whose ``weight`` [N] presses on it.
     """
-    depth, text = 2 * weight / surface.stiffness, message("simulink.contact_without_damping", "contact without damping")
+    depth, text = (
+        2 * weight / surface.stiffness,
+        message("simulink.contact_without_damping", "contact without damping"),
+    )
     exact = surface.damping / (surface.stiffness * max(depth, 1e-6))
     taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
     if taken:
@@ -321,7 +404,9 @@ class StationFiles:
     pieces: list[str] = field(default_factory=list)  # names
     groups: dict[str, str] = field(default_factory=dict)
     """Of those that stand in the world, by the subsystem or block that they come from."""
-    free: dict[Tree, str] = field(default_factory=dict)  # of those that nothing holds, by what they are
+    free: dict[Tree, str] = field(
+        default_factory=dict
+    )  # of those that nothing holds, by what they are
     content: dict[str, Any] = field(default_factory=dict)
     """Of the station's file; empty where nothing moves, and there is no station."""
 
@@ -341,7 +426,10 @@ class StationFiles:
         for name, robot in self.robots.items():
             if body in robot.links:
                 return self.prefix(name) + robot.links[body], robot.frames[body].inverse()
-        return next(((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body), None)
+        return next(
+            ((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body),
+            None,
+        )
 
     def is_of_robot(self, body: RigidPart) -> bool:
         """Tell whether a body is a link of a robot, and moves."""
@@ -351,7 +439,11 @@ class StationFiles:
 def contact_section(files: StationFiles) -> dict[str, Any]:
     """Return the contact section: the figures of the first contact that no robot's feet tell."""
     touching = files.touching
-    own = [(contact, ends) for contact, *ends in touching.ends if not any(files.is_of_robot(body) for body, _ in ends)]
+    own = [
+        (contact, ends)
+        for contact, *ends in touching.ends
+        if not any(files.is_of_robot(body) for body, _ in ends)
+    ]
     if not own or not files.pieces:
         return {"model": "point", "stiction_speed": touching.ends[0][0].surface.speed}
     contact, ends = own[0]
@@ -362,7 +454,9 @@ def contact_section(files: StationFiles) -> dict[str, Any]:
     section = {
         "model": "point",
         "stiffness": surface.stiffness,
-        "dissipation": bounded_dissipation(surface, weight / shared, files.report, contact.node.path),
+        "dissipation": bounded_dissipation(
+            surface, weight / shared, files.report, contact.node.path
+        ),
         "friction": {"static": surface.static, "dynamic": surface.dynamic},
         "stiction_speed": surface.speed,
     }
@@ -370,7 +464,10 @@ def contact_section(files: StationFiles) -> dict[str, Any]:
         files.report.add(
             "approximated",
             "contact",
-            message("simulink.all_contacts_differ", "contacts differ: all pieces get the figures of the first"),
+            message(
+                "simulink.all_contacts_differ",
+                "contacts differ: all pieces get the figures of the first",
+            ),
         )
     return section
 
@@ -379,7 +476,11 @@ def distance_sensors(files: StationFiles) -> tuple[dict[str, Any], dict[str, Any
     """Return sensors for contacts that sense their distance, and monitors where it stops the simulation."""
     sensors, monitors = dict[str, Any](), dict[str, Any]()
     for contact, *ends in files.touching.ends:
-        names = [_end_name(files, body, node) for body, node in ends] if contact.senses_distance else [""]
+        names = (
+            [_end_name(files, body, node) for body, node in ends]
+            if contact.senses_distance
+            else [""]
+        )
         if not all(names):
             continue
         body, other = reversed(names) if names[0] == "floor" else names
@@ -396,4 +497,8 @@ def _end_name(files: StationFiles, body: RigidPart, node: Node) -> str:
         return named[0] if named and node in touching.standing else ""
     if node is touching.laid or (node.kind == _PLANE and node not in touching.slabs):
         return "floor"
-    return named[0] if named and not body.grounded else files.groups.get(node.path.partition("/")[0], "")
+    return (
+        named[0]
+        if named and not body.grounded
+        else files.groups.get(node.path.partition("/")[0], "")
+    )

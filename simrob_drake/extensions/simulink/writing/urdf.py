@@ -18,14 +18,27 @@ from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.shapes import load_mesh, write_obj
-from simrob_drake.extensions.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
+from simrob_drake.extensions.simulink.mechanics.solids import (
+    SolidBody,
+    moved,
+    possible_moments,
+    together,
+)
 from simrob_drake.extensions.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.imports import ImportReport
-from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, format_numbers, place, set_inertia, six_moments
+from simrob_drake.robots.urdf import (
+    add_colour,
+    add_joint,
+    add_motor,
+    format_numbers,
+    place,
+    set_inertia,
+    six_moments,
+)
 
 
 class UniqueNames(FreeNames):
@@ -49,7 +62,11 @@ ROOT = "base"
 AMPLE = 1e6  # effort of a motor that the model does not limit [N·m or N]
 _FAR = 1e3  # m or rad: the limit of a joint that has none, or one only
 _TINY = 1e-9
-_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}  # attributes of a URDF
+_SIZES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+}  # attributes of a URDF
 
 
 @dataclass
@@ -58,7 +75,9 @@ class RobotFile:
 
     tree: Tree  # what it is
     element: ET.Element  # its URDF
-    axes: dict[Freedom, str] = field(default_factory=dict)  # names of its joints by degree of freedom
+    axes: dict[Freedom, str] = field(
+        default_factory=dict
+    )  # names of its joints by degree of freedom
     links: dict[RigidPart, str] = field(default_factory=dict)  # names of its links by body
     frames: dict[RigidPart, RigidTransform] = field(default_factory=dict)
     """Pose of each link's frame in its body's first frame."""
@@ -106,7 +125,9 @@ class UrdfWriter:
             last = number == len(branch.freedoms) - 1
             robot.axes[freedom] = self._names.give(freedom.name)
             child = self._names.give(f"{robot.axes[freedom]}_link")
-            self._joint(robot.element, robot.axes[freedom], freedom, branch.sign, (parent, child, origin))
+            self._joint(
+                robot.element, robot.axes[freedom], freedom, branch.sign, (parent, child, origin)
+            )
             link = ET.SubElement(robot.element, "link", name=child)
             if last:
                 robot.links[branch.body] = child
@@ -116,10 +137,19 @@ class UrdfWriter:
             parent, origin = child, RigidTransform()
 
     def _joint(
-        self, robot: ET.Element, name: str, freedom: Freedom, sign: float, ends: tuple[str, str, RigidTransform]
+        self,
+        robot: ET.Element,
+        name: str,
+        freedom: Freedom,
+        sign: float,
+        ends: tuple[str, str, RigidTransform],
     ) -> None:
         bounds = {"lower": freedom.lower, "upper": freedom.upper}
-        kind = ("revolute" if any(map(isfinite, bounds.values())) else "continuous") if freedom.turns else "prismatic"
+        kind = (
+            ("revolute" if any(map(isfinite, bounds.values())) else "continuous")
+            if freedom.turns
+            else "prismatic"
+        )
         parent, child, origin = ends
         joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
         ET.SubElement(joint, "axis", xyz=format_numbers((sign * freedom.axis).tolist()))
@@ -128,7 +158,9 @@ class UrdfWriter:
             limit.set(end, format_numbers([bound if isfinite(bound) else np.sign(bound) * _FAR]))
         ET.SubElement(joint, "dynamics", damping=format_numbers([freedom.damping]))
 
-    def _link(self, robot: RobotFile, link: ET.Element, body: RigidPart, frame: RigidTransform) -> None:
+    def _link(
+        self, robot: RobotFile, link: ET.Element, body: RigidPart, frame: RigidTransform
+    ) -> None:
         inverse = frame.inverse()
         weight = together([moved(solid.weight, inverse @ solid.pose) for solid in body.solids])
         robot.mass += weight.mass
@@ -138,7 +170,11 @@ class UrdfWriter:
             set_inertia(link, mass=weight.mass, moments=moments, pose=RigidTransform(weight.com))
         else:
             set_inertia(link, mass=_TINY, moments=[_TINY] * 3, pose=RigidTransform())
-            if not any(solid.weight.mass > 0 for behind in robot.tree.behind(body) for solid in behind.solids):
+            if not any(
+                solid.weight.mass > 0
+                for behind in robot.tree.behind(body)
+                for solid in behind.solids
+            ):
                 robot.weightless[body] = name
         for solid in body.solids:
             self._visual(link, solid, inverse @ solid.pose)
@@ -150,7 +186,9 @@ class UrdfWriter:
         place(visual, pose)
         shape, size = look
         keys = _SIZES.get(shape, ("filename",))
-        texts = [size] if shape == "mesh" else map(format_numbers, np.split(np.array(size), len(keys)))
+        texts = (
+            [size] if shape == "mesh" else map(format_numbers, np.split(np.array(size), len(keys)))
+        )
         ET.SubElement(ET.SubElement(visual, "geometry"), shape, dict(zip(keys, texts, strict=True)))
         add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
 
@@ -169,7 +207,10 @@ class UrdfWriter:
                 solid.node.note(
                     "dropped",
                     message(
-                        "simulink.mesh_with_problem", "the mesh {file} {problem}", file=solid.file.name, problem=problem
+                        "simulink.mesh_with_problem",
+                        "the mesh {file} {problem}",
+                        file=solid.file.name,
+                        problem=problem,
                     ),
                 )
                 self._copied[key] = None
@@ -185,7 +226,13 @@ class UrdfWriter:
         """Add the Reference Frames of the outermost level as tools, first what lies farthest out."""
         order = [robot.tree.root, *(branch.body for branch in robot.tree.branches)]
         found = [
-            (node.path.count("/"), -order.index(body), node, robot.frames[body].inverse() @ pose, robot.links[body])
+            (
+                node.path.count("/"),
+                -order.index(body),
+                node,
+                robot.frames[body].inverse() @ pose,
+                robot.links[body],
+            )
             for body in order
             if not body.grounded
             for node, pose in body.marks
@@ -201,12 +248,18 @@ class UrdfWriter:
             if node.kind == PUSH:
                 robot.pushed = robot.pushed or name
 
-    def piece(self, name: str, solids: list[SolidBody], colliding: set[Node], *, weighs: bool) -> bool:
+    def piece(
+        self, name: str, solids: list[SolidBody], colliding: set[Node], *, weighs: bool
+    ) -> bool:
         """Write a piece's file of solids with their poses in its frame, and tell whether there is anything to it.
 
         Those in ``colliding`` take part in contact; what stands fixed has no mass, and does not weigh.
         """
-        shapes = [entry for solid in solids if (entry := self._shape(solid, solid.node in colliding)) is not None]
+        shapes = [
+            entry
+            for solid in solids
+            if (entry := self._shape(solid, solid.node in colliding)) is not None
+        ]
         weight = together([moved(solid.weight, solid.pose) for solid in solids])
         if not shapes and weight.mass <= 0:
             self._folder.rmdir()
@@ -216,8 +269,14 @@ class UrdfWriter:
             inertia = possible_moments(name, weight, self._report)
             moments = six_moments(inertia)
             moments = moments if np.abs(moments[3:]).max() > 1e-9 * inertia.max() else moments[:3]
-            content |= {"mass": float(weight.mass), "com": weight.com.tolist(), "inertia": moments.tolist()}
-        (self._folder / PIECE_FILE).write_text(as_yaml({**content, "shapes": shapes}), encoding="utf-8")
+            content |= {
+                "mass": float(weight.mass),
+                "com": weight.com.tolist(),
+                "inertia": moments.tolist(),
+            }
+        (self._folder / PIECE_FILE).write_text(
+            as_yaml({**content, "shapes": shapes}), encoding="utf-8"
+        )
         return True
 
     def _shape(self, solid: SolidBody, collides: bool) -> dict[str, Any] | None:
@@ -226,12 +285,18 @@ class UrdfWriter:
         shape, size = look
         entry = {shape: size[0] if shape == "sphere" else size, "pose": pose_list(solid.pose)}
         entry["colour"] = [round(value, 4) for value in solid.colour]
-        return entry | {key: False for key, on in (("collides", collides), ("visible", solid.visible)) if not on}
+        return entry | {
+            key: False for key, on in (("collides", collides), ("visible", solid.visible)) if not on
+        }
 
 
 def as_yaml(content: dict[str, Any]) -> str:
     """Return a file of a station, robot or piece."""
-    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
+    return str(
+        yaml.safe_dump(
+            content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+        )
+    )
 
 
 def pose_list(pose: RigidTransform) -> list[float]:

@@ -11,7 +11,15 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import validated
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
-from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
+from simrob_drake.cli.options import (
+    AllowCode,
+    Force,
+    Scheduler,
+    Settings,
+    StationArgument,
+    Workers,
+    with_mesh_path,
+)
 from simrob_drake.cli.screen import TABLE, console, say_place, table
 from simrob_drake.results.files import default_folder
 
@@ -73,11 +81,15 @@ _COLUMNS: dict[str, _Column] = {
     "withstood": _Column(message("tuning.withstood", "withstood"), _share_cell),
     "weakest_force": _Column(message("tuning.weakest_force", "weakest [N]"), _number_cell),
     "weakest_impulse": _Column(message("tuning.weakest_impulse", "weakest [N·s]"), _number_cell),
-    "weakest_impulse_per_mass": _Column(message("tuning.weakest_per_mass", "weakest [N·s/kg]"), _number_cell),
+    "weakest_impulse_per_mass": _Column(
+        message("tuning.weakest_per_mass", "weakest [N·s/kg]"), _number_cell
+    ),
     "moment": _Column(message("tuning.moment", "at [s]"), _time_cell),
     "median_force": _Column(message("tuning.median_force", "median [N]"), _number_cell),
     "median_impulse": _Column(message("tuning.median_impulse", "median [N·s]"), _number_cell),
-    "median_impulse_per_mass": _Column(message("tuning.median_per_mass", "median [N·s/kg]"), _number_cell),
+    "median_impulse_per_mass": _Column(
+        message("tuning.median_per_mass", "median [N·s/kg]"), _number_cell
+    ),
     "weakest": _Column(message("tuning.weakest", "weakest"), _number_cell),
     "median": _Column(message("tuning.median", "median"), _number_cell),
     "unit": _Column(message("tuning.unit", "unit"), _text_cell),
@@ -92,42 +104,66 @@ def pushes(
         int | None,
         typer.Option(
             min=1,
-            help=message("tuning.help_pushes_directions", "Count of directions; 4 by default, the first is forward."),
+            help=message(
+                "tuning.help_pushes_directions",
+                "Count of directions; 4 by default, the first is forward.",
+            ),
         ),
     ] = None,
     phases: Annotated[
         int | None,
         typer.Option(
-            min=1, help=message("tuning.help_pushes_phases", "Count of moments over the period; 8 by default.")
+            min=1,
+            help=message(
+                "tuning.help_pushes_phases", "Count of moments over the period; 8 by default."
+            ),
         ),
     ] = None,
     period: Annotated[
         float | None,
-        typer.Option(help=message("tuning.help_pushes_period", "Time of two steps [s]; the walk's own by default.")),
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_period", "Time of two steps [s]; the walk's own by default."
+            )
+        ),
     ] = None,
     start: Annotated[
-        float | None, typer.Option(help=message("tuning.help_pushes_start", "The first moment [s]; 3 by default."))
+        float | None,
+        typer.Option(
+            help=message("tuning.help_pushes_start", "The first moment [s]; 3 by default.")
+        ),
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(help=message("tuning.help_pushes_duration", "How long a push lasts [s]; 0.1 by default.")),
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_duration", "How long a push lasts [s]; 0.1 by default."
+            )
+        ),
     ] = None,
     after: Annotated[
         float | None,
         typer.Option(
             help=message(
-                "tuning.help_pushes_after", "Time for which the robot must stay up afterwards [s]; 2 by default."
+                "tuning.help_pushes_after",
+                "Time for which the robot must stay up afterwards [s]; 2 by default.",
             )
         ),
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(help=message("tuning.help_pushes_at", "A tool or link that is pushed; the root by default.")),
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_at", "A tool or link that is pushed; the root by default."
+            )
+        ),
     ] = None,
     from_: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="N", help=message("tuning.help_pushes_from", "The force that a search tries first [N].")
+            "--from",
+            metavar="N",
+            help=message("tuning.help_pushes_from", "The force that a search tries first [N]."),
         ),
     ] = None,
     newtons: Annotated[
@@ -135,7 +171,9 @@ def pushes(
         typer.Option(
             "--newtons",
             metavar="N",
-            help=message("tuning.help_pushes_newtons", "Push by this force [N]; nothing is searched for."),
+            help=message(
+                "tuning.help_pushes_newtons", "Push by this force [N]; nothing is searched for."
+            ),
         ),
     ] = None,
     vary: Annotated[
@@ -143,7 +181,8 @@ def pushes(
         typer.Option(
             metavar="BURDEN",
             help=message(
-                "tuning.help_pushes_vary", "Search in place of pushes: load, friction, stiffness, slope, step."
+                "tuning.help_pushes_vary",
+                "Search in place of pushes: load, friction, stiffness, slope, step.",
             ),
         ),
     ] = None,
@@ -151,7 +190,8 @@ def pushes(
         float | None,
         typer.Option(
             help=message(
-                "tuning.help_pushes_seconds", "Time for which the robot walks under a burden [s]; 10 by default."
+                "tuning.help_pushes_seconds",
+                "Time for which the robot walks under a burden [s]; 10 by default.",
             )
         ),
     ] = None,
@@ -159,7 +199,8 @@ def pushes(
         float | None,
         typer.Option(
             help=message(
-                "tuning.help_pushes_least", "Part of its way that the robot must go under a burden; 0.5 by default."
+                "tuning.help_pushes_least",
+                "Part of its way that the robot must go under a burden; 0.5 by default.",
             )
         ),
     ] = None,
@@ -167,25 +208,36 @@ def pushes(
         float | None,
         typer.Option(
             help=message(
-                "tuning.help_pushes_close", "Accuracy at which a search ends, as a part of the result; 0.1 by default."
+                "tuning.help_pushes_close",
+                "Accuracy at which a search ends, as a part of the result; 0.1 by default.",
             )
         ),
     ] = None,
     seeds: Annotated[
         int,
-        typer.Option(min=0, help=message("tuning.help_pushes_seeds", "Draws of posture, noise, masses and friction.")),
+        typer.Option(
+            min=0,
+            help=message(
+                "tuning.help_pushes_seeds", "Draws of posture, noise, masses and friction."
+            ),
+        ),
     ] = 0,
     set_: Settings = None,
     variant: Annotated[
         list[str] | None,
         typer.Option(
             metavar="KEY.PATH=VALUE",
-            help=message("tuning.help_pushes_variant", "Do all with this changed, too; may be given several times."),
+            help=message(
+                "tuning.help_pushes_variant",
+                "Do all with this changed, too; may be given several times.",
+            ),
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help=message("tuning.help_pushes_out", "Folder; runs/STATION-pushes-TIME by default.")),
+        typer.Option(
+            help=message("tuning.help_pushes_out", "Folder; runs/STATION-pushes-TIME by default.")
+        ),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -207,13 +259,20 @@ def pushes(
     from simrob_drake.extensions.tuning.burdens import Burdens
     from simrob_drake.extensions.tuning.walking_folder import PushMap, WalkingFolder
 
-    of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
+    of_pushes: dict[str, Any] = {
+        "directions": directions,
+        "phases": phases,
+        "period": period,
+        "start": start,
+    }
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
     of_burdens: dict[str, Any] = {"seconds": seconds, "least": least}
     if vary:
         refuse(message("tuning.no_effect_with_vary", "it has no effect with --vary"), **of_pushes)
     else:
-        refuse(message("tuning.effect_with_vary", "it has an effect only with --vary"), **of_burdens)
+        refuse(
+            message("tuning.effect_with_vary", "it has an effect only with --vary"), **of_burdens
+        )
     keys = {
         "station": str(Path(station).resolve()) if Path(station).is_file() else station,
         "overrides": changes_of(set_, "--set"),
@@ -224,11 +283,16 @@ def pushes(
         **({"vary": vary, **of_burdens} if vary else of_pushes),
     }
     kind = Burdens if vary else PushMap
-    walking = validated(kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes")
+    walking = validated(
+        kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes"
+    )
     folder = out or default_folder(f"{Path(station).stem}-pushes")
     if scheduler:
         refuse(
-            message("tuning.cluster_decides", "with --scheduler the cluster decides how many workers there are"),
+            message(
+                "tuning.cluster_decides",
+                "with --scheduler the cluster decides how many workers there are",
+            ),
             workers=workers,
         )
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)

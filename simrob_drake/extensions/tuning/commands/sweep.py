@@ -11,7 +11,16 @@ from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
-from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
+from simrob_drake.cli.options import (
+    AllowCode,
+    Force,
+    NoRecording,
+    Saving,
+    Scheduler,
+    Settings,
+    Workers,
+    with_mesh_path,
+)
 from simrob_drake.cli.saving import prepared_folder, save_and_show
 from simrob_drake.cli.screen import console, say_place, say_text, table
 from simrob_drake.results.files import default_folder
@@ -28,7 +37,9 @@ def sweep(
         str,
         typer.Argument(
             metavar="STATION|FOLDER",
-            help=message("tuning.help_sweep_station", "A station, or the folder of a sweep to go on with."),
+            help=message(
+                "tuning.help_sweep_station", "A station, or the folder of a sweep to go on with."
+            ),
         ),
     ],
     vary: Annotated[
@@ -46,7 +57,10 @@ def sweep(
         int,
         typer.Option(
             min=1,
-            help=message("tuning.help_sweep_seeds", "Runs of each combination, with other noise and other draws."),
+            help=message(
+                "tuning.help_sweep_seeds",
+                "Runs of each combination, with other noise and other draws.",
+            ),
         ),
     ] = 1,
     sampling: Annotated[
@@ -54,20 +68,28 @@ def sweep(
         typer.Option(
             metavar="NAME",
             help=message(
-                "tuning.help_sweep_sampling", "Draw all keys at once: sobol, latin, random or grid, --count times."
+                "tuning.help_sweep_sampling",
+                "Draw all keys at once: sobol, latin, random or grid, --count times.",
             ),
         ),
     ] = None,
     count: Annotated[
         int | None,
         typer.Option(
-            min=1, help=message("tuning.help_sweep_count", "Draws; of a grid, values of each key. 16 by default.")
+            min=1,
+            help=message(
+                "tuning.help_sweep_count", "Draws; of a grid, values of each key. 16 by default."
+            ),
         ),
     ] = None,
     set_: Settings = None,
     out: Annotated[
         Path | None,
-        typer.Option(help=message("tuning.help_sweep_out", "Folder of the sweep; runs/STATION-sweep-TIME by default.")),
+        typer.Option(
+            help=message(
+                "tuning.help_sweep_out", "Folder of the sweep; runs/STATION-sweep-TIME by default."
+            )
+        ),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -75,7 +97,10 @@ def sweep(
         int | None,
         typer.Option(
             metavar="NUMBER",
-            help=message("tuning.help_sweep_run", "Make this run of a folder's table again and save its result."),
+            help=message(
+                "tuning.help_sweep_run",
+                "Make this run of a folder's table again and save its result.",
+            ),
         ),
     ] = None,
     force: Force = False,
@@ -108,8 +133,16 @@ def sweep(
         )
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
-        refuse(message("tuning.effect_with_folder", "it has an effect only with the folder of a sweep"), run=run)
-        distributions = {key: parse_distribution(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")}
+        refuse(
+            message(
+                "tuning.effect_with_folder", "it has an effect only with the folder of a sweep"
+            ),
+            run=run,
+        )
+        distributions = {
+            key: parse_distribution(f"--vary {key}", text)
+            for key, text in texts_by_key(vary, "--vary")
+        }
         sampled: dict[str, Any] = {"vary": distributions, "sampling": sampling}
         if sampling is not None:
             one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling))
@@ -126,7 +159,10 @@ def sweep(
         return _run_again(place, run, out, force=force, recording=not no_recording)
     if scheduler:
         refuse(
-            message("tuning.cluster_decides", "with --scheduler the cluster decides how many workers there are"),
+            message(
+                "tuning.cluster_decides",
+                "with --scheduler the cluster decides how many workers there are",
+            ),
             workers=workers,
         )
     rows = place.run(workers=workers, scheduler=scheduler)
@@ -136,13 +172,19 @@ def sweep(
     return ExitCode.DONE
 
 
-def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
+def _run_again(
+    place: "SweepFolder", number: int, out: Path | None, *, force: bool, recording: bool
+) -> ExitCode:
     """Make one run of a sweep again, and save what `simrob run` saves."""
     if not 1 <= number <= len(place.cases):
         raise InvalidParameter(
             "--run",
             number,
-            message("tuning.number_of_table", "a number of the table, 1 to {count}", count=len(place.cases)),
+            message(
+                "tuning.number_of_table",
+                "a number of the table, 1 to {count}",
+                count=len(place.cases),
+            ),
         )
     case = place.cases[number - 1]
     scene = case.scene()

@@ -24,7 +24,10 @@ def tune(
     study: Annotated[
         Path,
         typer.Argument(
-            metavar="STUDY", help=message("tuning.help_tune_study", "A YAML file: what varies, what it costs, when.")
+            metavar="STUDY",
+            help=message(
+                "tuning.help_tune_study", "A YAML file: what varies, what it costs, when."
+            ),
         ),
     ],
     method: Annotated[
@@ -39,10 +42,14 @@ def tune(
     ] = None,
     trials: Annotated[
         int | None,
-        typer.Option(min=1, help=message("tuning.help_tune_trials", "Count of trials, in place of the study's.")),
+        typer.Option(
+            min=1,
+            help=message("tuning.help_tune_trials", "Count of trials, in place of the study's."),
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help=message("tuning.help_tune_out", "Folder; runs/STUDY-TIME by default."))
+        Path | None,
+        typer.Option(help=message("tuning.help_tune_out", "Folder; runs/STUDY-TIME by default.")),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -59,7 +66,11 @@ def tune(
 
         simrob tune gains.yaml --method nelder_mead --method cma --method genetic
     """
-    from simrob_drake.extensions.tuning.analysis import plots_there, save_convergence, study_in_optuna
+    from simrob_drake.extensions.tuning.analysis import (
+        plots_there,
+        save_convergence,
+        study_in_optuna,
+    )
     from simrob_drake.extensions.tuning.study import Method, Study
     from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
@@ -73,7 +84,9 @@ def tune(
     whole = out or default_folder(study.stem)
     places = {
         name: StudyFolder(
-            whole / name if len(methods) > 1 else whole, search.model_copy(update={"method": name}), force=force
+            whole / name if len(methods) > 1 else whole,
+            search.model_copy(update={"method": name}),
+            force=force,
         )
         for name in methods
     }
@@ -81,7 +94,10 @@ def tune(
         say_text(f"{name}:")
         _tell(place, place.run(workers=workers, scheduler=scheduler))
     if plots_there():
-        found = [study_in_optuna(name, place.study, place.journal.records) for name, place in places.items()]
+        found = [
+            study_in_optuna(name, place.study, place.journal.records)
+            for name, place in places.items()
+        ]
         save_convergence(whole / "convergence.png", found)
     say_place(RESULT, whole)
     return ExitCode.DONE
@@ -98,19 +114,31 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     from simrob_drake.extensions.tuning.study import in_table
 
     parameters, cost = place.best
-    rows = [(key, in_table(place.study.start.get(key)), in_table(value)) for key, value in parameters.items()]
+    rows = [
+        (key, in_table(place.study.start.get(key)), in_table(value))
+        for key, value in parameters.items()
+    ]
     start_word = message("tuning.start", "start")
     best_word = message("tuning.best", "best")
     for start_cost, best_cost in zip(place.trials[0][1], cost, strict=True):
         start_cell = compound("{cost:.5g}", cost=start_cost)
-        rows.append((message("tuning.cost", "cost"), start_cell, compound("{cost:.5g}", cost=best_cost)))
+        rows.append(
+            (message("tuning.cost", "cost"), start_cell, compound("{cost:.5g}", cost=best_cost))
+        )
     if len(cost) > 1:
         # With several costs there is no single best: the file has all trials that no other one beats in every cost.
         count = message("tuning.in_front_file", "{count} in front.csv", count=len(place.front()))
         rows.append((message("tuning.trade_offs", "trade-offs"), "", count))
-    console.print(table((message("tuning.key", "key"), start_word, best_word), *rows, numbers=False))
+    console.print(
+        table((message("tuning.key", "key"), start_word, best_word), *rows, numbers=False)
+    )
     if not proof:
-        say_text(message("tuning.no_cases_of_proof", "Not proven: the study has no cases of its own under proof."))
+        say_text(
+            message(
+                "tuning.no_cases_of_proof",
+                "Not proven: the study has no cases of its own under proof.",
+            )
+        )
         return
     runs = [[row for row in proof if row["of"] == of] for of in ("start", "best")]
     ends = [
@@ -125,13 +153,21 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     lines: list[tuple[str, ...]] = [(message("tuning.completed", "completed"), *ends, "")]
     for name in dict.fromkeys([*cost_columns(proof[0]), *place.study.measures]):
         before, after = (
-            mean(found) if (found := [row[name] for row in own if row.get(name) is not None]) else None for own in runs
+            mean(found)
+            if (found := [row[name] for row in own if row.get(name) is not None])
+            else None
+            for own in runs
         )
         ratio = ""
         if before and after and before * after > 0:
             ratio = compound("{ratio:.2f}", ratio=after / before)
         lines.append((name, in_table(before), in_table(after), ratio))
-    headings = (message("tuning.proof", "proof"), start_word, best_word, message("tuning.ratio", "ratio"))
+    headings = (
+        message("tuning.proof", "proof"),
+        start_word,
+        best_word,
+        message("tuning.ratio", "ratio"),
+    )
     console.print(table(headings, *lines, numbers=False))
 
 
@@ -140,13 +176,17 @@ def dashboard(
         list[Path],
         typer.Argument(
             metavar="FOLDER...",
-            help=message("tuning.help_dashboard_folders", "Folders of searches, ended or under way."),
+            help=message(
+                "tuning.help_dashboard_folders", "Folders of searches, ended or under way."
+            ),
         ),
     ],
     port: Annotated[
         int | None,
         typer.Option(
-            min=0, max=65535, help=message("tuning.help_dashboard_port", "Port; 8080, or a free one, by default.")
+            min=0,
+            max=65535,
+            help=message("tuning.help_dashboard_port", "Port; 8080, or a free one, by default."),
         ),
     ] = None,
 ) -> int:
@@ -174,14 +214,21 @@ def prove(
         str,
         typer.Argument(
             metavar="STUDY|STATION",
-            help=message("tuning.help_prove_winner", "The folder of a study that ended, or a station."),
+            help=message(
+                "tuning.help_prove_winner", "The folder of a study that ended, or a station."
+            ),
         ),
     ],
-    seeds: Annotated[int, typer.Option(min=1, help=message("tuning.help_prove_seeds", "Draws of each doubt."))] = 10,
+    seeds: Annotated[
+        int, typer.Option(min=1, help=message("tuning.help_prove_seeds", "Draws of each doubt."))
+    ] = 10,
     out: Annotated[
         Path | None,
         typer.Option(
-            help=message("tuning.help_prove_out", "Folder; STUDY/prove, or runs/STATION-prove-TIME by default.")
+            help=message(
+                "tuning.help_prove_out",
+                "Folder; STUDY/prove, or runs/STATION-prove-TIME by default.",
+            )
         ),
     ] = None,
     workers: Workers = None,
@@ -202,7 +249,9 @@ def prove(
     from simrob_drake.extensions.tuning.proof import PAGE, Proof, ProofFolder
 
     proof = Proof.of(winner, seeds)
-    folder = out or (Path(winner) / "prove" if proof.study else default_folder(f"{Path(winner).stem}-prove"))
+    folder = out or (
+        Path(winner) / "prove" if proof.study else default_folder(f"{Path(winner).stem}-prove")
+    )
     _, words = ProofFolder(folder, proof, force=force).run(workers=workers, scheduler=scheduler)
     for sentence in words:
         say_text(sentence)

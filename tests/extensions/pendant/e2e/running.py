@@ -15,10 +15,17 @@ from urllib.parse import urlsplit
 
 ROOT = Path(__file__).parents[4]
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+_FLAGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 """Three dimensions on a machine without a graphics card."""
 _ADDRESS = re.compile(r"(http://\S+)")
-_PATIENCE = 120.0  # s that it may take until the page can be opened, on a machine that does other things
+_PATIENCE = (
+    120.0  # s that it may take until the page can be opened, on a machine that does other things
+)
 
 
 def missing() -> str:
@@ -58,14 +65,21 @@ class Running:
 
     def __init__(self, subject: str | Path, folder: Path, *options: str) -> None:
         self.subject, self.folder, self._options = str(subject), folder, options
-        self._port = 0  # any at first, whoever else is there; then always this one, as its pages expect
+        self._port = (
+            0  # any at first, whoever else is there; then always this one, as its pages expect
+        )
         self.start()
 
     def start(self) -> None:
         """Start it, and wait until the page can be opened."""
         command = [sys.executable, "-m", "simrob_drake.cli", "teach", self.subject, "--no-browser"]
         command += ["--port", str(self._port)]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "OPENBLAS_NUM_THREADS": "1",
+            "COLUMNS": "200",
+        }
         self._process = subprocess.Popen(
             [*command, "--folder", str(self.folder), *self._options],
             stdout=subprocess.PIPE,
@@ -108,7 +122,9 @@ class Running:
     def worker(self) -> int:
         """The number of the process in which the station runs."""
         children = [Path(f"/proc/{pid}") for pid in _children(self.pid)]
-        return next(int(one.name) for one in children if b"spawn_main" in (one / "cmdline").read_bytes())
+        return next(
+            int(one.name) for one in children if b"spawn_main" in (one / "cmdline").read_bytes()
+        )
 
     def kill(self) -> None:
         """Kill the server, as a power cut would."""
@@ -130,7 +146,11 @@ class Running:
 
 
 def _children(pid: int) -> list[str]:
-    return [pid for task in Path(f"/proc/{pid}/task").iterdir() for pid in (task / "children").read_text().split()]
+    return [
+        pid
+        for task in Path(f"/proc/{pid}/task").iterdir()
+        for pid in (task / "children").read_text().split()
+    ]
 
 
 @contextmanager

@@ -81,8 +81,12 @@ def test_an_arm_is_jogged_by_arrows_rings_and_links(page, tmp_path):
         moved, size = hand.gizmo()
         np.testing.assert_allclose(moved, np.add(place, [0, 0, 0.05]), atol=1e-4)
         told = []
-        page.on("request", lambda asked: told.append(asked.url) if asked.url.endswith("/told") else None)
-        page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [*np.add(moved, [0, 0, size])])))  # drags nothing
+        page.on(
+            "request", lambda asked: told.append(asked.url) if asked.url.endswith("/told") else None
+        )
+        page.mouse.dblclick(
+            *hand.seen(hand.view.evaluate(_POINT, [*np.add(moved, [0, 0, size])]))
+        )  # drags nothing
         page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [0.0, -0.08, 0.45])))
         assert told == []
         moved, size = hand.gizmo()
@@ -116,7 +120,9 @@ def test_pieces_and_targets_are_put_elsewhere(page, tmp_path):
         place, size = hand.choose("target:p1")  # where the tool is, too
         tip = np.add(place, [0.9 * size, 0, 0])
         hand.drag(tip, np.subtract(tip, [0.09, 0, 0]))
-        expect(page.get_by_role("listitem").filter(has_text=f"x {1e3 * place[0] - 100:.0f}")).to_be_visible()
+        expect(
+            page.get_by_role("listitem").filter(has_text=f"x {1e3 * place[0] - 100:.0f}")
+        ).to_be_visible()
         place, size = hand.choose("piece:cube_3")
         tip = np.add(place, [0.9 * size, 0, 0])
         hand.drag(tip, np.add(tip, [0.11, 0, 0]))

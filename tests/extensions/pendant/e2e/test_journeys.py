@@ -43,7 +43,9 @@ each_language = pytest.mark.parametrize("language", list(SCREENS))
 
 @each_language
 def test_two_moves_are_taught_and_played(page, tmp_path, language):
-    with running("humanoid_fixed", tmp_path, "--language", language) as pendant:  # kinematic: it takes no time
+    with running(
+        "humanoid_fixed", tmp_path, "--language", language
+    ) as pendant:  # kinematic: it takes no time
         visit = Visit(page, pendant, language)
         elbow = page.get_by_role("spinbutton", name=visit.texts["axes.left_elbow"])
         for count, angle in enumerate(("30", "0"), 1):
@@ -63,7 +65,10 @@ def test_two_moves_are_taught_and_played(page, tmp_path, language):
         blocks.nth(1).click()  # shows where the second move began
         expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^1[.,]00 "))
         expect(blocks.nth(1)).to_have_class(re.compile(r"\bnow\b"))
-        assert [move["target_deg"] for move in stored(pendant)["moves"]] == [{"left_elbow": 30}, {"left_elbow": 0}]
+        assert [move["target_deg"] for move in stored(pendant)["moves"]] == [
+            {"left_elbow": 30},
+            {"left_elbow": 0},
+        ]
 
 
 @each_language
@@ -108,7 +113,9 @@ def test_a_gain_is_changed_on_one_joint_and_compared_with_the_run_before(page, t
         visit.open_station()
         page.locator('[data-block="joint_2.pd"]').click()
         slider = page.get_by_role("slider", name="servo.kp.joint_2")
-        expect(page.get_by_text(visit.texts["station.tunes_one"].format(axis="joint_2"))).to_be_visible()
+        expect(
+            page.get_by_text(visit.texts["station.tunes_one"].format(axis="joint_2"))
+        ).to_be_visible()
         visit.press("run.play")
         expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^3[.,]00 \w+ 3[.,]00 s$"))
         visit.idle()

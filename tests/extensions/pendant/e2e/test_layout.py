@@ -31,7 +31,9 @@ BAD = ("serious", "critical")
 def humanoid(tmp_path_factory):
     folder = tmp_path_factory.mktemp("layout")
     (folder / "humanoid_dynamic").mkdir()
-    (folder / "humanoid_dynamic" / "program.yaml").write_text(yaml.safe_dump({"grid": 0.05, "moves": MOVES}))
+    (folder / "humanoid_dynamic" / "program.yaml").write_text(
+        yaml.safe_dump({"grid": 0.05, "moves": MOVES})
+    )
     with running("humanoid", folder) as pendant:
         yield pendant
 
@@ -45,14 +47,23 @@ def opened(page, pendant):
 def in_sight(page, *names):
     """Tell which buttons lie outside of what is seen without scrolling."""
     boxes = {name: page.get_by_role("button", name=name).first.bounding_box() for name in names}
-    ends = {name: (box["x"] + box["width"], box["y"] + box["height"]) for name, box in boxes.items()}
-    return [name for name, (right, bottom) in ends.items() if right > SIZE["width"] or bottom > SIZE["height"]]
+    ends = {
+        name: (box["x"] + box["width"], box["y"] + box["height"]) for name, box in boxes.items()
+    }
+    return [
+        name
+        for name, (right, bottom) in ends.items()
+        if right > SIZE["width"] or bottom > SIZE["height"]
+    ]
 
 
 @pytest.mark.long
 def test_all_that_teaches_is_in_sight_and_files_are_dropped_on_the_page(page, humanoid):
     opened(page, humanoid)
-    assert in_sight(page, "2. Test", "3. Add", "4. Simulate", "Discard move", "Robots and stations") == []
+    assert (
+        in_sight(page, "2. Test", "3. Add", "4. Simulate", "Discard move", "Robots and stations")
+        == []
+    )
     blocks = page.locator(".pendant-block")
     expect(blocks).to_have_count(2)
     page.evaluate(DRAG, [1, 0])
@@ -76,7 +87,9 @@ def test_all_that_teaches_is_in_sight_and_files_are_dropped_on_the_page(page, hu
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
 def test_a_phone_has_room_to_teach_and_shows_reasons_by_a_tap(chromium, humanoid, width, height):
     """Half of the height is left below what stays on top, and a tap on a disabled button shows its title."""
-    context = chromium.new_context(viewport={"width": width, "height": height}, has_touch=True, is_mobile=True)
+    context = chromium.new_context(
+        viewport={"width": width, "height": height}, has_touch=True, is_mobile=True
+    )
     page = context.new_page()
     page.set_default_timeout(60_000)
     page.goto(humanoid.url)

@@ -34,7 +34,9 @@ def show_block(visit: Visit, block: str, caption: str) -> None:
     """Choose a block of the picture, and see what it is called below."""
     visit.open_station()
     visit.page.locator(f'[data-block="{block}"]').click()
-    expect(visit.page.get_by_role("group", name=visit.texts["station.block"])).to_contain_text(caption)
+    expect(visit.page.get_by_role("group", name=visit.texts["station.block"])).to_contain_text(
+        caption
+    )
 
 
 # Lesson 1
@@ -140,7 +142,9 @@ def tune_while_it_runs(visit: Visit) -> None:
     expect(visit.page.locator(".pendant-state")).to_have_text(visit.texts["phase.running"])
     slider = visit.page.get_by_role("slider", name="servo.kp.joint_2")
     width = slider.bounding_box()["width"]
-    slider.click(position={"x": 0.95 * width, "y": 5})  # its ends are a tenth and ten times the gain
+    slider.click(
+        position={"x": 0.95 * width, "y": 5}
+    )  # its ends are a tenth and ten times the gain
     expect(visit.page.locator('[data-block="joint_2.pd"].changed')).to_be_attached()
     visit.choose_pace()
     visit.idle()
@@ -184,15 +188,20 @@ LESSON_STEPS: dict[str, list[Callable[[Visit], None]]] = {
 
 
 EVERY_PAIR = [(lesson, language) for lesson in LESSON_STEPS for language in SCREENS]
-ALTERNATING_PAIRS = [(lesson, list(SCREENS)[number % len(SCREENS)]) for number, lesson in enumerate(LESSON_STEPS)]
+ALTERNATING_PAIRS = [
+    (lesson, list(SCREENS)[number % len(SCREENS)]) for number, lesson in enumerate(LESSON_STEPS)
+]
 
 
 # Each takes a minute or more. All pairs of lesson and language are done with SIMROB_ALL_JOURNEYS=1, otherwise each
 # lesson in one language.
 @pytest.mark.parametrize(
-    ("lesson", "language"), EVERY_PAIR if os.environ.get("SIMROB_ALL_JOURNEYS") else ALTERNATING_PAIRS
+    ("lesson", "language"),
+    EVERY_PAIR if os.environ.get("SIMROB_ALL_JOURNEYS") else ALTERNATING_PAIRS,
 )
-def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(page, tmp_path, lesson, language):
+def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(
+    page, tmp_path, lesson, language
+):
     content = yaml.safe_load((LESSONS / f"{lesson}.yaml").read_text())
     with running(content["subject"], tmp_path, "--language", language) as pendant:
         visit = Visit(page, pendant, language)
@@ -203,7 +212,9 @@ def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(page, tmp_
         steps = content["steps"]
         assert len(LESSON_STEPS[lesson]) == len(steps)
         for number, (step, do) in enumerate(zip(steps, LESSON_STEPS[lesson], strict=True), 1):
-            expect(strip).to_contain_text(texts["tour.step"].format(number=number, count=len(steps)))
+            expect(strip).to_contain_text(
+                texts["tour.step"].format(number=number, count=len(steps))
+            )
             visit.idle()
             visit.expect_in_sight(visit.button("run.play").first)
             do(visit)

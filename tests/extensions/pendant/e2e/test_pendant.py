@@ -17,8 +17,14 @@ from simrob_drake.extensions.pendant.server import leading_to
 def opened(page, pendant, pace="fastest"):
     """Open the page, wait until the robot is there, take away what a test before has left, and choose a pace."""
     page.goto(pendant.url)
-    stop, play, pending = button(page, "Stop"), button(page, "Play"), page.get_by_text("Tested and not added yet")
-    expect(play.or_(button(page, "Pause")).and_(page.locator(":enabled")).or_(pending).first).to_be_visible()
+    stop, play, pending = (
+        button(page, "Stop"),
+        button(page, "Play"),
+        page.get_by_text("Tested and not added yet"),
+    )
+    expect(
+        play.or_(button(page, "Pause")).and_(page.locator(":enabled")).or_(pending).first
+    ).to_be_visible()
     if stop.is_enabled():
         stop.click()
     if pending.count():
@@ -51,7 +57,9 @@ def typed(page, name, text):
 
 def lasting(page, seconds):
     """Set the duration of a tested move, which the page would else suggest as the slow servos need it."""
-    duration = page.get_by_role("group", name="Joints and angles").get_by_role("spinbutton", name="Duration")
+    duration = page.get_by_role("group", name="Joints and angles").get_by_role(
+        "spinbutton", name="Duration"
+    )
     duration.fill(str(seconds))
     expect(duration).to_have_value(str(seconds))
 
@@ -92,8 +100,12 @@ def taught_by_the_keyboard(page, humanoid):
     search.fill("CodI")
     elbow = "left elbow: fore-arm up"
     typed(page, elbow, 400)
-    expect(page.get_by_text(re.compile("from .130° to 130°"))).to_be_visible()  # refused in the field, with the limit
-    expect(search).to_have_value("")  # the page takes its user to that field: what is typed before then lands there
+    expect(
+        page.get_by_text(re.compile("from .130° to 130°"))
+    ).to_be_visible()  # refused in the field, with the limit
+    expect(search).to_have_value(
+        ""
+    )  # the page takes its user to that field: what is typed before then lands there
     lasting(page, 4)
     typed(page, elbow, 30)
     expect(page.get_by_text("Tested and not added yet")).to_be_visible()
@@ -147,7 +159,9 @@ def test_a_walk_is_driven_by_keys_a_gamepad_and_a_finger_and_stands_when_let_go(
     page.add_init_script(FLAT)
     opened(page, humanoid)
     with_a_move(page, humanoid)
-    button(page, "4. Simulate").click()  # what is driven elsewhere than where the program leads is not in it
+    button(
+        page, "4. Simulate"
+    ).click()  # what is driven elsewhere than where the program leads is not in it
     expect(button(page, "Stop")).to_be_enabled()
     ran(page)
     opened(page, humanoid, pace="1 ×")
@@ -220,7 +234,9 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     expect(page.locator(".simrob-plot").first).to_be_visible()
     choose_option(page, "Speed", "fastest", within=".pendant-run")
     button(page, "Play").click()
-    expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^([1-9]\d*\.\d+) of \1 s$"))  # its end
+    expect(page.locator(".pendant-time")).to_have_text(
+        re.compile(r"^([1-9]\d*\.\d+) of \1 s$")
+    )  # its end
     ran(page)
     changes = program(humanoid)["changes"]
     assert next(one for one in changes if "push" in one)["push"]["force"] == [10.0, 0.0, 0.0]
@@ -236,7 +252,12 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     script, signals = taken(page, "script"), taken(page, "signals")
     run = [sys.executable, str(script)]
     subprocess.run(
-        run, cwd=tmp_path, check=True, capture_output=True, timeout=120, env={**os.environ, "PYTHONPATH": str(ROOT)}
+        run,
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     made = next(tmp_path.rglob("signals.csv"))
     assert made.read_text() == signals.read_text()
@@ -273,10 +294,14 @@ def test_a_body_is_dragged_by_the_pointer(page, humanoid):
     drag = next(one["drag"] for one in program(humanoid)["changes"] if "drag" in one)
     assert drag["at"] in ("trunk", "shoulder_line", "neck", "waistline")
     targets = np.array(drag["targets"])
-    assert 2 <= len(targets) <= 3  # one for each tick; the first may have come before the pointer was heard of
+    assert (
+        2 <= len(targets) <= 3
+    )  # one for each tick; the first may have come before the pointer was heard of
     ways = np.diff(targets, axis=0)
     lengths = np.linalg.norm(ways, axis=1)
-    np.testing.assert_allclose(ways / lengths[:, np.newaxis], np.tile(ways[0] / lengths[0], (len(ways), 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        ways / lengths[:, np.newaxis], np.tile(ways[0] / lengths[0], (len(ways), 1)), atol=1e-6
+    )
     assert np.ptp(targets[:, 2]) < 1e-6  # across the picture, which is upright
     assert lengths.min() > 0.005
     assert lengths.max() < 0.2
@@ -291,19 +316,27 @@ def test_two_tabs_show_one_run(page, humanoid):
     button(other, "One tick").click()
     for one in (page, other):
         expect(button(one, "Stop")).to_be_enabled()
-        expect(one.locator(".pendant-time")).to_have_text(re.compile(r"^0\.(05|10) of 0\.(05|10) s$"))
+        expect(one.locator(".pendant-time")).to_have_text(
+            re.compile(r"^0\.(05|10) of 0\.(05|10) s$")
+        )
     button(page, "Stop").click()
     expect(button(other, "Stop")).to_be_disabled()
     other.close()
 
 
 @pytest.mark.long
-def test_the_address_is_clean_opens_more_tabs_and_no_other_browser(page, chromium, humanoid, tmp_path):
+def test_the_address_is_clean_opens_more_tabs_and_no_other_browser(
+    page, chromium, humanoid, tmp_path
+):
     printed = humanoid.url
     opened(page, humanoid)
     clean = printed.partition("?")[0]
     assert page.url == clean
-    assert page.evaluate("[history.length, document.referrer, document.cookie]") == [2, "", ""]  # after about:blank
+    assert page.evaluate("[history.length, document.referrer, document.cookie]") == [
+        2,
+        "",
+        "",
+    ]  # after about:blank
     page.reload()
     expect(button(page, "Play")).to_be_enabled()
     other = page.context.new_page()
@@ -335,7 +368,9 @@ def test_nothing_is_lost_by_a_kill(page, humanoid):
     expect(page.locator("body")).to_contain_text("open the newest address")  # it loads itself anew
     assert program(humanoid) == before
     opened(page, humanoid)
-    expect(page.get_by_role("listitem")).to_have_count(len(before["moves"]) + len(before.get("changes", ())))
+    expect(page.get_by_role("listitem")).to_have_count(
+        len(before["moves"]) + len(before.get("changes", ()))
+    )
     button(page, "4. Simulate").click()
     ran(page)
 
@@ -373,7 +408,9 @@ def test_an_arm_is_jogged_and_taught(page, tmp_path):
             button(page, "Add line").click()
         button(page, "Play from the start").click()
         ran(page)
-        lines = [move["move_j"]["targets_deg"] for move in program(pendant, "irb120_workcell")["moves"]]
+        lines = [
+            move["move_j"]["targets_deg"] for move in program(pendant, "irb120_workcell")["moves"]
+        ]
         (x1, y1), (x2, y2) = (line[:2] for line in lines)
         assert (x1, y1) == pytest.approx((x2, -y2))  # mirrored, as its postures are
         assert y1 > 0.05
@@ -390,7 +427,9 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, alone):
     lasting(page, 2)
     for angle in (-60, 90):
         typed(page, "left elbow: fore-arm up", angle)
-        expect(page.get_by_text(re.compile(f"Tested and not added yet.*{angle}".replace("-", ".")))).to_be_visible()
+        expect(
+            page.get_by_text(re.compile(f"Tested and not added yet.*{angle}".replace("-", ".")))
+        ).to_be_visible()
         expect(button(page, "Stop")).to_be_disabled()
         page.keyboard.press("Alt+X") if angle < 0 else None
     page.get_by_text("Live plots", exact=True).click()
@@ -409,7 +448,10 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, alone):
 def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_dropped(page, alone):
     opened(page, alone)
     with_a_move(page, alone)
-    before, edge = program(alone)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
+    before, edge = (
+        program(alone)["moves"][0]["duration"],
+        page.locator(".pendant-edge").first.bounding_box(),
+    )
     block = page.locator(".pendant-block").first.bounding_box()
     page.mouse.move(edge["x"] + 4, edge["y"] + 4)
     page.mouse.down()

@@ -60,7 +60,9 @@ class Visit:
             pad = self.page.locator(".pendant-see .q-expansion-item")
             pad.get_by_text(self.texts["push.title"], exact=True).click()
         force.fill(str(newtons))
-        self.page.get_by_role("spinbutton", name=self.texts["push.duration"], exact=True).fill(str(seconds))
+        self.page.get_by_role("spinbutton", name=self.texts["push.duration"], exact=True).fill(
+            str(seconds)
+        )
         self.press("run.tick")
         expect(self.page.locator(".pendant-state")).to_have_text(self.texts["phase.paused"])
         self.page.get_by_role("button", name=self.texts["push.along"].format(side=side)).click()
@@ -86,18 +88,23 @@ class Visit:
         field = self.page.get_by_role("textbox", name=key, exact=True)
         field.fill(text)
         field.press("Enter")
-        expect(self.page.locator(".q-chip").get_by_text(re.compile(f"^{re.escape(key)}: "))).to_be_visible()
+        expect(
+            self.page.locator(".q-chip").get_by_text(re.compile(f"^{re.escape(key)}: "))
+        ).to_be_visible()
         self.idle()
 
     def scrub(self, key, times):
         """Go through the run by a key of the slider of its moments."""
-        handle = self.page.get_by_role("slider", name=self.texts["run.scrub"]).locator("[tabindex='0']")
+        handle = self.page.get_by_role("slider", name=self.texts["run.scrub"]).locator(
+            "[tabindex='0']"
+        )
         for _ in range(times):
             handle.press(key)
 
     def expect_in_sight(self, locator):
         """Wait until an element lies in the window, which the page sees to once the strip above has its new height."""
-        inside = (
-            "e => { const b = e.getBoundingClientRect(); return b.right <= innerWidth && b.bottom <= innerHeight; }"
-        )
+        inside = """e => {
+            const b = e.getBoundingClientRect();
+            return b.right <= innerWidth && b.bottom <= innerHeight;
+        }"""
         self.page.wait_for_function(inside, arg=locator.element_handle())
