@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -478,8 +478,8 @@ def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...
             for _ in range(index):
                 motion = step @ motion
             pose = motion @ pose
-        x, y, z, rz, ry, rx = pose_from_transform(pose).tolist()
-        frames.append(("_".join([name, *map(str, indices)]), (x, y, z, rz, ry, rx)))
+        full_name = "_".join([name, *map(str, indices)])
+        frames.append((full_name, cast(Pose, tuple(pose_from_transform(pose).tolist()))))
     return tuple(frames)
 
 
