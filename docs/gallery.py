@@ -175,9 +175,8 @@ def walk_picture(run: SimulationResult, *, height: int) -> Image.Image:
     studio = Studio(
         run, height=height, oversampling=2, follow=False, azimuth=azimuth, widest=WIDEST
     )
-    even = np.interp(
-        np.linspace(0.0, lengths[-1], PLACES), lengths, times
-    )  # in length: while it stands it hides floor
+    # in length: while it stands it hides floor
+    even = np.interp(np.linspace(0.0, lengths[-1], PLACES), lengths, times)
     images = list(studio.images(even))
     floor = np.median(images, axis=0)
     robots = [robot_in(image, floor) for image in images]
@@ -214,9 +213,8 @@ def save_clip(run: SimulationResult, file: Path) -> Path:
         (1, 2), (60, 45, 30)
     ):  # of the images; then there are fewer of them
         first, *others = images[::every]
-        pauses = [round(1000 * every * FRAME_TIME)] * len(others) + [
-            1000
-        ]  # ms; the end is seen for longer
+        # ms; the end is seen for longer
+        pauses = [round(1000 * every * FRAME_TIME)] * len(others) + [1000]
         motion = {"save_all": True, "append_images": others, "duration": pauses, "loop": 0}
         first.save(content := BytesIO(), "webp", quality=quality, **motion)
         if content.tell() < LARGEST:

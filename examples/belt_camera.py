@@ -39,6 +39,7 @@ def workcell(seed: int, parts: int = PARTS, mode: str = "kinematic") -> Workcell
     settings: dict[str, object] = {"mode": mode}
     for number, back in enumerate(np.cumsum(gaps)):
         across, turn = random.uniform(-EDGE, EDGE), random.uniform(0, np.pi / 2)
+        # in the carriage's frame: z ahead, y down
         pose = [
             across,
             TOP - 0.155,
@@ -46,7 +47,7 @@ def workcell(seed: int, parts: int = PARTS, mode: str = "kinematic") -> Workcell
             0.0,
             -turn,
             np.pi / 2,
-        ]  # in the carriage's frame: z ahead, y down
+        ]
         place = [float(value) for value in pose]
         settings[f"pieces.part_{number}"] = {"model": "half_die", "parent": "belt", "pose": place}
     return Workcell(STATION, settings)
@@ -137,9 +138,8 @@ def put_away(cell: Workcell, arm: Arm, part: str, number: int) -> None:
     place = [0.05 + 0.06 * number, 0.4, 0.0576]
     _move(cell, arm.plan.move_l([*arm.pose()[:2], 0.3], duration=0.6))
     _move(cell, arm.plan.move_j([*place[:2], 0.2, 0, 0, 0], duration=1.2))
-    _move(
-        cell, arm.plan.move_l(place, duration=0.6, check="limits")
-    )  # down to the pallet, which it touches
+    # down to the pallet, which it touches
+    _move(cell, arm.plan.move_l(place, duration=0.6, check="limits"))
     arm.release(part, "pallet")
     _move(cell, arm.plan.move_l([0, 0, -0.12], wobj=arm, duration=0.5, check="limits"))
 

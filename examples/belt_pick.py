@@ -21,9 +21,8 @@ def run() -> tuple[Workcell, list[SimulationResult]]:
     moves.append(arm.move_j([0, 0, HEIGHT + ABOVE, *DOWN], wobj="rook"))
     moves.append(arm.move_l([0, 0, HEIGHT], wobj="rook"))
     arm.attach("rook")
-    moves.append(
-        arm.move_l([0, 0, ABOVE], wobj=arm)
-    )  # up from there: the rook, whose z is up, is the tool now
+    # up from there: the rook, whose z is up, is the tool now
+    moves.append(arm.move_l([0, 0, ABOVE], wobj=arm))
 
     over = arm.plan.move_j([*PLACE[:2], PLACE[2] + ABOVE, 0, 0, 0], duration=1.5)
     moves.append(cell.run(over, belt.plan.move_abs_j([0.0])))  # both at the same time

@@ -8,10 +8,11 @@ from simrob_drake import SimulationResult, load_station, simulate
 
 STEP = [
     {"time": 1, "target_deg": {"CadIF": 60, "RodI": 60}},  # lift the left leg: hip and knee
+    # bend the right knee: the body comes down and forward
     {
         "time": 2,
         "target_deg": {"RodD": 30, "TobD": -30},
-    },  # bend the right knee: the body comes down and forward
+    },
     {"time": 3, "target_deg": {"CadIF": 0, "RodI": 0}},  # put the left leg down
     {"time": 4, "target_deg": {"RodD": 0, "TobD": 0}},  # stand up
 ]

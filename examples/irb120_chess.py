@@ -27,18 +27,18 @@ def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
 
     moves += go_down(arm, "chess_board.square_1_1")
     arm.attach("rook")
-    moves.append(
-        arm.move_l([0, 0, ABOVE], wobj=arm, speed=0.3)
-    )  # the rook is the tool now, and its z is up
+    # the rook is the tool now, and its z is up
+    moves.append(arm.move_l([0, 0, ABOVE], wobj=arm, speed=0.3))
     moves.append(arm.move_j([0, 0, ABOVE, *upright(arm)], wobj="chess_board.square_5_5"))
     moves.append(arm.move_l([0, 0, 0], wobj="chess_board.square_5_5", speed=0.3))
     arm.release("rook", "chess_board", frame="square_5_5")
     moves += [arm.move_l([0, 0, -ABOVE], wobj=arm, speed=0.3), arm.move_abs_j(HOME)]
 
+    # it closes about the pencil
     moves += [
         arm.move_j([*handle[:2], handle[2] + ABOVE, *handle[3:]]),
         arm.move_l(handle, check=None),
-    ]  # it closes about the pencil
+    ]
     arm.attach("pencil")
     return arm, [*moves, arm.move_l([0, 0, -ABOVE], wobj=arm), arm.move_abs_j(HOME)]
 

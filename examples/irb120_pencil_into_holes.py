@@ -24,9 +24,8 @@ def run() -> dict[str, SimulationResult]:
     ways = {}
     for hole in HOLES:
         arm.move_j([0, 0, APPROACH, *INWARDS], wobj=hole)
-        ways[hole] = arm.move_l(
-            [0, 0, -DEPTH], wobj=hole, speed=0.2, check=None
-        )  # meshes are filled
+        # meshes are filled
+        ways[hole] = arm.move_l([0, 0, -DEPTH], wobj=hole, speed=0.2, check=None)
         arm.move_l([0, 0, APPROACH], wobj=hole, speed=0.3)
         arm.move_abs_j(HOME)
     return ways

@@ -23,15 +23,15 @@ class KeepHeight(LeafSystem):
     def __init__(self, *, height: float, gain: float = 1.0) -> None:
         """Keep the tool at a height [m]; ``gain`` [1/s] says how fast."""
         super().__init__()
+        # of which a saved station makes the block again
         self.parameters = {
             "height": height,
             "gain": gain,
-        }  # of which a saved station makes the block again
+        }
         self.units = {"error": "m"}
         self._pose = self.DeclareVectorInputPort("tcp_pose", 7)
-        self.DeclareStateOutputPort(
-            "reference", self.DeclareDiscreteState(6)
-        )  # what it remembers is declared
+        # what it remembers is declared
+        self.DeclareStateOutputPort("reference", self.DeclareDiscreteState(6))
         self.DeclareVectorOutputPort("error", 1, self._calc_error)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
 

@@ -29,11 +29,12 @@ def put(arm: Arm, part: str, number: int) -> None:
     """Take a part from where it lies, square on its sides, and put it in its place."""
     pose = arm.cell.frame(part)
     (x, y, z), turn = pose.translation(), pose.rotation().ToRollPitchYaw().yaw_angle()
+    # a cube is the same after a quarter of a turn
     down = [
         (turn + np.pi / 4) % (np.pi / 2) - np.pi / 4,
         0.0,
         np.pi,
-    ]  # a cube is the same after a quarter of a turn
+    ]
     arm.move_j([x, y, ABOVE, *down], duration=0.8)
     arm.move_l([x, y, z, *down], speed=0.2)
     arm.grip(force=FORCE)

@@ -53,10 +53,11 @@ def robot_before(ball: Vector, goal: Vector, way: Vector) -> LeggedRobot:
         "pose": [*ball, RADIUS, 0, 0, 0],
         "contact": surface,
     }
+    # their flat front aims best
     feet = {
         "robot.feet": "soles",
         "contact.model": "hydroelastic_with_fallback",
-    }  # their flat front aims best
+    }
     motors = load_station("zjudancer_walking").servo.motor
     return LeggedRobot(
         load_station("zjudancer_dynamic", {**feet, "servo.motor": motors, "pieces": pieces})

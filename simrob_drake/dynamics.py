@@ -305,9 +305,8 @@ class Dynamics:
         jacobian = plant.CalcJacobianSpatialVelocity(
             self._context, _SPEEDS, self._tcp, np.zeros(3), world, world
         )
-        return self._map.velocities(
-            np.roll(jacobian, 3, axis=0)
-        )  # Drake has the angular part first
+        # Drake has the angular part first
+        return self._map.velocities(np.roll(jacobian, 3, axis=0))
 
     def _payload(self, velocity: Vector, acceleration: Vector) -> Vector:
         plant, context, world, nothing = (

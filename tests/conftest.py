@@ -74,9 +74,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         _module = item.path
         gc.collect()
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
-        gc.set_threshold(
-            50_000
-        )  # objects; by the interpreter's 2000 it looks again after each figure and station
+        # objects; by the interpreter's 2000 it looks again after each figure and station
+        gc.set_threshold(50_000)
 
 
 def pytest_unconfigure() -> None:

@@ -141,12 +141,13 @@ def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
     station = name.replace("/", "")  # which no station's name has, but folders have
     text = f"name: '{station}'\nrobot: {{model: double_pendulum, initial_deg: 40}}\nreference: {{kind: hold}}\n"
     (tmp_path / "mine.yaml").write_text(text)
+    # warnings, before the run
     settings = [
         "--set",
         "servo.torque_limit=0.001",
         "--set",
         "servo.kp=1",
-    ]  # warnings, before the run
+    ]
     command = [
         "run",
         "mine.yaml",

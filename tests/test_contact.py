@@ -126,9 +126,8 @@ class TestBouncingBall:
         }
         start = {"pieces.ball.pose": [0, 0, RADIUS - depth, 0, 0, 0]}
         result = simulate(load_station("bouncing_ball", {**fine, **start}), duration=0.001)
-        assert result["force.floor.z"][0] == pytest.approx(
-            force, rel=0.05
-        )  # of a mesh with edges of 5 mm
+        # of a mesh with edges of 5 mm
+        assert result["force.floor.z"][0] == pytest.approx(force, rel=0.05)
 
     def test_dissipation_takes_height_and_stiffness_depth(self):
         depths, backs = [], []
@@ -255,9 +254,8 @@ class TestForceStop:
         assert touched.message == f"tip and floor touch, at {touched.stop_time:.4g} s"
         speed = np.gradient(touched.pose("tcp")[:, 2], touched.times)[-2]
         assert abs(touched["distance.gap"][-1]) < 1e-3 * abs(speed) + 1e-6  # within 1 ms of contact
-        assert touched.pose("tcp")[-1, 2] == pytest.approx(
-            0.01, abs=1e-3
-        )  # the middle of a ball of 10 mm
+        # the middle of a ball of 10 mm
+        assert touched.pose("tcp")[-1, 2] == pytest.approx(0.01, abs=1e-3)
         folder = touched.save(tmp_path / "stop")
         summary = json.loads((folder / "summary.json").read_text())
         assert summary["stopped_by"] == "stop"
@@ -327,9 +325,8 @@ class TestCobot:
             turns = np.diff(
                 np.sign(result["v.joint_2"][late & (np.abs(result["v.joint_2"]) > 1e-3)])
             )
-            assert (
-                np.count_nonzero(turns) <= 6
-            )  # a force of 5 rad/s turns three times in two seconds
+            # a force of 5 rad/s turns three times in two seconds
+            assert np.count_nonzero(turns) <= 6
         assert (np.diff(swings) > 0).all()
         assert swings[0] < 0.003 < 10 * swings[0] < swings[-1]
 

@@ -155,9 +155,8 @@ def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
         10 <= case["kp"] <= 1000 and case["mass"] >= 0.9 and case["steps"] in (1, 2, 3, 4)
         for case in cases
     )
-    below = np.mean(
-        [case["kp"] < 100 for case in cases]
-    )  # half of all: of the even ones to the last
+    # half of all: of the even ones to the last
+    below = np.mean([case["kp"] < 100 for case in cases])
     assert below == (pytest.approx(0.5, abs=0.3) if sampling == "random" else 0.5)
     again = Draws(vary=MIXED, sampling=sampling, count=32, seed=3)
     assert again.draws() == cases

@@ -32,12 +32,10 @@ def newton_euler(
     for row, angle, speed, gain in zip(rows, q, v, a, strict=True):
         c, s = np.cos(angle), np.sin(angle)
         ca, sa = np.cos(np.deg2rad(row.alpha_deg)), np.sin(np.deg2rad(row.alpha_deg))
-        turn = np.array(
-            [[c, -s * ca, s * sa], [s, c * ca, -c * sa], [0, sa, ca]]
-        )  # of this frame in the one before
-        arm = np.array(
-            [row.a, row.d * sa, row.d * ca]
-        )  # from the origin before to this one, in this frame
+        # of this frame in the one before
+        turn = np.array([[c, -s * ca, s * sa], [s, c * ca, -c * sa], [0, sa, ca]])
+        # from the origin before to this one, in this frame
+        arm = np.array([row.a, row.d * sa, row.d * ca])
         w, dw = turn.T @ (w + speed * z), turn.T @ (dw + gain * z + np.cross(w, speed * z))
         dv = turn.T @ dv + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
         com, inertia = np.array(row.com), np.diag(row.inertia)
@@ -96,9 +94,8 @@ def test_motors_change_the_inertia_by_their_own_times_the_gear_ratio_squared(
     np.testing.assert_allclose(
         difference, np.broadcast_to(np.diag(reflected()), (10, 6, 6)), rtol=0, atol=1e-9
     )
-    assert reflected() == pytest.approx(
-        [0.784, 2.325, 0.577, 0.191, 0.171, 0.194], abs=1e-3
-    )  # kg m², Corke's
+    # kg m², Corke's
+    assert reflected() == pytest.approx([0.784, 2.325, 0.577, 0.191, 0.171, 0.194], abs=1e-3)
 
 
 def test_the_terms_add_up_to_the_torques_with_friction(puma: Dynamics) -> None:
@@ -133,9 +130,8 @@ def test_the_jacobian_moves_the_tool_and_tells_where_it_cannot() -> None:
     np.testing.assert_allclose(arm.jacobian(POSTURES), chain.jacobian(POSTURES), rtol=0, atol=1e-12)
     square = np.array([abs(np.linalg.det(jacobian)) for jacobian in arm.jacobian(POSTURES)])
     np.testing.assert_allclose(arm.manipulability(POSTURES), square, rtol=1e-9)
-    assert arm.manipulability([0, 0, 0, 0, 0, 0]) == pytest.approx(
-        0, abs=1e-12
-    )  # wrist: axes 4 and 6 are one line
+    # wrist: axes 4 and 6 are one line
+    assert arm.manipulability([0, 0, 0, 0, 0, 0]) == pytest.approx(0, abs=1e-12)
     assert arm.manipulability([0, 0, 0, 0, 0, 0], "translation") > 0.01
 
 
@@ -165,9 +161,8 @@ def test_a_rod_holds_what_its_closed_form_says() -> None:
     assert arm.payload([0.0]) == pytest.approx([(20.0 - 2.0 * g * 0.25) / (0.5 * g)])
     assert arm.payload([np.pi]) == pytest.approx(arm.payload([0.0]))  # on the other side
     assert arm.payload([np.pi / 2])[0] > 1e6
-    speeding = arm.payload(
-        [0.0], v=2.0, a=3.0
-    )  # a load has the inertia m l², and what turns it does not act on its axis
+    # a load has the inertia m l², and what turns it does not act on its axis
+    speeding = arm.payload([0.0], v=2.0, a=3.0)
     assert speeding == pytest.approx(
         [(20.0 - 2.0 * g * 0.25 - (0.04 + 2 * 0.25**2) * 3.0) / (0.5 * g + 0.5**2 * 3.0)]
     )
@@ -193,9 +188,8 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
     for arm in (by_urdf, by_table):
         assert arm.inertia([0.0]) == pytest.approx(np.array([[0.04 + 2 * 0.25**2 + 1.0]]))
         assert arm.inverse_dynamics([np.pi / 2], [0.5]) == pytest.approx([0.3 * 0.5 + 2.0])
-        assert arm.inverse_dynamics([np.pi / 2], [-0.005]) == pytest.approx(
-            [-0.3 * 0.005 - 1.0]
-        )  # half of v_s
+        # half of v_s
+        assert arm.inverse_dynamics([np.pi / 2], [-0.005]) == pytest.approx([-0.3 * 0.005 - 1.0])
     (tmp_path / "robot.yaml").write_text(
         "urdf: rod.urdf\nroot: base_link\naxes: [joint_1]\ndrives: {gear_ratio: 10}\n"
     )

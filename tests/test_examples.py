@@ -127,9 +127,8 @@ def test_what_is_drawn_lies_on_the_table():
     tip = example("irb120_draw").drawing(arm, moves)
     drawn = tip[np.abs(tip[:, 2]) < 1e-6]
     np.testing.assert_allclose([drawn[:, 0].min(), drawn[:, 1].min()], [0.01, 0.099], atol=1e-3)
-    np.testing.assert_allclose(
-        [drawn[:, 0].max(), drawn[:, 1].max()], [0.2643, 0.201], atol=1e-3
-    )  # bulge of the B
+    # bulge of the B
+    np.testing.assert_allclose([drawn[:, 0].max(), drawn[:, 1].max()], [0.2643, 0.201], atol=1e-3)
     circle = drawn[(drawn[:, 0] > 0.115) & (drawn[:, 0] < 0.225)]
     np.testing.assert_allclose(
         np.linalg.norm(circle[:, :2] - [0.17, 0.15], axis=1), 0.05, atol=1e-4
@@ -150,9 +149,8 @@ def test_the_rook_stands_on_its_square(mode):
         arm.cell.frame("rook").translation()
         - arm.cell.frame("chess_board.square_5_5").translation()
     )
-    assert np.linalg.norm(off) < (
-        1e-6 if mode == "kinematic" else 5e-4
-    )  # its servos know its weight and the rook's
+    # its servos know its weight and the rook's
+    assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 5e-4)
     assert arm.cell.config.pieces["pencil"].parent == "gripper"
     assert arm.cell.config.pieces["rook"].parent == "chess_board"
 
@@ -201,9 +199,8 @@ def test_parts_on_a_belt_that_runs_on_are_taken_where_a_camera_found_them():
     assert len(away) == 2
     assert max(away) < 3e-3  # m from the tool to where a part truly was, in the plane of the belt
     assert {cell.config.pieces[f"part_{number}"].parent for number in range(2)} == {"pallet"}
-    assert cell.position("belt")[0] - 0.45 == pytest.approx(
-        belt.SPEED * cell.result().stop_time
-    )  # it did not stop
+    # it did not stop
+    assert cell.position("belt")[0] - 0.45 == pytest.approx(belt.SPEED * cell.result().stop_time)
 
 
 @pytest.mark.long
@@ -233,9 +230,8 @@ def test_both_hands_leave_the_parcel_beside():
     np.testing.assert_allclose(
         robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6
     )
-    np.testing.assert_allclose(
-        robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5
-    )  # hangs down again; facts
+    # hangs down again; facts
+    np.testing.assert_allclose(robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5)
 
 
 def test_the_hands_keep_their_distance_while_they_carry():
@@ -255,9 +251,8 @@ def test_one_program_has_one_effect_on_three_humanoids():
     assert [robot.name for robot in robots] == ["humanoid", "roid1", "zjudancer"]
     for robot in robots:
         ahead, up = humanoids.ways(result, robot, "right_foot")[-1]
-        assert up / ahead == pytest.approx(
-            np.tan(np.deg2rad(15)), rel=0.1
-        )  # the tool lies a little before the line
+        # the tool lies a little before the line
+        assert up / ahead == pytest.approx(np.tan(np.deg2rad(15)), rel=0.1)
         assert 0.09 < ahead < 0.16
 
 

@@ -160,6 +160,5 @@ def test_a_run_goes_on_after_a_push_in_flight() -> None:
     plant.SetVelocities(context, velocities)
     _, linear, _ = momentum(plant, context)
     weight = plant.CalcTotalMass(context) * GRAVITY * DURATION
-    assert np.linalg.norm(linear - weight) == pytest.approx(
-        0.2, rel=0.02
-    )  # pushed along the trunk, which turns
+    # pushed along the trunk, which turns
+    assert np.linalg.norm(linear - weight) == pytest.approx(0.2, rel=0.02)

@@ -54,9 +54,8 @@ def protected(duration=None, **overrides):
 )
 def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(changed):
     result, force, speed = press(4.5, **changed)
-    assert force[result.times > 2.2] == pytest.approx(
-        10, abs=0.5
-    )  # at rest, as it gathers speed, and while it wipes
+    # at rest, as it gathers speed, and while it wipes
+    assert force[result.times > 2.2] == pytest.approx(10, abs=0.5)
     assert speed[(result.times > 3.1) & (result.times < 4.45)] == pytest.approx(0.05, abs=1.5e-3)
     assert force.max() < 10.5  # the approach is slow enough for the blow, and nothing winds up
 
@@ -136,9 +135,8 @@ def test_a_warm_motor_is_held_at_what_it_may_give_for_ever():
     result = protected(4.0, **changed, **{"servo.torque_limit": 150})
     heat, torque = result["protection.heat.joint_2"], result["tau.joint_2"]
     times, ratio = result.times, (torque / 30) ** 2
-    steps = (
-        np.diff(times) * (ratio[:-1] + ratio[1:]) / 2
-    )  # theta' = r^2 - theta, by the trapezoidal rule
+    # theta' = r^2 - theta, by the trapezoidal rule
+    steps = np.diff(times) * (ratio[:-1] + ratio[1:]) / 2
     expected = [0.0]
     for step, length in zip(steps, np.diff(times), strict=True):
         expected.append(expected[-1] * np.exp(-length) + step * np.exp(-length / 2))

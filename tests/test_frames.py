@@ -167,9 +167,8 @@ class TestThreePoints:
         frame = three_point_frame(self.x1, self.x2, self.y1)
         np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0], atol=5e-6)
         published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
-        np.testing.assert_allclose(
-            frame.rotation().matrix().T, published, atol=5e-5
-        )  # printed with four decimals
+        # printed with four decimals
+        np.testing.assert_allclose(frame.rotation().matrix().T, published, atol=5e-5)
         np.testing.assert_allclose(
             np.rad2deg(pose_from_transform(frame)[3:]), [-120, 0, 15], atol=5e-3
         )

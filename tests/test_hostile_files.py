@@ -242,9 +242,8 @@ def test_an_obj_that_is_its_own_library_ends(tmp_path: Path) -> None:
 
 
 def test_comments_without_an_end_take_no_time(tmp_path: Path) -> None:
-    (tmp_path / "a.urdf").write_text(
-        "<robot><!-- a -- b -->" + "<!--" * 1_000_000
-    )  # was above two minutes
+    # was above two minutes
+    (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 1_000_000)
     with pytest.raises(SimrobError, match="has more than 300000 tags"):
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
     (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 250_000)
@@ -273,9 +272,8 @@ def test_an_output_that_is_full_is_told(
         patch.setattr("sys.stdout", full)
         assert run_command(command) == ExitCode.BAD_INPUT
         patch.undo()
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), full.fileno()
-        )  # what is left in it goes somewhere
+        # what is left in it goes somewhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), full.fileno())
     assert capsys.readouterr().err == "simrob: No space left on device\n"
 
 

@@ -293,9 +293,8 @@ def test_a_surface_of_too_many_faces_is_told_before_drake_makes_it(resolution):
     ) as caught:
         run(sim.load_station("bouncing_ball", {**changes, "contact.resolution": resolution}))
     finest = float(str(caught.value).split("it must be ")[1].split(" m")[0])
-    assert (
-        1e-3 < finest < 5e-3
-    )  # a ball of 0.06 m then has about 4 π r² / finest² faces, that is 20 000
+    # a ball of 0.06 m then has about 4 π r² / finest² faces, that is 20 000
+    assert 1e-3 < finest < 5e-3
 
 
 @pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])

@@ -80,9 +80,8 @@ def test_it_stands_ten_seconds(name: str) -> None:
     weight = 9.80665 * result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
     sunk = height_by_geometry(result) - base[-1, 2]
     assert 0 < sunk < weight / robot.feet.stiffness / 2
-    assert (
-        np.linalg.norm(base[-1] - base[-100]) < 2e-4
-    )  # at rest: what it still moves in the last second
+    # at rest: what it still moves in the last second
+    assert np.linalg.norm(base[-1] - base[-100]) < 2e-4
 
 
 @pytest.mark.parametrize(
@@ -156,9 +155,8 @@ def test_steps_of_one_length_do_it_as_well(tight: SimulationResult) -> None:
             {**STEPPING, "solver.error_control": False, "solver.max_step": 0.0125},
         )
     )
-    assert (
-        len(fixed.step_times) == 481
-    )  # 6 s of 12.5 ms; the corners of the reference lie on the grid
+    # 6 s of 12.5 ms; the corners of the reference lie on the grid
+    assert len(fixed.step_times) == 481
     apart = fixed.pose("base")[:, :3] - tight.pose("base")[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.003
     assert np.abs(fixed.axes("q") - tight.axes("q")).max() < 0.01

@@ -113,9 +113,8 @@ def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(heigh
     )
     reaction(result, result["base.z"] < height, changed.get("controllers.guard.rate", 100))
     assert result.ending == "completed"
-    assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(
-        90, abs=5
-    )  # they lag by 1 s
+    # they lag by 1 s
+    assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(90, abs=5)
     assert tilt(result)[-1] < 5
 
 
@@ -183,9 +182,8 @@ def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(
 @pytest.mark.parametrize("changed", [{}, pytest.param(FINE, marks=long)])
 def test_without_the_guard_the_head_hits_the_floor(changed):
     result = run("humanoid_fall_forward", controllers={}, **changed)
-    assert (
-        FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}
-    )  # the head is fixed to its neck
+    # the head is fixed to its neck
+    assert FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}
     assert result["distance.head"][-1] == pytest.approx(0, abs=1e-3)
 
 
@@ -267,11 +265,12 @@ def test_a_leg_s_screws_are_those_of_the_plant():
 @pytest.mark.parametrize(
     ("robot", "force", "axis"),
     [
+        # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
         (
             "humanoid",
             [31.7, 0, 0],
             "right_hip_roll",
-        ),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
+        ),
         # a leg that came back sooner would set it rocking
         pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=long),
         pytest.param("roid1", [11.7, 0, 0], "left_hip_pitch", marks=long),  # forward

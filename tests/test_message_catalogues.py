@@ -71,9 +71,10 @@ def templates() -> dict[str, dict[str, list[str]]]:
         assert message_id is not None, f"{place}: the id is no literal"
         assert template is not None, f"{place}: the template of {message_id} is no literal"
         found[message_id][template].append(place)
+    # after the simpler checks, since the import takes long
     from simrob_drake.results.verdict.judge import (
         CRITERIA,
-    )  # after the simpler checks, since the import takes long
+    )
 
     for criterion in CRITERIA:
         assert criterion.catalogue == "results"

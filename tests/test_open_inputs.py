@@ -41,9 +41,8 @@ def test_all_open_inputs_are_named():
     builder = DiagramBuilder()
     ports = add_station(builder, "two_irb120")
     builder.AddNamedSystem("gain", Gain(2.0, 3))
-    builder.ExportInput(
-        ports.inputs["left.reference"], "left"
-    )  # the root diagram: nothing outside can feed it
+    # the root diagram: nothing outside can feed it
+    builder.ExportInput(ports.inputs["left.reference"], "left")
     with pytest.raises(
         SimrobError, match=r"3 inputs are not connected: left.reference, right.reference, gain.u0;"
     ):

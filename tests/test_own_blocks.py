@@ -182,9 +182,8 @@ class TestWiredByName:
             arm(), blocks=[Torque(at_rest.axes("tau")[-1])], duration=1.0, progress=False
         )
         assert np.abs(at_rest.axes("q")[-1]).max() > 5e-3
-        assert (
-            np.abs(carried.axes("q")[-1]).max() < 3e-4
-        )  # where it hangs the torque is a little another
+        # where it hangs the torque is a little another
+        assert np.abs(carried.axes("q")[-1]).max() < 3e-4
 
     def test_a_force_of_its_own_acts_at_the_tool(self):
         pushed = simulate(

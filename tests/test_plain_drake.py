@@ -122,9 +122,8 @@ def test_irb120() -> None:
     np.testing.assert_allclose(result.axes("q"), expected, atol=TOLERANCE)
     assert np.ptp(expected, axis=0).min() > 0.01  # all joints move
     torques = motors.get_output_port().Eval(motors.GetMyContextFromRoot(simulator.get_context()))
-    np.testing.assert_allclose(
-        result.axes("tau")[-1], torques, atol=1e-6
-    )  # 1000 N·m/rad times the tolerance
+    # 1000 N·m/rad times the tolerance
+    np.testing.assert_allclose(result.axes("tau")[-1], torques, atol=1e-6)
 
 
 def surface(

@@ -38,9 +38,8 @@ def test_lines_comments_and_unpackings_are_counted(sample: Measures) -> None:
 
 
 def test_riddles_and_participles_are_found(sample: Measures) -> None:
-    assert sample.riddles == pytest.approx(
-        100 * 1 / 2
-    )  # of the function and the class; modules do not count
+    # of the function and the class; modules do not count
+    assert sample.riddles == pytest.approx(100 * 1 / 2)
     assert sample.participles == pytest.approx(100.0)
     assert "moved" in sample.riddle_places[0].where
 

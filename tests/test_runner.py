@@ -206,9 +206,8 @@ class TestPushesUnderCenic:
         wired = simulate_diagram(closed.diagram, closed.ports, progress=False)
         assert np.ptp(cut["base.x"]) > 5e-4
         np.testing.assert_allclose(cut.axes("q"), wired.axes("q"), atol=1e-6)
-        np.testing.assert_allclose(
-            cut.axes("v"), wired.axes("v"), atol=1e-5
-        )  # to which cenic solves for velocities
+        # to which cenic solves for velocities
+        np.testing.assert_allclose(cut.axes("v"), wired.axes("v"), atol=1e-5)
         np.testing.assert_allclose(cut.pose("base"), wired.pose("base"), atol=1e-6)
         np.testing.assert_array_equal(cut["applied_force.shove.x"], wired["applied_force.shove.x"])
 

@@ -54,9 +54,8 @@ def test_sensors_read_the_contacts_of_their_own_station():
     """Blocks that stations share within themselves, such as readers of contacts, are not shared between stations."""
     builder = DiagramBuilder()
     config = load_station("bouncing_ball", {"duration": 0.3})
-    low = load_station(
-        "bouncing_ball", {"duration": 0.3, "gravity": 0.5}
-    )  # it does not reach the floor
+    # it does not reach the floor
+    low = load_station("bouncing_ball", {"duration": 0.3, "gravity": 0.5})
     falls = add_station(builder, config)
     floats = add_station(builder, low, name="low")
     diagram = builder.Build()

@@ -27,15 +27,13 @@ def overloaded():
 
 def test_the_move_ends_where_the_torques_hold_it(moved):
     assert moved.ending == "completed"
-    assert moved["tau.joint_2"][-1] == pytest.approx(
-        -20.8, abs=0.2
-    )  # facts of the arm: -20.79 N·m at 30 deg
+    # facts of the arm: -20.79 N·m at 30 deg
+    assert moved["tau.joint_2"][-1] == pytest.approx(-20.8, abs=0.2)
     position, torque = moved.axes("q")[-1], moved.axes("tau")[-1]
     expected = holding_torque(moved.plant, moved.plant.robots["robot"], position)
     np.testing.assert_allclose(torque, expected, rtol=0.01, atol=1e-3)
-    np.testing.assert_allclose(
-        moved.axes("q_ref")[-1] - position, torque / 1000, atol=1e-5
-    )  # sag = torque / kp
+    # sag = torque / kp
+    np.testing.assert_allclose(moved.axes("q_ref")[-1] - position, torque / 1000, atol=1e-5)
 
 
 def test_the_move_is_within_3_mrad_of_a_tighter_one(moved):
@@ -137,9 +135,8 @@ def test_the_free_pendulum_loses_what_its_damping_takes():
 def test_the_pendulum_reaches_its_reference():
     result = simulate(load_station("double_pendulum"))
     expected = holding_torque(result.plant, result.plant.robots["robot"], result.axes("q")[-1])
-    np.testing.assert_allclose(
-        result.axes("tau")[-1], expected, rtol=0.05, atol=1e-4
-    )  # Kw/Kp: a lag of 1 s fades
+    # Kw/Kp: a lag of 1 s fades
+    np.testing.assert_allclose(result.axes("tau")[-1], expected, rtol=0.05, atol=1e-4)
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), [70, 60], atol=0.5)
 
 
@@ -246,9 +243,8 @@ class TestMonitors:
             result.message
             == f"joint_2 reached its upper limit of 110.0 deg, at {result.stop_time:.4g} s"
         )
-        assert result.stop_time == pytest.approx(
-            first_time(overloaded, 110.0), abs=1.5e-3
-        )  # sampled at 1 kHz
+        # sampled at 1 kHz
+        assert result.stop_time == pytest.approx(first_time(overloaded, 110.0), abs=1.5e-3)
         assert result["q.joint_2"][-1] == pytest.approx(np.deg2rad(110), abs=1e-3)
         assert result.step_times[-1] == result.stop_time
 
@@ -260,9 +256,8 @@ class TestMonitors:
         result = simulate(config)
         free = np.abs(overloaded.axes("tau")).max(axis=1) < 10 - 1e-6
         free_times = overloaded.times[free]
-        held = np.flatnonzero(
-            np.diff(free_times) > 0.2
-        )  # the first stretch that long; joint 2 lets go once before
+        # the first stretch that long; joint 2 lets go once before
+        held = np.flatnonzero(np.diff(free_times) > 0.2)
         onset = free_times[held[0]] if len(held) else free_times[-1]
         assert result.stop_time == pytest.approx(onset + 0.2, abs=2e-3)
         assert "joint_2 stayed at its torque limit of 10 N·m for 0.2 s" in result.message

@@ -58,9 +58,8 @@ def impatient(monkeypatch):
     """Runs are looked at after each step, and must be faster than any is."""
     monkeypatch.setattr(pace, "_PATIENCE", 0.0)
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
-    monkeypatch.setattr(
-        pace, "_OFTEN", 0.0
-    )  # the shortest of these runs ends before a quick machine has looked once
+    # the shortest of these runs ends before a quick machine has looked once
+    monkeypatch.setattr(pace, "_OFTEN", 0.0)
     monkeypatch.setattr(pace, "_BUSY", 0.0)
     monkeypatch.setattr(pace, "_TRIAL", 0.1)
 
@@ -99,9 +98,8 @@ def test_a_stop_that_is_too_stiff_is_blamed_with_its_figures(impatient, finger):
 
 def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
     monkeypatch.setattr(pace, "_HALF", 0.0)  # the largest part, however large
-    monkeypatch.setattr(
-        pace.Slow, "_find_contacts", lambda *_: None
-    )  # which may cost as much, on some machines
+    # which may cost as much, on some machines
+    monkeypatch.setattr(pace.Slow, "_find_contacts", lambda *_: None)
     (said,), _ = said_of(load_station("roid1_walking", {"duration": 1.0}))
     assert "each step of 0.0" in said
     assert "of it the block controller.walk " in said

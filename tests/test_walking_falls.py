@@ -52,9 +52,10 @@ def test_a_robot_that_curls_up_as_it_falls_keeps_its_head_off_the_floor(robot, f
             lean = np.arccos(1 - 2 * (result["base.qx"] ** 2 + result["base.qy"] ** 2))
             acts = result["curl.active"] > 0
             first = np.argmax(acts)
+            # 250 deg/s at most
             assert np.rad2deg(lean[first]) == pytest.approx(
                 GUARDS[robot]["curl"]["tilt_deg"], abs=3
-            )  # 250 deg/s at most
+            )
             assert acts[first:].all()
             assert np.rad2deg(result["q.left_knee"][-1]) == pytest.approx(120, abs=15)
     assert lowest[False] < 0

@@ -78,11 +78,12 @@ def lagging(answer: ModuleType) -> Reading:
     missed = []
     for kp, kd in ((100.0, 30.0), (200.0, 20.0), (50.0, 25.0)):
         ramp = {"kind": "ramp", "target_deg": {"neck_yaw": 60}, "duration": 4.0}
+        # references stand still over a step
         servo = {
             "servo.kp": kp,
             "servo.kd": kd,
             "solver.max_step": 0.002,
-        }  # references stand still over a step
+        }
         result = simulate(
             load_station("humanoid_dynamic", {"reference": ramp, **servo}),
             duration=4.0,

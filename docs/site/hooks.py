@@ -47,9 +47,8 @@ def reference() -> list[Page]:
 def made(config: MkDocsConfig) -> Iterator[Page]:
     """Yield the pages that are in no file below the site's folder."""
     for name in TOP[is_spanish(config)]:
-        title = (
-            "---\ntitle: README\n---\n\n" if name.startswith("README") else ""
-        )  # else it is called as the start
+        # else it is called as the start
+        title = "---\ntitle: README\n---\n\n" if name.startswith("README") else ""
         yield Page(
             f"{name.split('.')[0].lower()}.md",
             title + (places.ROOT / name).read_text(encoding="utf-8"),

@@ -322,9 +322,8 @@ def write_obj(path: Path, parts: Sequence[Part]) -> None:
     faces = (
         map(corner, *face) for face in zip(corners, turns, strict=True) if len(set(face[0])) == 3
     )
-    lines += [
-        "f " + " ".join(face) for face in faces
-    ]  # those that the rounding shrinks to a line are left out
+    # those that the rounding shrinks to a line are left out
+    lines += ["f " + " ".join(face) for face in faces]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 

@@ -189,9 +189,8 @@ def shoulder() -> Parts:
     return {
         "graphite": [
             block((-0.0178, -0.0175, -0.0089), (0.0254, 0.0175, 0.0089), 0.004),
-            drum(
-                0.0089, (-0.0203, 0.0203), "y", (0.0172, 0, 0)
-            ),  # its ends stand out of the arm, which is 38 mm thick
+            # its ends stand out of the arm, which is 38 mm thick
+            drum(0.0089, (-0.0203, 0.0203), "y", (0.0172, 0, 0)),
         ]
     }
 
@@ -210,9 +209,8 @@ def lower_arm() -> Parts:
     """Fore-arm that narrows to the wrist."""
     top = [(x, y, -0.020) for x in (-0.0088, 0.0088) for y in (-0.0037, 0.0037)]
     sleeve = hull([*top, (-0.0058, 0, -0.060), (0.0058, 0, -0.060)], 0.009)
-    cheek = block(
-        (0.0132, -0.0130, -0.030), (0.0186, 0.0130, 0.0115), 0.002
-    )  # covers the ends of the elbow
+    # covers the ends of the elbow
+    cheek = block((0.0132, -0.0130, -0.030), (0.0186, 0.0130, 0.0115), 0.002)
     joint = drum(0.0095, (-0.0125, 0.0125), "x", (0, 0, -0.0762))
     return {"shell_white": [sleeve, cheek, mirrored(cheek)], "graphite": [joint]}
 

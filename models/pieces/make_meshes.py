@@ -83,10 +83,11 @@ def table(upper: float, lower: float) -> Solid:
     The table is a wedge of 15 degrees with a right angle at its upper edge, 0.1 m high and 0.5 m wide.
     """
     slope, yaw = np.radians(15.0), np.radians(-120.0)
+    # the floor meets a layer at start times its depth
     reach, start = (
         0.1 / np.sin(slope),
         1 / np.tan(slope),
-    )  # the floor meets a layer at start times its depth
+    )
     section = np.array(
         [(start * lower, -lower), (reach, -lower), (reach, -upper), (start * upper, -upper)]
     )

@@ -39,9 +39,8 @@ def together(solids: Sequence[Solid]) -> Solid:
     faces = np.concatenate(
         [solid.faces + start for solid, start in zip(solids, starts[:-1], strict=True)]
     )
-    points = (
-        np.round(np.concatenate([solid.points for solid in solids]), DIGITS) + 0.0
-    )  # + 0.0 turns -0 into 0
+    # + 0.0 turns -0 into 0
+    points = np.round(np.concatenate([solid.points for solid in solids]), DIGITS) + 0.0
     points, number = np.unique(points, axis=0, return_inverse=True)
     faces = number[faces]
     a, b, c = faces.T
@@ -202,9 +201,8 @@ def _corner_normals(solid: Solid) -> Array:
     sides /= np.linalg.norm(sides, axis=2, keepdims=True)
     angles = np.arccos(np.clip(-(sides * np.roll(sides, 1, axis=1)).sum(axis=2), -1.0, 1.0))
     result = np.zeros_like(corners)
-    order = np.argsort(
-        solid.faces, axis=None, kind="stable"
-    )  # all corners, those of one point together
+    # all corners, those of one point together
+    order = np.argsort(solid.faces, axis=None, kind="stable")
     points = solid.faces.reshape(-1)[order]
     for group in np.split(order, np.flatnonzero(np.diff(points)) + 1):
         faces, places = group // 3, group % 3

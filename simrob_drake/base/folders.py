@@ -218,9 +218,8 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
         check_folder(folder, marker=marker, force=force)  # again, since the body may take long
         folder.parent.mkdir(parents=True, exist_ok=True)
         if not folder.exists():
-            work.rename(
-                folder
-            )  # fails if another process has made the folder and filled it at this moment
+            # fails if another process has made the folder and filled it at this moment
+            work.rename(folder)
         elif not _swap_at_once(folder, work):
             _exchange(folder, work, aside=workshop / _BEFORE)
 

@@ -141,9 +141,8 @@ class Arc:
         v = r - p
         normal = np.cross(u, v)
         sides = [float(np.linalg.norm(side)) for side in (u, v, r - q)]
-        is_straight = bool(
-            np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1]
-        )  # |n| = |u| |v| sin(angle)
+        # |n| = |u| |v| sin(angle)
+        is_straight = bool(np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1])
         if min(sides) < _APART or is_straight:
             points = ", ".join(_short_point(place) for place in (p, q, r))
             expected = message(

@@ -85,9 +85,8 @@ def weakly(method: Callable[P, R]) -> Callable[P, R]:
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         bound_method = reference()
-        assert (
-            bound_method is not None
-        )  # a block's ports are evaluated by its diagram, which holds the block
+        # a block's ports are evaluated by its diagram, which holds the block
+        assert bound_method is not None
         return bound_method(*args, **kwargs)
 
     return call
@@ -101,9 +100,8 @@ class _Collector:
 
     def __init__(self) -> None:
         """Begin with no diagram."""
-        self._living: weakref.WeakSet[Diagram] = (
-            weakref.WeakSet()
-        )  # diagrams that were not deleted yet
+        # diagrams that were not deleted yet
+        self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()
         self._bound = _MOST_WAITING  # count of living diagrams above which a collection starts
         self._not_before = 0.0  # time before which no collection starts, of the monotonic clock [s]
 

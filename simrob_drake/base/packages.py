@@ -229,9 +229,8 @@ class Border:
     source: Path
     mesh_path: tuple[Path, ...] = ()
     named_packages: Mapping[str, Path] = field(default_factory=dict)
-    _packages: dict[str, Path | None] = field(
-        default_factory=dict, init=False
-    )  # folders of packages found so far
+    # folders of packages found so far
+    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         """Find the package of the file, and the folders that the user allows."""

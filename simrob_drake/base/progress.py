@@ -9,9 +9,10 @@ from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    # otherwise imported where it is needed, since it takes long to load
     from rich.console import (
         Console,
-    )  # otherwise imported where it is needed, since it takes long to load
+    )
 
 REFRESH = 0.1
 """Least time between two changes of a bar [s]."""

@@ -26,9 +26,8 @@ def main() -> None:
         sys.stdout, io.TextIOWrapper
     ):  # what its encoding lacks is escaped, as it is on stderr
         sys.stdout.reconfigure(errors="backslashreplace")
-    interruptible = (
-        signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )  # else the caller wants it ignored
+    # else the caller wants it ignored
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:
         signal.signal(signal.SIGINT, _leave)
     gc.disable()  # what is loaded stays: there is no rubbish to look for in it, now or later
@@ -42,9 +41,8 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     code = run_guarded(run_command, sys.argv[1:])
     if code == ExitCode.INTERRUPTED:
-        signal.signal(
-            signal.SIGINT, signal.SIG_IGN
-        )  # who presses it twice waits no longer than for the end
+        # who presses it twice waits no longer than for the end
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)
 
 

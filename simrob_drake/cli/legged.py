@@ -178,9 +178,10 @@ def _stations_with_gaits(*, with_steps: bool) -> list[str]:
         with_steps: whether gaits that consist of steps are meant, which need a floor and contact forces. Otherwise the
             acts are meant, which a robot also does on a kinematic station.
     """
+    # few commands need programs, which load scipy
     from simrob_drake.programs.gaits.registry import (
         gaits_of,
-    )  # few commands need programs, which load scipy
+    )
 
     @cache
     def has_gaits(model: str) -> bool:

@@ -56,10 +56,11 @@ def plot(
 
         simrob plot runs/a runs/b --signal q.joint_2 --signal tau.joint_2
     """
+    # they load matplotlib
     from simrob_drake.results.plots.overlay import (
         overlay_figure,
         read_results,
-    )  # they load matplotlib
+    )
     from simrob_drake.results.plots.own import save_figure
 
     file = out or (_FILE if force else free_path(_FILE))

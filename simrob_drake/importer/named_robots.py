@@ -33,9 +33,10 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
     if is_yaml_name(robot):
         return read_described_robot(Path(robot))
     if is_robot_file(str(robot)) or Path(robot).suffix:
+        # few stations need the importer
         from simrob_drake.importer.importing import (
             robot_from_file,
-        )  # few stations need the importer
+        )
 
         return robot_from_file(robot, options)
     return load_robot(str(robot))
@@ -56,9 +57,10 @@ def read_described_robot(file: Path) -> RobotModel:
     except InvalidModel:
         if robot.urdf is None:
             raise
+        # few stations need the importer
         from simrob_drake.importer.importing import (
             robot_from_file,
-        )  # few stations need the importer
+        )
 
         imported = robot_from_file(robot.urdf_path)
         return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})

@@ -153,9 +153,8 @@ class AnalyticSolver(Solver):
             distance of each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
-        postures = np.repeat(
-            starts[:, np.newaxis], len(allowed), axis=1
-        )  # axes that do not move the tool stay
+        # axes that do not move the tool stay
+        postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)
         postures[..., self._order] = form.postures[:, allowed]
         turned, beyond = nearest_turns(self.chain, postures, starts[:, np.newaxis])
         return form, turned, beyond

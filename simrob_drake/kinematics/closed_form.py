@@ -285,9 +285,8 @@ def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
     Returns:
         the point, and its largest distance from one of the lines [m].
     """
-    across = (
-        np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
-    )  # projections across the lines
+    # projections across the lines
+    across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
     right_side = (across @ points[..., np.newaxis]).sum(axis=0)[:, 0]
     point = np.linalg.lstsq(across.sum(axis=0), right_side, rcond=None)[0]
     misses = (across @ (point - points)[..., np.newaxis])[..., 0]

@@ -252,9 +252,8 @@ def _search(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> li
     seeds = random_postures(chain, _MOST_STARTS, 0)
     found = [np.empty((0, chain.size))] * len(targets)
     hits = [np.empty(0)] * len(targets)  # how often each of the postures was found
-    open_targets = list(
-        range(len(targets))
-    )  # indices of the targets whose postures are not complete
+    # indices of the targets whose postures are not complete
+    open_targets = list(range(len(targets)))
     for first in range(0, _MOST_STARTS, _STARTS_PER_ROUND):
         seeds_of_round = seeds[first : first + _STARTS_PER_ROUND]
         starts = np.broadcast_to(seeds_of_round, (len(open_targets), _STARTS_PER_ROUND, chain.size))

@@ -68,9 +68,8 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         [known for known in solver_names() if known != _AUTO],
     )
     solver_class = _solver_class(name)
-    known_options = list(inspect.signature(solver_class).parameters)[
-        1:
-    ]  # without the first parameter, the chain
+    # without the first parameter, the chain
+    known_options = list(inspect.signature(solver_class).parameters)[1:]
     for option in options:
         one_of(
             message("kinematics.option_of_solver", "option of the {name} solver", name=name),

@@ -79,9 +79,8 @@ def add_bushing(
         turns_about_z: leave out the spring against rotation about z, for a hinge. The free axis must not be y: Drake's
             bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a singularity.
     """
-    bodies = [
-        plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())
-    ]  # without the world
+    # without the world
+    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
     mass = 0.0
     inertia = 0.0
     for body in bodies:
@@ -153,9 +152,8 @@ class Between(Strict, ABC):
         ends = self.ends(plant)
         is_on_world = any(end.body is world for end in ends)
         if is_on_world and not multibody.HasBodyNamed(_ANCHOR):
-            inertia = SpatialInertia.SolidSphereWithMass(
-                1.0, 1.0
-            )  # has no effect: the body never moves
+            # has no effect: the body never moves
+            inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
             anchor = multibody.AddRigidBody(_ANCHOR, multibody.AddModelInstance(_ANCHOR), inertia)
             multibody.WeldFrames(multibody.world_frame(), anchor.body_frame())
         # The anchor's frame is the world's frame, so poses stay the same.

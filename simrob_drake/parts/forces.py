@@ -434,16 +434,14 @@ class DragSpring(SampledBlock):
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}
         super().__init__(period=period, reads=reads, memory={"force": np.zeros(3)}, gives=["force"])
-        self._plant = weakref.proxy(
-            plant
-        )  # the station owns the plant: a block must not keep it in memory
+        # the station owns the plant: a block must not keep it in memory
+        self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._point = point
         self._stiffness = stiffness
         self._damping = damping
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its state anew
+        # work space: every evaluation sets its state anew
+        self._scratch = plant.CreateDefaultContext()
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the force at this sample."""

@@ -154,9 +154,8 @@ class Ground:
         # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
         # axis while -half <= start + z up <= half, and in the box while this holds for all three axes.
         boxes = self._boxes_near(points)
-        vertical = boxes.rotations[
-            :, 2:
-        ]  # the world's vertical in the axes of each box, shape (k, 1, 3)
+        # the world's vertical in the axes of each box, shape (k, 1, 3)
+        vertical = boxes.rotations[:, 2:]
         up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
         points_at_zero = points * [1.0, 1.0, 0.0]
         start = (points_at_zero - boxes.middles) @ boxes.rotations  # shape (k, m, 3)

@@ -41,9 +41,8 @@ class InputPorts(dict[str, InputPort]):
         }
         close = nearest_name(name, [*self, *listable])
         if close not in listable:
-            raise UnknownKey(
-                what, name, self
-            )  # it proposes the nearest name among the inputs of the station
+            # it proposes the nearest name among the inputs of the station
+            raise UnknownKey(what, name, self)
         remedy = message(
             "parts.list_the_input",
             "; the input '{input}' is there if the key inputs of the station lists it, as in "

@@ -630,9 +630,8 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
         return  # a solver of a continuous plant chooses steps that are short enough
     # A velocity v becomes (1 - kd h / M) v in a step h, which must not be larger than v: kd h / M < 2.
     mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
-    free_inertias = 1 / np.diag(
-        np.linalg.inv(mass_matrix)
-    )  # of each axis while the others move freely
+    # of each axis while the others move freely
+    free_inertias = 1 / np.diag(np.linalg.inv(mass_matrix))
     inertias = free_inertias[[joint.velocity_start() for joint in joints]]
     worst = int(np.argmax(gains.kd / inertias))
     largest = _STABLE_DAMPING * inertias[worst] / step

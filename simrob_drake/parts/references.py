@@ -256,9 +256,8 @@ class SCurve(Cruise):
         if self.jerk_deg is None:
             return None
         # Axes that a mapping does not name have no limit.
-        unlimited = np.full(
-            len(robot.axes), np.inf
-        )  # an infinite jerk is a jump of the acceleration
+        # an infinite jerk is a jump of the acceleration
+        unlimited = np.full(len(robot.axes), np.inf)
         return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
 

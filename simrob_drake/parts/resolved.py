@@ -75,16 +75,13 @@ class ResolvedRobot:
     # stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m]
     stops: tuple[Vector, Vector]
     initial: Vector  # positions of its axes at the start, shape (n,) [rad or m]
-    carried: tuple[
-        str, ...
-    ]  # names of the pieces that it carries, each after the piece to which it is attached
-    held: tuple[
-        str, ...
-    ]  # those of them that are attached to its tools, directly or through other pieces
+    # names of the pieces that it carries, each after the piece to which it is attached
+    carried: tuple[str, ...]
+    # those of them that are attached to its tools, directly or through other pieces
+    held: tuple[str, ...]
     loads: Mapping[str, float]  # mass of each piece that it carries, by name [kg]
-    tool_frames: Mapping[
-        str, str
-    ]  # name of the frame in the plant, by the name of a tool or of a carried piece
+    # name of the frame in the plant, by the name of a tool or of a carried piece
+    tool_frames: Mapping[str, str]
     tcp: str  # name of the tool in use; empty if the robot has none
     # pose of the tool centre point in the frame of the tool in use, which is then called ``tcp``; None if the point is
     # the origin of this frame
@@ -92,9 +89,8 @@ class ResolvedRobot:
     feet: FootContact | None  # contact points of its feet; None if it has no feet
     # references of axes whose motion is prescribed in a dynamic station, with one value each, by the axis's index
     prescribed: Mapping[int, Reference]
-    motors: tuple[
-        Motor | None, ...
-    ]  # motor of each axis; None for an ideal servo, which has no motor model
+    # motor of each axis; None for an ideal servo, which has no motor model
+    motors: tuple[Motor | None, ...]
 
     def __repr__(self) -> str:
         tool = f", tool {self.tcp}" if self.tcp else ""

@@ -38,9 +38,8 @@ class StationRobot(ResolvedRobot):
     instance: ModelInstanceIndex  # its model instance in the plant
     joints: list[Joint]  # joints of its axes, in order
     root: Frame  # frame of its root link
-    tools: dict[
-        str, Frame
-    ]  # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
+    # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
+    tools: dict[str, Frame]
 
     @cached_property
     def axis_map(self) -> AxisMap:

@@ -158,9 +158,8 @@ class Branches:
         postures = []
         for positions in product(*choices):
             held_positions = dict(zip(held, positions, strict=True))
-            postures.append(
-                branches(chain, target, start, held_positions)[0]
-            )  # those of the only target
+            # those of the only target
+            postures.append(branches(chain, target, start, held_positions)[0])
         found = [evaluate(posture) for posture in np.concatenate(postures)]
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
 
@@ -264,9 +263,8 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        _, owner = model.policy.owner(
-            shape
-        )  # name of the robot that the shape belongs to, or an empty text
+        # name of the robot that the shape belongs to, or an empty text
+        _, owner = model.policy.owner(shape)
         is_of_robot[shape] = owner == robot
     pairs = []
     for first, second in combinations(is_of_robot, 2):

@@ -66,9 +66,8 @@ class FreeSpace:
         StationModel  # the station with collision shapes, and its robots in their present postures
     )
     start: Mapping[str, Vector]  # start posture of each robot that moves, (n,) [rad or m], by name
-    hit_counts: Counter[str] = field(
-        default_factory=Counter
-    )  # how often a search collided with each body, by name
+    # how often a search collided with each body, by name
+    hit_counts: Counter[str] = field(default_factory=Counter)
     # overlap [m] that each pair of bodies may keep, because the pair touches at the start
     _depths_at_start: Mapping[Bodies, float] = field(default_factory=dict)
     # pairs of bodies that nearly touch at a goal: the search uses their whole tolerance
@@ -190,9 +189,8 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     largest_speeds = np.linalg.norm(velocities, axis=2).max(axis=0)  # (points, n)
     # An axis through the tool centre point does not move it, but it moves the arm around the axis.
     largest_speeds[0] += _LEAST_LEVER * chain.revolute
-    return np.asarray(
-        np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER)
-    )  # a finger does not move the tool
+    # a finger does not move the tool
+    return np.asarray(np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER))
 
 
 class TimelessPath(NamedTuple):
@@ -235,9 +233,8 @@ class Search:
     scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres_per_radian`
     seed: int  # two searches with the same seed find the same path, if both have enough time
     seconds: float  # longest duration of the search [s]
-    branches: Vector = field(
-        init=False
-    )  # pairs of postures that the search trees connect, shape (k, 2, n)
+    # pairs of postures that the search trees connect, shape (k, 2, n)
+    branches: Vector = field(init=False)
 
     def __post_init__(self) -> None:
         """Start with empty search trees."""
@@ -449,9 +446,8 @@ class Search:
             goals: the goals, shape (m, n).
         """
         differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
-        gaps = np.linalg.norm(
-            differences * self.scale, axis=2
-        )  # [m], from each posture to each goal
+        # [m], from each posture to each goal
+        gaps = np.linalg.norm(differences * self.scale, axis=2)
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
         nearest = message(
             "programs.nearest_goal",

@@ -217,9 +217,8 @@ class ArmGeometry(CellRobot):
                 message("base.one_pose", "one pose"),
             )
         gains = self.cell.robot(self.name).gains
-        limit = np.where(
-            gains.passive, np.inf, gains.limit_at_rest
-        )  # a passive axis has no motor to overload
+        # a passive axis has no motor to overload
+        limit = np.where(gains.passive, np.inf, gains.limit_at_rest)
         model = self.cell.collision_model
         gap = gaps(model, self.name, chain)
 

@@ -320,9 +320,8 @@ class StationModel(PosedStation):
     def pose(self, frame: Frame) -> RigidTransform:
         """Pose of a frame in the world."""
         pose = super().pose(frame)
-        moved = self._moved.get(
-            frame.model_instance()
-        )  # the robot is away from where the plant has its base
+        # the robot is away from where the plant has its base
+        moved = self._moved.get(frame.model_instance())
         return pose if moved is None else moved @ pose
 
     def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:

@@ -379,9 +379,8 @@ class Planning:
                 lambda: self.motors([self.robot]),
             )
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        check = how.get(
-            "check", CHECKED
-        )  # not validated yet: the user may have given a value of any type
+        # not validated yet: the user may have given a value of any type
+        check = how.get("check", CHECKED)
         is_unchecked = isinstance(check, str) and check == "nothing"
         # If the user left the timing to the planner, the move may take as long as the motors need.
         if is_free(how) and not is_unchecked:

@@ -110,9 +110,8 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
     station = config.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    return robot.cell.follow_as(
-        station, {}, longest, forget=NAME
-    )  # the next sequence begins at its first cell
+    # the next sequence begins at its first cell
+    return robot.cell.follow_as(station, {}, longest, forget=NAME)
 
 
 Reference = Annotated[JointMove, PlainSerializer(JointMove.entry)]

@@ -365,9 +365,8 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        self.tape.note(
-            None
-        )  # the references depend on the station's file, so another station cannot repeat them
+        # the references depend on the station's file, so another station cannot repeat them
+        self.tape.note(None)
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
     def attach(

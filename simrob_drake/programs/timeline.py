@@ -245,9 +245,8 @@ class Timeline:
             begin = self.steps(change.time)
             if begin >= last:  # after the run
                 continue
-            begin_time = self.time_of(
-                begin - first
-            )  # since the run began; negative for an earlier change
+            # since the run began; negative for an earlier change
+            begin_time = self.time_of(begin - first)
             start = max(begin_time, 0.0)
             if change.push is not None:
                 push = change.push
@@ -368,9 +367,8 @@ def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str,
     kept.
     """
     extended = dict(settings)
-    has_single_section = list(config.robots) == [
-        ONLY_ROBOT
-    ]  # a station file with `robot:` instead of `robots:`
+    # a station file with `robot:` instead of `robots:`
+    has_single_section = list(config.robots) == [ONLY_ROBOT]
     for robot, entry in config.robots.items():
         section = ONLY_ROBOT if has_single_section else f"robots.{robot}"
         if entry.servo is not None:

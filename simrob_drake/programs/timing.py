@@ -353,9 +353,8 @@ def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
     factors = []
     for order, limit in enumerate(limits, start=1):
         ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
-        factors.append(
-            ratio ** (1 / order)
-        )  # speeds fall with the factor, accelerations with its square
+        # speeds fall with the factor, accelerations with its square
+        factors.append(ratio ** (1 / order))
     return float(max(factors) / _USED_PART)
 
 

@@ -168,9 +168,10 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
 
 def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
     """Write the plots of a result to a folder."""
+    # imported here, since it loads Matplotlib
     from simrob_drake.results.plots.own import (
         save_plots,
-    )  # imported here, since it loads Matplotlib
+    )
 
     save_plots(result, folder, kind)
 

@@ -223,9 +223,10 @@ class SimulationResult(RecordedRun):
     @cached_property
     def images(self) -> "dict[str, Footage]":
         """Images of the station's cameras, by the name of the camera. They are rendered when they are first used."""
+        # imported here, since it takes long to load
         from simrob_drake.results.footage import (
             footage_of,
-        )  # imported here, since it takes long to load
+        )
 
         return footage_of(self)
 
@@ -250,9 +251,10 @@ class SimulationResult(RecordedRun):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: end of the run, verdict, film strip, and the table of last positions and torques."""
+        # imported here, since it takes long to load
         from simrob_drake.results.animation.pictures import (
             film_strip,
-        )  # imported here, since it takes long to load
+        )
 
         # The picture is a part of the HTML, so that a notebook needs no further file.
         strip = b64encode(film_strip(self)).decode()
@@ -487,9 +489,8 @@ def _marks(
         ends: time at which each run ends, since the start of the program [s].
     """
     marks = []
-    changes = zip(
-        runs, ends.tolist(), pairwise(stations), strict=False
-    )  # the last run may have no station after it
+    # the last run may have no station after it
+    changes = zip(runs, ends.tolist(), pairwise(stations), strict=False)
     for index, (run, end, (before, after)) in enumerate(changes):
         hand_overs = []
         for name, piece in after.pieces.items():

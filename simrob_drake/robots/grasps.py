@@ -397,9 +397,8 @@ class _Hand:
         # Of a face that is longer than wide, only the outermost square counts.
         is_in_square = out >= out.max() - np.ptp(across) - _SMALLEST
         origin = face_points[is_in_square].mean(axis=0)
-        pose = RigidTransform(
-            RotationMatrix(rotation), np.round(origin, 6) + 0.0
-        )  # the sum turns -0.0 into 0.0
+        # the sum turns -0.0 into 0.0
+        pose = RigidTransform(RotationMatrix(rotation), np.round(origin, 6) + 0.0)
         return _Meeting(tips, direction, opening, pose, float(measured.gaps.min()))
 
     def _measure_gaps(

@@ -266,9 +266,8 @@ class Slow:
         """
         plant = self.built.ports.plant
         positions = plant.plant_block.GetPositions(plant.plant_block.GetMyContextFromRoot(root))
-        plant.set_positions(
-            root, positions
-        )  # setting positions clears Drake's cache, so that contacts are computed again
+        # setting positions clears Drake's cache, so that contacts are computed again
+        plant.set_positions(root, positions)
         query = plant.query(root)
         if surfaces:
             query.ComputeContactSurfacesWithFallback(
@@ -553,9 +552,8 @@ class Flight:
         """
         self._plant = plant
         self._solver = solver
-        self._simulator = weakref.ref(
-            simulator
-        )  # weak, since the monitor of the simulator holds this object
+        # weak, since the monitor of the simulator holds this object
+        self._simulator = weakref.ref(simulator)
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
         # The collision shapes of each floating body and of all bodies that joints connect to it.

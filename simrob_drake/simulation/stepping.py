@@ -325,9 +325,8 @@ class Stepper:
         Raises:
             RuntimeError: the state diverged.
         """
-        before = (
-            int((history.times < time).sum()) - 1
-        )  # row of the last recorded state before the time
+        # row of the last recorded state before the time
+        before = int((history.times < time).sum()) - 1
         built = self._diagram_at(float(history.times[before]))
         # A copy of the caller's context has its parameters, which a default context may not have.
         own_context = None if self.user_context is None else self.user_context.Clone()

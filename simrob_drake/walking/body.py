@@ -262,9 +262,8 @@ class Body:
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(self._goal, root)
             to_level = home.rotation().matrix()
-            support_points = contact.support_points(
-                link
-            )  # lowest points of spheres or corners, in the link's axes
+            # lowest points of spheres or corners, in the link's axes
+            support_points = contact.support_points(link)
             points = support_points @ to_level.T
 
             # A foot whose spheres are all on the z axis of its link is a ball. It rolls, so the leg moves the ball's

@@ -265,10 +265,11 @@ class WalkPlanner:
         if not stride.step.active:
             stride = self._start_if_needed(stride, command, estimate)
         if not stride.step.active:
+            # the divergent component of a robot that stands is at rest
             return (
                 stride,
                 stride.trunk.zmp,
-            )  # the divergent component of a robot that stands is at rest
+            )
 
         if estimate is not None and self._can_turn:
             stride = self._hold_heading(stride, command, estimate)

@@ -46,11 +46,12 @@ def beside_mujoco() -> Table:
         missing = Table(title=title)
         missing.add_row("mujoco is not installed; the extra dev brings it")
         return missing
+    # only now: it imports mujoco
     from tests.benchmarks.mujoco_rollout import (
         MujocoHumanoid,
         Settings,
         candidates,
-    )  # only now: it imports mujoco
+    )
 
     humanoid = MujocoHumanoid(stepping_station())
     ours = run_station(stepping_station(CONVERGED))

@@ -103,9 +103,8 @@ def test_the_servo_in_the_actuator_follows_the_explicit_law(
 ) -> None:
     inside = motion(servo_simulator(add_pendulum, implicit=True, **case), duration)
     outside = motion(servo_simulator(add_pendulum, implicit=False, **case), duration)
-    np.testing.assert_allclose(
-        inside, outside, atol=2e-4
-    )  # both at accuracy 1e-6, torques up to 50 N m
+    # both at accuracy 1e-6, torques up to 50 N m
+    np.testing.assert_allclose(inside, outside, atol=2e-4)
 
 
 def test_torque_and_limit_are_per_axis_and_in_its_sense(add_pendulum: AddPendulum) -> None:

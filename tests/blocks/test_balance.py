@@ -92,9 +92,8 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
         expected = heading(facing) @ (turned @ (com - under))[:2]
         np.testing.assert_allclose(found.com, expected, atol=1e-6)
         swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
-        assert found.speed @ [ahead, left] == pytest.approx(
-            swung, abs=3e-3
-        )  # the next row counts a little
+        # the next row counts a little
+        assert found.speed @ [ahead, left] == pytest.approx(swung, abs=3e-3)
         assert found.speed @ [-left, ahead] == pytest.approx(0, abs=1e-6)
 
 

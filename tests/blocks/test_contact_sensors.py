@@ -123,12 +123,10 @@ def test_the_axes_are_those_of_the_frame(cube):
     turned = RigidTransform(RotationMatrix.MakeXRotation(np.pi / 2), np.array([0.1, 0.1, -0.1]))
     cube.plant.AddFrame(FixedOffsetFrame("hand", cube.body.body_frame(), turned))
     force, moment = cube.wrench(body=[cube.shapes[3]], frame="hand")
-    np.testing.assert_allclose(
-        force, [0, STIFFNESS * DEPTH, 0], atol=1e-9
-    )  # the world's z is the hand's y
-    np.testing.assert_allclose(
-        moment, np.zeros(3), atol=1e-9
-    )  # its line goes through the hand's origin
+    # the world's z is the hand's y
+    np.testing.assert_allclose(force, [0, STIFFNESS * DEPTH, 0], atol=1e-9)
+    # its line goes through the hand's origin
+    np.testing.assert_allclose(moment, np.zeros(3), atol=1e-9)
 
 
 def test_action_is_reaction(cube):
@@ -184,9 +182,8 @@ def test_a_surface_is_felt_as_its_pressure_adds_up(normal_only):
     bench.add(Box(0.2, 0.2, 0.2), np.zeros(3), modulus=1e5)
     pose = RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH]))
     force, moment = bench.wrench(body=bench.shapes, pose=pose, normal_only=normal_only)
-    frustum = (
-        0.04 * DEPTH - 0.4 * DEPTH**2 + 4 / 3 * DEPTH**3
-    )  # integral of (0.2 - 2 s)² from 0 to x
+    # integral of (0.2 - 2 s)² from 0 to x
+    frustum = 0.04 * DEPTH - 0.4 * DEPTH**2 + 4 / 3 * DEPTH**3
     np.testing.assert_allclose(force, [0, 0, 1e5 / 0.1 * frustum], rtol=1e-3, atol=1e-6)
     np.testing.assert_allclose(moment, np.zeros(3), atol=1e-6)
 

@@ -63,20 +63,22 @@ def test_an_s_curve_takes_its_jerk_time_longer() -> None:
     ("length", "speed", "push", "jerk", "duration"),
     [
         (0.5, 9.0, 2.0, 10.0, None),  # the speed is not reached: v² / a + v a / j = L
+        # nor the acceleration: four equal jerks
         (
             0.01,
             9.0,
             9.0,
             10.0,
             4 * np.cbrt(0.01 / (2 * 10.0)),
-        ),  # nor the acceleration: four equal jerks
+        ),
+        # the speed, but not the acceleration
         (
             1.0,
             0.1,
             9.0,
             10.0,
             1.0 / 0.1 + 2 * np.sqrt(0.1 / 10.0),
-        ),  # the speed, but not the acceleration
+        ),
     ],
 )
 def test_what_is_not_reached_on_a_short_way(

@@ -52,9 +52,8 @@ def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None
 def test_the_flange_of_the_irb120_points_down_at_home(plant: MultibodyPlant) -> None:
     home = np.concatenate([np.deg2rad([0, 0, 0, 0, 90, 0]), np.zeros(6)])
     found = pose(block_of(plant), "tool0", home)
-    np.testing.assert_allclose(
-        found[:3], [0.302, 0, 0.558], atol=1e-12
-    )  # the known pose of the flange
+    # the known pose of the flange
+    np.testing.assert_allclose(found[:3], [0.302, 0, 0.558], atol=1e-12)
     np.testing.assert_allclose(np.abs(found[3:]), [0, 0, 1, 0], atol=1e-12)  # half a turn about y
 
 

@@ -146,12 +146,10 @@ def test_a_falling_pendulum_stops_shortly_behind_its_limit_and_gains_no_energy(
 
     simulator.set_monitor(record)
     simulator.AdvanceTo(3.0)
-    kinetic = 0.5 * 1.0 * 0.25 * speed**2 + 9.80665 * 0.5 * (
-        np.cos(limit) - np.cos(1.5)
-    )  # at the limit [J]
-    assert (
-        limit < max(positions) < limit + np.sqrt(2 * kinetic / STIFFNESS)
-    )  # all of it in the spring
+    # at the limit [J]
+    kinetic = 0.5 * 1.0 * 0.25 * speed**2 + 9.80665 * 0.5 * (np.cos(limit) - np.cos(1.5))
+    # all of it in the spring
+    assert limit < max(positions) < limit + np.sqrt(2 * kinetic / STIFFNESS)
     # With mechanical and spring energy E, dE/dt is never positive; 1e-4 is what accuracy 1e-6 leaves over 3 s.
     assert np.diff(energies).max() < 1e-4
     assert energies[-1] < energies[0] - 0.5 * kinetic  # the damper took most of the impact

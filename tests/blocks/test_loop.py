@@ -93,11 +93,12 @@ class TestCellSequence:
         ("position", "speed", "cell"),
         [
             (1.0 - 1.2 * TOLERANCE, 0.0, 0),  # too far from the target
+            # an axis is too fast, even one without a target
             (
                 1.0 - 0.8 * TOLERANCE,
                 1.5 * LARGEST_SPEED,
                 0,
-            ),  # an axis is too fast, even one without a target
+            ),
             (1.0 - 0.8 * TOLERANCE, 0.5 * LARGEST_SPEED, 1),
         ],
     )
@@ -317,9 +318,8 @@ def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
 
     assert np.diff(offsets).min() >= -2.0 * SAMPLE - 1e-12
     assert min(offsets) == -1.0
-    assert (
-        offsets_after[1] > -1.0
-    )  # had it wound up over 4 s, it would stay at its limit for as long
+    # had it wound up over 4 s, it would stay at its limit for as long
+    assert offsets_after[1] > -1.0
 
 
 def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
@@ -388,9 +388,8 @@ def touchdown(**changed):
 def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
     step = touchdown()
     assert step(0.0, force=1)["phase"] == pytest.approx([2, 2])
-    assert step(0.05, force=1)["phase"] == pytest.approx(
-        [0, 2]
-    )  # on the way up what it still feels is no touch
+    # on the way up what it still feels is no touch
+    assert step(0.05, force=1)["phase"] == pytest.approx([0, 2])
     told = step(0.04)
     assert (told["phase"][0], told["offset"][0]) == (0, 0)
     for plan in (0.035, 0.02):  # it touched at 0.036 and stays there

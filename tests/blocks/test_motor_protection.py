@@ -141,9 +141,8 @@ def test_it_releases_the_robot_without_a_jump_once_all_was_well():
     outputs = [sample(driven, 5.0) for _ in range(7)]
 
     assert [output["active"][0] for output in outputs] == [1, 1, 1, 1, 0, 0, 0]
-    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(
-        target
-    )  # offset from what is asked now
+    # offset from what is asked now
+    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(target)
     assert outputs[6]["offset"] == pytest.approx(outputs[4]["offset"] + 2 * PERIOD)
 
 

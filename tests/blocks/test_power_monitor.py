@@ -65,9 +65,8 @@ def test_a_move_ends_where_its_signals_say(hold):
     monitors = {"monitors.power_limit": {"limit": limit, "hold": hold}}
     result = simulate(load_station("irb120_dynamic", monitors))
     assert result.stopped_by == "power_limit"
-    assert result.stop_time == pytest.approx(
-        onset + hold, abs=1e-3 + 1e-3
-    )  # as it is cut, and as it was sampled
+    # as it is cut, and as it was sampled
+    assert result.stop_time == pytest.approx(onset + hold, abs=1e-3 + 1e-3)
 
 
 def test_a_bound_that_bounds_nothing_is_refused():

@@ -76,9 +76,8 @@ def test_only_what_stands_still_or_swings_is_a_sine():
     "to_and_fro",
     [
         interpolate_samples([0.0, 1.0, 2.0], [START, TARGET, START]),
-        hermite(
-            [0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]
-        ),  # only the velocities say that it moves
+        # only the velocities say that it moves
+        hermite([0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]),
         SPLINE,
     ],
 )

@@ -150,10 +150,11 @@ def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
 def test_a_cubic_table_is_the_spline_of_scipy() -> None:
     random = np.random.default_rng(5)
     times, samples = np.cumsum(random.uniform(0.1, 1.0, 9)), random.normal(size=(9, 4))
+    # both with not-a-knot ends
     trajectory, spline = (
         interpolate_samples(times, samples),
         CubicSpline(times, samples),
-    )  # both with not-a-knot ends
+    )
     for time in np.linspace(times[0], times[-1], 57):
         for order in (0, 1, 2):
             np.testing.assert_allclose(

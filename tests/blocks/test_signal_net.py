@@ -112,9 +112,8 @@ def test_a_transfer_function_is_that_of_scipy():
     dense = np.linspace(0, 2, 20001)
     _, wanted, _ = signal.lsim(tuple(figures.values()), np.sin(3 * dense + 0.3), dense)
     _, _, (y,) = run({"G": (block("transfer_function", **figures), [[(U, 1.0)]])})
-    np.testing.assert_allclose(
-        y, wanted[::100], rtol=1e-5, atol=1e-5
-    )  # of 15; what Drake's accuracy of 1e-8 leaves
+    # of 15; what Drake's accuracy of 1e-8 leaves
+    np.testing.assert_allclose(y, wanted[::100], rtol=1e-5, atol=1e-5)
 
 
 def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():

@@ -174,9 +174,10 @@ UPSETTING = [
 @pytest.mark.parametrize(("good", "bad", "words"), UPSETTING)
 def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad, words):
     assert good in one_joint_urdf
+    # less to search
     short = re.sub(
         "<(inertial|visual)>.*?</\\1>|<dynamics.*?>", "", one_joint_urdf, flags=re.DOTALL
-    )  # less to search
+    )
     file = write_urdf(short.replace(good, bad, 1))
     with pytest.raises(InvalidModel) as problem:
         probe(file, ImportReport(file))

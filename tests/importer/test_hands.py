@@ -84,9 +84,8 @@ def test_the_command_writes_a_station_that_has_both(files, monkeypatch):
     content = yaml.safe_load((files / "s.yaml").read_text())
     assert content["robot"]["import_options"]["hand_pose"] == pytest.approx(ON_ARM, abs=1e-6)
     assert "right_slide_follows" in content["couplings"]
-    (files / "s.yaml").write_text(
-        (files / "s.yaml").read_text().replace(f"{files}/", "")
-    )  # beside the station
+    # beside the station
+    (files / "s.yaml").write_text((files / "s.yaml").read_text().replace(f"{files}/", ""))
     assert load_station(files / "s.yaml").robots["robot"].import_options.hand == files / "hand.urdf"
 
 

@@ -292,9 +292,8 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
 def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> None:
     other = put(robot.parents[2] / "other-main" / "package.xml", MANIFEST.format("other")).parent
     mesh = put(other / "base.stl")
-    assert (
-        MeshPlaces(robot).find(f"file://{mesh}").path == mesh
-    )  # as a xacro writes `$(find other)/base.stl`
+    # as a xacro writes `$(find other)/base.stl`
+    assert MeshPlaces(robot).find(f"file://{mesh}").path == mesh
     (other / "package.xml").unlink()
     with pytest.raises(OutsideBorder):
         MeshPlaces(robot).find(f"file://{mesh}")

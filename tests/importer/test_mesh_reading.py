@@ -80,9 +80,8 @@ def test_a_box_is_the_same_in_every_format(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(bounds(mesh), expected, atol=1e-7)
     assert volume(mesh) == pytest.approx(0.1 * 0.2 * 0.4, rel=1e-6)
     assert sum(len(part.faces) for part in mesh.parts) == 12
-    assert (
-        sum(len(part.vertices) for part in mesh.parts) == 8
-    )  # those of STL's faces at one place are one
+    # those of STL's faces at one place are one
+    assert sum(len(part.vertices) for part in mesh.parts) == 8
 
 
 def test_stl_whose_header_says_solid_is_known_as_binary(tmp_path: Path) -> None:

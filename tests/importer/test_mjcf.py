@@ -209,15 +209,17 @@ def test_meshes_stand_where_mujoco_puts_them(tmp_path, here):
         corners = corners @ matrix.reshape(3, 3).T + model.geom_pos[geom]
         distances = np.linalg.norm(shown[:, np.newaxis] - corners, axis=-1)
         assert distances.min(axis=1).max() < 1e-7
+    # the second touches nothing
     assert [len(link.findall(tag)) for tag in ("visual", "collision")] == [
         2,
         1,
-    ]  # the second touches nothing
+    ]
     slider = robot.model.element.find("link[@name='slider']")
+    # its group is hidden
     assert [len(slider.findall(tag)) for tag in ("visual", "collision")] == [
         0,
         1,
-    ]  # its group is hidden
+    ]
 
 
 def test_a_robot_that_floats_has_no_world(tmp_path, here):

@@ -63,9 +63,8 @@ def passive_axes(file: Path, folder: Path) -> list[str]:
     told = [
         entry.element for entry in imported.report.entries if entry.text.startswith("passive: ")
     ]
-    assert told == [
-        f"joints '{axis}'" for axis in passive
-    ]  # one line, of the one joint that these files have
+    # one line, of the one joint that these files have
+    assert told == [f"joints '{axis}'" for axis in passive]
     return passive
 
 

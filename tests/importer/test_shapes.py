@@ -126,9 +126,8 @@ def test_stl_becomes_obj_that_drake_shows_and_collides_with(imported: Import) ->
     )
     assert isinstance(visual, DrakeMesh)
     assert isinstance(collision, Convex)
-    assert (
-        result.robot.find("link/visual/material/color") is not None
-    )  # STL has no colour of its own
+    # STL has no colour of its own
+    assert result.robot.find("link/visual/material/color") is not None
     assert (
         "repaired: link 'base' <visual>: mesh 'torus.stl' (576 faces) is now meshes/base_visual_1.obj"
         in result.told()
@@ -155,9 +154,8 @@ def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path)
         assert again.files() == first.files()
         assert not again.report.changed, again.told()
         assert {entry.kind for entry in again.report.entries} == {"read"}
-        assert (
-            imported(links, collision=collision).files() == first.files()
-        )  # the same bytes each time
+        # the same bytes each time
+        assert imported(links, collision=collision).files() == first.files()
 
 
 def test_a_clean_obj_is_copied_byte_for_byte(imported: Import, package: Path) -> None:

@@ -98,11 +98,12 @@ DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
 @pytest.mark.parametrize(
     ("element", "base", "reason"),
     [
+        # that hang at zero
         (
             called(*ARMS),
             "fixed",
             "6 joints are called as those of arms and hands are",
-        ),  # that hang at zero
+        ),
         (called(*HAND), "fixed", "9 joints are called"),  # of a hand that points downward
         (called("waist neck", *[f"waist>{arm}" for arm in ARMS]), "fixed", "6 joints"),
         (called(*ARMS, "l_hip", "r_hip"), "fixed", "6 joints"),  # hips alone are no legs
@@ -113,17 +114,19 @@ DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
             "2 branches of 'waist_link'",
         ),
         (called("LHipYaw LKnee", "RHipYaw RKnee"), "floating", "2 branches"),
+        # in whichever way its legs point
         (
             called(*DOG, way="0.1 0 0.2"),
             "floating",
             "4 branches",
-        ),  # in whichever way its legs point
+        ),
         (called(*DOG, "arm_1 arm_2 arm_3"), "floating", "4 branches"),
+        # by shape alone
         (
             called("whip_1 whip_2 ship", "telegram_1 telegram_2 chip"),
             "floating",
             "as legs do",
-        ),  # by shape alone
+        ),
         (
             called("wheel_left", "wheel_right", kind="continuous"),
             "floating",

@@ -70,9 +70,8 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
     assert any(words in line and "estimated: " in line for line in estimated.told("defaulted"))
     assert estimated.told("open") == []
     found, centre, about = body(estimated)
-    assert found == pytest.approx(
-        mass
-    )  # the link's own where it is possible, of its shapes at 1000 kg/m³ else
+    # the link's own where it is possible, of its shapes at 1000 kg/m³ else
+    assert found == pytest.approx(mass)
     assert centre == pytest.approx([0, 0, 0.1])
     np.testing.assert_allclose(
         about, BOX.CalcRotationalInertia().CopyToFullMatrix3() * mass / 3, atol=1e-12

@@ -30,9 +30,8 @@ def test_round_trip_with_offset_shoulders(name, dh_chain, random_postures, table
     solutions = AnalyticSolver(chain).solve(targets, postures)
     assert solutions.reached.all()
     assert _error(chain, solutions.positions, targets) < PROMISED
-    np.testing.assert_allclose(
-        solutions.positions, postures, atol=1e-6
-    )  # near singular ones lose half the digits
+    # near singular ones lose half the digits
+    np.testing.assert_allclose(solutions.positions, postures, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["irb120", "puma560", "tx40", "ur5"])
@@ -185,18 +184,16 @@ def test_a_cobot_with_axis_6_along_axis_4_keeps_the_sum_of_the_parallel_ones(
     assert _error(chain, found, targets) < PROMISED
     if angle < 1e-10:
         kept = np.abs((found - starts)[:, 1:4].sum(axis=1)) < 1e-9
-        assert (
-            kept.mean() > 0.8
-        )  # some cannot keep it, as stretched arms; for some another posture lies nearer
+        # some cannot keep it, as stretched arms; for some another posture lies nearer
+        assert kept.mean() > 0.8
 
 
 def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
     chain = dh_chain(tables["irb120"])
     posture = np.array([0.4, -0.5, 0.0, 0.3, 0.6, -0.2])
     elbow, fore = 0.27 * np.sin(posture[1]), np.hypot(0.07, 0.302)
-    posture[2] = (
-        -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)
-    )  # so that the wrist is over axis 1
+    # so that the wrist is over axis 1
+    posture[2] = -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)
     targets = chain.forward(posture)
     found = AnalyticSolver(chain).solve(targets, posture + np.array([0.2, 0, 0, 0, 0, 0]))
     assert found.reached.all()
@@ -206,9 +203,8 @@ def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
 
 @pytest.mark.parametrize("name", ["irb120", "ur5"])
 def test_rounded_figures_are_polished_away(name, dh_chain, random_postures, tables):
-    rough = [
-        tuple(round(value, 4) for value in row) for row in tables[name]
-    ]  # alpha = 1.5708, as URDFs have it
+    # alpha = 1.5708, as URDFs have it
+    rough = [tuple(round(value, 4) for value in row) for row in tables[name]]
     chain = dh_chain(rough)
     postures = 0.5 * random_postures(chain, 200)
     targets = chain.forward(postures)

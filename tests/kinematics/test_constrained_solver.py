@@ -129,9 +129,8 @@ def test_low_target_against_a_floor_is_weighed(chain, home):
     solutions = ConstrainedSolver(chain, [floor], target_weights=(1.0, 1.0)).solve(target, home)
     assert solutions.reached[0]  # a wish is met as well as can be
     height = chain.forward(solutions.positions)[0, 2, 3]
-    assert height == pytest.approx(
-        (1 * 0.05 + 10 * 0.1) / 11, abs=2e-5
-    )  # minimum of (z-.05)² + 10 (z-.1)²
+    # minimum of (z-.05)² + 10 (z-.1)²
+    assert height == pytest.approx((1 * 0.05 + 10 * 0.1) / 11, abs=2e-5)
     assert solutions.position_error[0] == pytest.approx(height - 0.05, abs=1e-4)
 
 

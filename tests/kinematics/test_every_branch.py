@@ -109,9 +109,8 @@ def test_a_straight_wrist_gives_the_posture_of_the_family_that_is_nearest(
     found = branches(irb120_chain, irb120_chain.forward(posture), start)[0]
     same = found[_apart(found[:, :3], posture[:3]) < 1e-3]
     assert len(same) == 1  # not a hundred of the family
-    np.testing.assert_allclose(
-        same[0, 3:], [0.6, 0.0, 0.3], atol=1e-3
-    )  # the sum of axes 4 and 6 is given: 0.9
+    # the sum of axes 4 and 6 is given: 0.9
+    np.testing.assert_allclose(same[0, 3:], [0.6, 0.0, 0.3], atol=1e-3)
 
 
 def test_beyond_limits_too_and_whole_turns_near_the_start(irb120_chain, home):

@@ -74,9 +74,8 @@ def _assert_jacobian_is_derivative(chain, posture):
         )
         turn = (ahead - behind)[:3, :3] @ chain.forward(posture)[0, :3, :3].T / (2 * step)
         slope = [*(ahead - behind)[:3, 3] / (2 * step), turn[2, 1], turn[0, 2], turn[1, 0]]
-        np.testing.assert_allclose(
-            jacobian[:, axis], slope, atol=1e-8
-        )  # central differences: step² and 1e-16/step
+        # central differences: step² and 1e-16/step
+        np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-8)
 
 
 def test_signs_and_order_of_axes(irb120_chain, random_postures):

@@ -33,9 +33,8 @@ def test_there_and_back():
 @pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
 def test_pitch_at_right_angles(pitch):
     locked = pose_matrices([0, 0, 0, 0.3, pitch, 0.8])
-    np.testing.assert_allclose(
-        pose_matrices(poses_from_matrices(locked)), locked, atol=1e-9
-    )  # cos(π/2) is 6e-17, not 0
+    # cos(π/2) is 6e-17, not 0
+    np.testing.assert_allclose(pose_matrices(poses_from_matrices(locked)), locked, atol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-9])
@@ -43,9 +42,8 @@ def test_rotation_vectors(angle):
     axes = np.random.default_rng(2).normal(size=(30, 3))
     vectors = angle * axes / np.linalg.norm(axes, axis=1, keepdims=True)
     found = rotation_vectors(Rotation.from_rotvec(vectors).as_matrix())
-    np.testing.assert_allclose(
-        found, vectors, atol=1e-9 if angle > 3.1 else 1e-14
-    )  # near π the axis loses digits
+    # near π the axis loses digits
+    np.testing.assert_allclose(found, vectors, atol=1e-9 if angle > 3.1 else 1e-14)
 
 
 def test_half_turn():

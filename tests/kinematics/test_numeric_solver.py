@@ -106,9 +106,8 @@ def test_out_of_reach(irb120_chain, home):
 def test_just_out_of_reach_is_a_singular_posture(irb120_chain, home):
     target = [0.7, 0, 0.29, 0, np.pi / 2, 0]
     solutions = NumericSolver(irb120_chain, weights=[1, 1, 1, 0, 0, 0]).solve(target, home)
-    assert solutions.position_error[0] == pytest.approx(
-        0.7 - 0.652, abs=1e-3
-    )  # 0.270 + 0.310 + 0.072 stretched
+    # 0.270 + 0.310 + 0.072 stretched
+    assert solutions.position_error[0] == pytest.approx(0.7 - 0.652, abs=1e-3)
     with pytest.raises(Unreachable, match="singular posture: the arm is stretched"):
         require(solutions)
 
@@ -153,6 +152,5 @@ def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(
     assert (room[solutions.reached] > 0.05 - 1e-9).mean() > 0.95
     near = chain.upper - 0.01
     stays = NumericSolver(chain).solve(chain.forward(near), near[np.newaxis])
-    np.testing.assert_allclose(
-        stays.positions[0], near, atol=1e-9
-    )  # what begins without room does not jump
+    # what begins without room does not jump
+    np.testing.assert_allclose(stays.positions[0], near, atol=1e-9)

@@ -43,11 +43,12 @@ def capture_point(plant, context, robot, state):
 def test_how_far_the_capture_point_is_outside_of_the_feet(standing, ahead):
     plant, context, robot = standing
     state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    # of the trunk [m/s]
     state[plant.num_positions() + np.array([3, 4, 5])] = [
         0.7 * ahead,
         -ahead,
         -0.2,
-    ]  # of the trunk [m/s]
+    ]
     plant.SetPositionsAndVelocities(context, state)
     place, points = capture_point(plant, context, robot, state)
     hull = points[ConvexHull(points).vertices]

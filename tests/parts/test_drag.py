@@ -94,9 +94,8 @@ def test_the_equation_at_a_point_of_a_turned_moving_frame() -> None:
     force = spring.sample({}, {"target": np.array([1.0, *target]), "state": state})["force"]
     force_without_target = spring.sample({}, {"target": np.zeros(4), "state": state})["force"]
 
-    arm = pose.rotation() @ (
-        body_from_frame @ point
-    )  # from the body's origin to the point, in the world
+    # from the body's origin to the point, in the world
+    arm = pose.rotation() @ (body_from_frame @ point)
     point_velocity = velocity + np.cross(omega, arm)
     force_in_world = stiffness * (target - pose.translation() - arm) - damping * point_velocity
     world_from_frame = pose.rotation() @ body_from_frame.rotation()

@@ -50,9 +50,8 @@ def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
 def test_a_delay_tells_what_was(in_loop):
     result = moved(delay=0.03, in_loop=in_loop)
     true, told = result["q.joint_1"], result["position.encoders.joint_1"]
-    lag = (
-        3 + in_loop
-    )  # in a run's sample at the time of an encoder's, the encoder's last one stands
+    # in a run's sample at the time of an encoder's, the encoder's last one stands
+    lag = 3 + in_loop
     assert told[10:] == pytest.approx(true[10 - lag : len(true) - lag], abs=1e-12)
     assert told[:3] == pytest.approx(np.zeros(3), abs=1e-12)
 

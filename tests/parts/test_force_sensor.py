@@ -37,9 +37,8 @@ def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
     errors = told - true
     assert errors[:, :3].std() == pytest.approx(0.5, rel=0.15)  # 303 figures: 4 % of one sigma
     assert errors[:, 3:].std() == pytest.approx(0.01, rel=0.15)
-    assert (
-        abs(errors.mean(axis=0) / np.repeat([0.5, 0.01], 3)).max() < 0.35
-    )  # 101 figures: 0.1 of one sigma
+    # 101 figures: 0.1 of one sigma
+    assert abs(errors.mean(axis=0) / np.repeat([0.5, 0.01], 3)).max() < 0.35
     assert (felt(noise=0.5, moment_noise=0.01, seed=1)[0].values == one.values).all()
     assert (felt(noise=0.5, moment_noise=0.01, seed=2)[1] != told).all()
 

@@ -60,9 +60,8 @@ def test_pose_and_velocity_are_those_of_the_kinematics(arm, axes):
         orientation = transform_from_xyz_quaternion(pose).rotation().matrix()
         np.testing.assert_allclose(orientation, relative[1], atol=1e-12)
         np.testing.assert_allclose(velocity[:3], (told[2] - told[0]) / (2 * STEP), atol=1e-7)
-        spin = (
-            (relative[2] - relative[0]) / (2 * STEP) @ relative[1].T
-        )  # of the frame in the base, in its axes
+        # of the frame in the base, in its axes
+        spin = (relative[2] - relative[0]) / (2 * STEP) @ relative[1].T
         in_axes = turns[1].T @ seen[1][3].rotation().matrix() @ [spin[2, 1], spin[0, 2], spin[1, 0]]
         np.testing.assert_allclose(velocity[3:], in_axes, atol=1e-7)
         of_world = turns[1].T @ (between[2] - between[0]) / (2 * STEP)

@@ -138,10 +138,11 @@ def test_the_camera_climbs_with_the_robot():
 
 
 def test_a_point_is_on_a_box_if_it_is_pressed_in_by_less_than_contacts_give_way():
+    # its top is at 0.1 m
     box = (
         RigidTransform(np.array([0.0, 0.0, 0.05])),
         np.array([0.5, 0.5, 0.05]),
-    )  # its top is at 0.1 m
+    )
     pressed_in = np.array([0.0, 0.0, 0.096])
     inside = np.array([0.0, 0.0, 0.08])
 

@@ -81,9 +81,8 @@ class TestOnATurntable:
         result = self.run(speed * PERIOD * np.arange(201))
         start = self.at_start(result)
         arm = start.translation() * [1, 1, 0]
-        chord = np.sinc(
-            speed * PERIOD / 2 / np.pi
-        )  # the mean of a centripetal acceleration that turns
+        # the mean of a centripetal acceleration that turns
+        chord = np.sinc(speed * PERIOD / 2 / np.pi)
         expected = start.rotation().inverse() @ (-(speed**2) * chord * arm + [0, 0, G])
         felt = result.vector("specific_force.imu")[2:-1]
         assert np.linalg.norm(arm) > 0.3
@@ -102,14 +101,12 @@ class TestOnATurntable:
         start = self.at_start(result)
         arm = start.translation() * [1, 1, 0]
         along = np.cross([0, 0, 1], arm)
-        felt = (
-            result.vector("specific_force.imu")[1:] @ start.rotation().matrix().T
-        )  # in axes that turn with joint 1
+        # in axes that turn with joint 1
+        felt = result.vector("specific_force.imu")[1:] @ start.rotation().matrix().T
         speed = faster * (result.times[1:] - PERIOD / 2)
         expected = faster * along - speed[:, np.newaxis] ** 2 * arm + [0, 0, G]
-        np.testing.assert_allclose(
-            felt, expected, atol=(speed[-1] * PERIOD) ** 2
-        )  # of the order of T²
+        # of the order of T²
+        np.testing.assert_allclose(felt, expected, atol=(speed[-1] * PERIOD) ** 2)
 
 
 def about_z(angles):
@@ -144,15 +141,13 @@ class TestNoise:
         result = measured("irb120_kinematic", 15.0, {"seed": 7, **FIGURES})
         for error, noise, bias in zip(self.error(result), (0.2, 0.03), (0.1, 0.02), strict=True):
             assert len(np.unique(error)) == error.size == 3 * 3001
-            np.testing.assert_allclose(
-                error.std(axis=0), noise, rtol=0.06
-            )  # 4.6 times 1/sqrt(2 · 3001)
+            # 4.6 times 1/sqrt(2 · 3001)
+            np.testing.assert_allclose(error.std(axis=0), noise, rtol=0.06)
             offset = error.mean(axis=0)
             assert np.all(np.abs(offset) < 4 * bias)
             white = (error - offset) / noise
-            assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 5 / np.sqrt(
-                3000
-            )  # no memory
+            # no memory
+            assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 5 / np.sqrt(3000)
             np.testing.assert_allclose(np.corrcoef(white.T), np.eye(3), atol=5 / np.sqrt(3000))
 
     @pytest.mark.long
@@ -177,9 +172,8 @@ class TestInTheLoop:
         told = [
             measured("irb120_kinematic", 0.7, {**NOISY, "in_loop": loop}) for loop in (True, False)
         ]
-        rows = (
-            np.abs(130 * told[0].times - np.round(130 * told[0].times)) > 1e-6
-        )  # at a sample either may be told
+        # at a sample either may be told
+        rows = np.abs(130 * told[0].times - np.round(130 * told[0].times)) > 1e-6
         names = [name for name in told[0].names if ".imu." in name]
         for name in names:
             np.testing.assert_allclose(told[0][name][rows], told[1][name][rows], atol=1e-9)

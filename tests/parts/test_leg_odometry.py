@@ -128,9 +128,8 @@ def test_a_step_is_that_of_its_equations(station, forces):
             rivals = middles[when][:, 2] if forces is None else middles[when][owners == owner, 2]
             weight *= np.exp((rivals.min() - middles[when][number, 2]) / 0.003)
             weight *= 1.0 if forces is None else min(told[when][links[owner]] / 20.0, 1.0)
-        rolled = (
-            feet[1][number] @ feet[0][number].T @ down
-        )  # what was the ball's lowest is there now
+        # what was the ball's lowest is there now
+        rolled = feet[1][number] @ feet[0][number].T @ down
         error = (middles[0][number] - down) - (middles[1][number] - rolled) - step
         errors.append(error)
         weights.append(weight / (1 + error @ error / (slip * PERIOD) ** 2))
@@ -185,9 +184,8 @@ def test_what_is_not_finite_is_skipped():
             [*(PERIOD * before["base_velocity"][:3]), 0, 0, 0, 0], abs=1e-15
         )
         assert (after["base_velocity"] == before["base_velocity"]).all()
-        moved = looked(
-            block, after, seen(robot_of("zjudancer_dynamic").initial + 0.05)
-        )  # and the feet meanwhile
+        # and the feet meanwhile
+        moved = looked(block, after, seen(robot_of("zjudancer_dynamic").initial + 0.05))
         expected = before["base_velocity"][:3] - PERIOD * before["bias"]
         assert moved["base_velocity"][:3] == pytest.approx(expected, abs=1e-12)
         later = looked(block, after, *[good] * 200)

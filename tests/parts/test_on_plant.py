@@ -110,9 +110,8 @@ def test_the_law_of_the_servos(order):
         assert torque[index] == pytest.approx(
             np.clip(command, -most[joint], most[joint]), abs=1e-12
         )
-    assert torque[order.index("elbow")] == pytest.approx(
-        8.0
-    )  # the effort limit of the file saturates it
+    # the effort limit of the file saturates it
+    assert torque[order.index("elbow")] == pytest.approx(8.0)
     assert servos.passive == []
 
 

@@ -198,9 +198,8 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
     direct = simulate(arm(LAW, **servos), duration=0.6, progress=False)
 
     assert abs(at_rest["q.joint_1"]).max() < 1e-3  # nothing drives it, and nothing pulls at it
-    np.testing.assert_allclose(
-        driven["q.joint_1"], direct["q.joint_1"], atol=0.02
-    )  # late by a millisecond
+    # late by a millisecond
+    np.testing.assert_allclose(driven["q.joint_1"], direct["q.joint_1"], atol=0.02)
     assert np.ptp(direct["q.joint_1"]) > 0.4
 
 

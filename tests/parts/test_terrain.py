@@ -178,9 +178,8 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
             )
         )
     weight = plant.CalcTotalMass(context, [robot.instance]) * made.gravity / 4
-    assert (
-        depths[0] < 1e-3
-    )  # the ball is a mesh of edges of 12.5 mm, which lie up to 0.8 mm inside of it
+    # the ball is a mesh of edges of 12.5 mm, which lie up to 0.8 mm inside of it
+    assert depths[0] < 1e-3
     assert depths[1] == pytest.approx(np.sqrt(weight * 0.07 / (np.pi * 1e6 * 0.025)), rel=0.15)
 
 

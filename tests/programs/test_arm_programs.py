@@ -209,9 +209,8 @@ class TestFiles:
     def test_transforms_are_told_as_pose_vectors(self, kinematic, form):
         whole = everything(kinematic, form)
         again = Workcell(load_station("irb120_kinematic", BARE)).perform(_program(whole.program))
-        np.testing.assert_allclose(
-            again.values, whole.values, rtol=0, atol=1e-9
-        )  # torques, by rounding of the poses
+        # torques, by rounding of the poses
+        np.testing.assert_allclose(again.values, whole.values, rtol=0, atol=1e-9)
 
     @pytest.mark.long
     def test_degrees_and_short_forms_are_the_same_moves(self):
@@ -248,9 +247,8 @@ class TestFiles:
         cell.record()
         early = left.plan.move_j([0, 0, 0.1, *DOWN], wobj="bar")
         cell.wait(0.1)
-        cell.attach(
-            "bar", "world", pose=[-0.4, 0.3, 0, 0, 0, 0]
-        )  # the bar goes, and the plan not with it
+        # the bar goes, and the plan not with it
+        cell.attach("bar", "world", pose=[-0.4, 0.3, 0, 0, 0, 0])
         cell.run(early, right.plan.move_abs_j([0.2, 0, 0, 0, 1.5, 0]))
         right.move_l([0, 0, 0.0], wobj=right)
         left.move_l(
@@ -268,9 +266,8 @@ class TestFiles:
         )
         moves = yaml.safe_load((folder / "program.yaml").read_text())["moves"]
         first = moves[2]["together"][0]["move_j"]
-        np.testing.assert_allclose(
-            first["wobj"][:3], [-0.5, 0.35, 0.148], atol=1e-12
-        )  # its upper end, where it was
+        # its upper end, where it was
+        np.testing.assert_allclose(first["wobj"][:3], [-0.5, 0.35, 0.148], atol=1e-12)
         assert [moves[k]["move_l"]["wobj"] for k in (3, 4)] == ["right", "right"]
 
     def test_what_no_file_can_say_has_none(self, kinematic, tmp_path):
@@ -389,9 +386,8 @@ def test_a_monitor_ends_the_program():
     ]
     whole = cell.perform(Program.model_validate({"moves": moves}))
     assert (whole.ending, len(whole.runs)) == ("monitor", 2)
-    assert whole.message.endswith(
-        f", at {whole.stop_time:.4g} s"
-    )  # of the whole program, not of its last run
+    # of the whole program, not of its last run
+    assert whole.message.endswith(f", at {whole.stop_time:.4g} s")
     assert whole.stop_time > 0.1
     assert all_events(whole)[-1] == (whole.stop_time, "stopped: joint_limit")
 

@@ -92,9 +92,8 @@ def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
     assert robot.cell.config.controllers == {}
     again = robot.simulate(automatic=True)  # from the start
     np.testing.assert_array_equal(again.values, result.values)
-    onward = robot.run(
-        robot.program.with_automatic(True)
-    )  # from the last state, and from the first cell
+    # from the last state, and from the first cell
+    onward = robot.run(robot.program.with_automatic(True))
     assert None not in onward.cells["automatic"]
     assert onward.axes("q")[0] == pytest.approx(result.axes("q")[-1], abs=1e-12)
     robot.undo()

@@ -58,9 +58,10 @@ def test_a_line_cruises_at_its_speed(arm, profile, ramps):
 
 def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
     quick = arm.plan.move_l(CORNERS[1], wobj="table", speed=0.3)
+    # the usual
     assert np.linalg.norm(tool_way(arm, quick)[3][3:-3], axis=1).max() == pytest.approx(
         2.0, rel=5e-3
-    )  # the usual
+    )
     limits = np.array(arm.plan.rate_limits)
     weak = np.full(6, 3.0)  # rad/s²
     object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], weak))
@@ -93,15 +94,13 @@ def test_zones_round_the_corners_and_leave_the_lines_alone(arm):
     lines = [(places[:, 1] - 0.1, 0), (places[:, 0] - 0.15, 1), (places[:, 1] - 0.2, 2)]
     off = np.min([np.abs(offset) for offset, _ in lines], axis=0)
     assert off[on_lines].max() < 3e-5  # m
-    assert apart.min() == pytest.approx(
-        np.sqrt(2) * zone * 3 / 16, rel=1e-3
-    )  # g(0) = 3/16 along both ways
+    # g(0) = 3/16 along both ways
+    assert apart.min() == pytest.approx(np.sqrt(2) * zone * 3 / 16, rel=1e-3)
     assert np.linalg.norm(speeds, axis=1)[500:-500].min() == pytest.approx(
         0.2 / np.sqrt(2), rel=1e-2
     )
-    assert (
-        np.linalg.norm(np.diff(pushes[3:-3], axis=0), axis=1).max() < 0.1
-    )  # no jump of 2 m/s² and more
+    # no jump of 2 m/s² and more
+    assert np.linalg.norm(np.diff(pushes[3:-3], axis=0), axis=1).max() < 0.1
     at = np.searchsorted(times, plan.arrivals[:2])
     np.testing.assert_allclose(
         np.linalg.norm(places[at] - CORNERS[1:3], axis=1), apart.min(), rtol=1e-2

@@ -62,9 +62,8 @@ def test_a_piece_that_is_let_go_falls_and_lies_on_the_floor():
     assert lies[2] < 0.1
     rest = arm.wait(0.2)
     assert np.abs([rest[f"piece.weight.v{axis}"][-1] for axis in "xyz"]).max() < 0.02
-    np.testing.assert_allclose(
-        arm.cell.frame("weight").translation(), lies, atol=0.01
-    )  # the cell knows where
+    # the cell knows where
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), lies, atol=0.01)
 
 
 def test_what_is_let_go_in_motion_flies_on():
@@ -80,9 +79,8 @@ def test_what_is_let_go_in_motion_flies_on():
         [flight[f"piece.weight.{column}"][0] for column in ("vx", "vy", "vz", "wx", "wy", "wz")]
     )
     np.testing.assert_allclose(start, [*expected.velocity[3:], *expected.velocity[:3]], atol=1e-9)
-    about = np.cross(
-        [0, 0, turn], place
-    )  # joint 1 turns about the world's z; the others hardly move
+    # joint 1 turns about the world's z; the others hardly move
+    about = np.cross([0, 0, turn], place)
     np.testing.assert_allclose(start[:2], about[:2], atol=0.05 * np.linalg.norm(about))
 
 

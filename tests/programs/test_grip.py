@@ -85,15 +85,17 @@ def test_fingers_that_turn_and_follow_each_other_are_found():
     [
         (LEFT,),  # one alone
         (LEFT, {**RIGHT, "axis": "0 1 0"}),  # both go the same way
+        # and something else moves there
         (
             LEFT,
             RIGHT,
             {**RIGHT, "name": "third", "kind": "revolute"},
-        ),  # and something else moves there
+        ),
+        # a chain
         (
             {**LEFT, "kind": "revolute"},
             {**RIGHT, "parent": "left", "more": '<follows joint="left"/>'},
-        ),  # a chain
+        ),
         (  # one that stands
             {**LEFT, "kind": "revolute"},
             {**RIGHT, "kind": "revolute", "more": '<follows joint="left" multiplier="0"/>'},

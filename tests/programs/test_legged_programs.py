@@ -63,9 +63,8 @@ class TestOnThePhysics:
             "world",
         ]
         for run, later in zip(carrier.runs, carrier.runs[1:], strict=False):
-            np.testing.assert_array_equal(
-                later.axes("q")[0], run.axes("q")[-1]
-            )  # each begins where one ended
+            # each begins where one ended
+            np.testing.assert_array_equal(later.axes("q")[0], run.axes("q")[-1])
         assert snapshot(carrier) == before
         np.testing.assert_array_equal(carrier.cell.frame("parcel").translation(), left)
         other = LeggedRobot(carrier._start)

@@ -81,9 +81,8 @@ class TestMoves:
         )
         result = whole.run(program)
         assert result.stop_time == pytest.approx(1.6)
-        np.testing.assert_allclose(
-            standing.position, whole.position, atol=2e-3
-        )  # accuracy 1e-3, steps of 20 ms
+        # accuracy 1e-3, steps of 20 ms
+        np.testing.assert_allclose(standing.position, whole.position, atol=2e-3)
         apart = standing.base_pose.translation() - whole.base_pose.translation()
         assert np.linalg.norm(apart) < 1e-3
         sunk = standing.base_pose.translation()[2]
@@ -104,9 +103,8 @@ class TestMoves:
         np.testing.assert_allclose(standing.position, q, atol=2e-3)
         np.testing.assert_allclose(standing.base_pose.translation(), base, atol=1e-3)
         again = standing.simulate()
-        np.testing.assert_array_equal(
-            again.values, result.values
-        )  # from the start, to the last bit
+        # from the start, to the last bit
+        np.testing.assert_array_equal(again.values, result.values)
 
     def test_the_step_of_the_thesis(self, standing):
         result = standing.step()
@@ -251,9 +249,8 @@ class TestEveryRobot:
         measures = result.summary()["locomotion"]
         assert measures["ahead"] > least
         assert abs(measures["drift"]) < 0.02
-        assert (
-            robot.cell.config == config
-        )  # servos and solver are its own again, and the floor was large enough
+        # servos and solver are its own again, and the floor was large enough
+        assert robot.cell.config == config
         robot.undo()
         half = robot.walk(steps, amplitude=0.5).summary()["locomotion"]
         assert half["ahead"] == pytest.approx(measures["ahead"] / 2, rel=0.25)
@@ -332,9 +329,8 @@ class TestStep:
         assert len(robot.program.moves) == (4 if name == "humanoid" and feet is None else 1)
         stays = robot.base_pose.translation()
         robot.test_move({robot.axes[0]: np.rad2deg(robot.reference[0])}, 1.0)
-        np.testing.assert_allclose(
-            robot.base_pose.translation(), stays, atol=0.015
-        )  # the humanoid's servos lag by 1 s
+        # the humanoid's servos lag by 1 s
+        np.testing.assert_allclose(robot.base_pose.translation(), stays, atol=0.015)
 
     @pytest.mark.long
     def test_the_act_of_that_name_goes_as_far(self, standing):
@@ -373,9 +369,8 @@ class TestGaits:
         """As the march planned alone does: 4 steps of the thesis's manner go 0.12 to 0.25 m."""
         config = standing.cell.config
         result = standing.walk(4, gait="march")
-        assert (
-            "reference_velocity" not in result.config.inputs
-        )  # the gains of the thesis as they are
+        # the gains of the thesis as they are
+        assert "reference_velocity" not in result.config.inputs
         assert result.ending == "completed"
         assert 0.12 < result.summary()["locomotion"]["ahead"] < 0.25
         assert standing.cell.config == config
@@ -467,9 +462,8 @@ class TestGeometry:
         standing.test_move(KNEES, 1.0)
         trunk = standing.base_pose @ transform_from_pose(standing.pose("right_hand", frame="trunk"))
         np.testing.assert_allclose(trunk.translation(), standing.pose("right_hand")[:3], atol=1e-9)
-        assert standing.pose("left_foot")[2] == pytest.approx(
-            0.0, abs=3e-3
-        )  # on the floor, though the trunk sank
+        # on the floor, though the trunk sank
+        assert standing.pose("left_foot")[2] == pytest.approx(0.0, abs=3e-3)
 
     @pytest.mark.parametrize("name", ["humanoid", "roid1", "yobotics"])
     def test_limbs_reach_places(self, name):
@@ -525,9 +519,8 @@ class TestGeometry:
         assert len(feet) == (4 if name == "yobotics" else 2)
         q = robot.posture(transform_from_pose([*shift, 0, 0, 0]) @ trunk)
         robot.test_move(robot.targets_deg(q), 1.0)
-        robot.test_move(
-            {robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5
-        )  # a lag of 1 s
+        # a lag of 1 s
+        robot.test_move({robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5)
         for foot, place in feet.items():
             np.testing.assert_allclose(robot.pose(foot)[:3], place, atol=2e-3)
         went = robot.base_pose.translation() - trunk.translation()

@@ -103,9 +103,8 @@ def test_a_box_that_slips_out_of_the_fingers_is_reported_with_its_move(tmp_path)
     config = lifting_station(tmp_path, [DOWN, WEAK_GRIP, UP, {"wait": 0.2}])
     result = perform(Workcell(config), carried_program(config))
     lost = result.verdict["lost_piece"]
-    assert lost.worst.value == pytest.approx(
-        0.19 - 0.02, abs=0.04
-    )  # it stays behind near the floor
+    # it stays behind near the floor
+    assert lost.worst.value == pytest.approx(0.19 - 0.02, abs=0.04)
     assert lost.worst.move == "move 3"
     assert lost.warning.startswith("box slipped out of the fingers at ")
     assert (

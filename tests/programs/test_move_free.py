@@ -110,9 +110,8 @@ class TestTheWay:
     def test_the_same_seed_finds_the_same(self, beside, to_right, monkeypatch):
         again = beside.plan.move_free(RIGHT, seed=0)
         np.testing.assert_array_equal(to_right.stretches[0].postures, again.stretches[0].postures)
-        monkeypatch.setattr(
-            move_free, "find_faster_path", lambda *_: None
-        )  # what differs is the search
+        # what differs is the search
+        monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
         one, other = (beside.plan.move_free(RIGHT, seed=seed) for seed in (0, 1))
         assert one.duration != other.duration
 
@@ -208,22 +207,19 @@ class TestHeldByFingers:
             holding.plan.move_abs_j(end)
         plan = holding.plan.move_free(joints=end)
         looks = plan.postures(np.linspace(0, plan.duration, 500))
-        np.testing.assert_allclose(
-            looks[:, 6:], 0.0095, atol=1e-6
-        )  # a search that opens the fingers drops the bar
+        # a search that opens the fingers drops the bar
+        np.testing.assert_allclose(looks[:, 6:], 0.0095, atol=1e-6)
         model, bar = holding.cell.collision_model, []
         held = model.plant.GetFrameByName("left_finger")
         grip = model.pose(held).inverse() @ model.pose(model.piece_origin("bar"))
         across = np.linspace(-0.01, 0.01, 5)
-        points = np.array(
-            [*product(np.linspace(-0.2, 0.2, 161), across, across)]
-        )  # all through the bar
+        # all through the bar
+        points = np.array([*product(np.linspace(-0.2, 0.2, 161), across, across)])
         for posture in looks:
             model.place_robots({"robot": posture})
             bar.append((model.pose(held) @ grip @ points.T).T)
-        beside = (
-            np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02
-        )  # of the post's sides
+        # of the post's sides
+        beside = np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02
         above = np.array(bar)[..., 2] - 0.6
         assert np.maximum(beside, above).min() > -0.001  # what may touch
 

@@ -31,10 +31,11 @@ def test_a_line_over_a_table_reaches_its_end_its_speed_and_its_height():
         True,
         (),
     )
+    # kinematic: it is where it should be
     assert (
         max(move.position_error, move.orientation_error, move.following_error, move.torque_time)
         < 1e-9
-    )  # kinematic: it is where it should be
+    )
     assert move.asked_speed == 0.1
     assert move.speed == pytest.approx(0.1, rel=0.01)
     assert move.distance == pytest.approx(0.01, abs=1e-6)  # the tip ends that far over the table

@@ -40,9 +40,8 @@ def test_move_l_keeps_to_its_line_between_the_points(kinematic, solver, points):
     end = kinematic.frame("table") @ transform_from_pose(end_there)
     assert off_line(poses[:, :3, 3], start[:3], end.translation()).max() < 1e-4  # asked for
     np.testing.assert_allclose(poses[-1], end.GetAsMatrix4(), atol=1e-5)
-    whole = turned_by(
-        poses[0, :3, :3], poses[-1, :3, :3]
-    )  # about one axis: the parts of the turn add up
+    # about one axis: the parts of the turn add up
+    whole = turned_by(poses[0, :3, :3], poses[-1, :3, :3])
     for pose in poses[::100]:
         parts = [
             turned_by(poses[0, :3, :3], pose[:3, :3]),
@@ -60,9 +59,8 @@ def test_move_c_keeps_to_its_circle_between_the_points(kinematic, points):
     poses = kinematic.chain.forward(positions_between(result))
     arc = Arc.through(start[:3], table @ via, table @ end)
     offsets = poses[:, :3, 3] - arc.centre
-    height = (
-        offsets @ np.cross(arc.first, arc.across) / arc.radius**2
-    )  # over the plane of the circle
+    # over the plane of the circle
+    height = offsets @ np.cross(arc.first, arc.across) / arc.radius**2
     away = np.hypot(height, np.sqrt((offsets**2).sum(axis=1) - height**2) - arc.radius)
     assert away.max() < 1e-4  # asked for
     np.testing.assert_allclose(kinematic.pose()[:3], table @ end, atol=1e-6)
@@ -90,15 +88,13 @@ def test_motion_is_smooth_and_rests_at_both_ends_and_at_corners(kinematic):
     ).trajectory
     times = np.linspace(0, 2.5, 5001)
     q, v, a = (trajectory.MakeDerivative(order).vector_values(times) for order in (0, 1, 2))
-    np.testing.assert_allclose(
-        np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5
-    )  # no jump of q
+    # no jump of q
+    np.testing.assert_allclose(np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5)
     np.testing.assert_allclose(
         np.gradient(v, times, axis=1)[:, 1:-1], a[:, 1:-1], atol=2e-3 * np.abs(a).max()
     )
-    assert (
-        np.abs(np.diff(a, axis=1)).max() < 0.02 * np.abs(a).max()
-    )  # in 0.5 ms; a jump would be some tenths
+    # in 0.5 ms; a jump would be some tenths
+    assert np.abs(np.diff(a, axis=1)).max() < 0.02 * np.abs(a).max()
     rests = np.searchsorted(times, [0.0, 1.0, 2.5])
     np.testing.assert_allclose(v[:, rests], 0, atol=1e-9)
     np.testing.assert_allclose(a[:, rests], 0, atol=1e-7)
@@ -195,9 +191,8 @@ def test_the_jacobian_and_the_torques_are_those_of_the_plant(kinematic):
     np.testing.assert_allclose(jacobian[:3], np.transpose(columns), atol=1e-6)
     assert kinematic.jacobian([q, q]).shape == (2, 6, 6)
     thirty = kinematic.inverse_dynamics(np.full(6, np.pi / 6))
-    np.testing.assert_allclose(
-        thirty[1:3], [-20.79, -9.61], atol=0.005
-    )  # facts of the arm with both loads
+    # facts of the arm with both loads
+    np.testing.assert_allclose(thirty[1:3], [-20.79, -9.61], atol=0.005)
     result = kinematic.move_abs_j(np.full(6, np.pi / 6), duration=1.5)
     row = 75
     acceleration = np.gradient(result.axes("v"), result.times, axis=0)[row]
@@ -214,13 +209,11 @@ def test_the_tool_can_change(kinematic):
     np.testing.assert_allclose(at_pencil[:3] - kinematic.pose()[:3], [0, 0, -0.048], atol=1e-12)
     result = kinematic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table")
     goal = kinematic.frame("table") @ [0.1, 0.1, 0.1]
-    np.testing.assert_allclose(
-        result.pose("tcp")[-1, :3], goal, atol=1e-8
-    )  # the result follows the same point
+    # the result follows the same point
+    np.testing.assert_allclose(result.pose("tcp")[-1, :3], goal, atol=1e-8)
     kinematic.tool("tool0")
-    assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(
-        0.63
-    )  # facts of the arm
+    # facts of the arm
+    assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)
     kinematic.tool("link_3")  # any link, too
     kinematic.move_abs_j(np.zeros(6), check=None)
     np.testing.assert_allclose(kinematic.pose()[:3], [0, 0, 0.56], atol=1e-9)
@@ -424,9 +417,8 @@ def test_a_solver_with_weights_of_its_own(kinematic):
     before = kinematic.pose()
     kinematic.move_l([0.1, 0.1, 0.02, *DOWN], wobj="table", solver=place)
     np.testing.assert_allclose(kinematic.pose(wobj="table")[:3], [0.1, 0.1, 0.02], atol=1e-7)
-    assert (
-        np.linalg.norm(kinematic.pose(wobj="table")[3:] - np.array(DOWN)) > 0.01
-    )  # the tool was free to turn
+    # the tool was free to turn
+    assert np.linalg.norm(kinematic.pose(wobj="table")[3:] - np.array(DOWN)) > 0.01
     assert np.linalg.norm(kinematic.pose()[:3] - before[:3]) > 0.05
 
 
@@ -515,9 +507,8 @@ class TestCollisions:
         ) as hit:
             cell.run(*plans)
         assert {body.split(".")[0].split("_")[0] for body in hit.value.bodies} == {"left", "right"}
-        assert cell.state is None or np.array_equal(
-            cell.position("left"), plans[0].start
-        )  # nothing moved
+        # nothing moved
+        assert cell.state is None or np.array_equal(cell.position("left"), plans[0].start)
 
     def test_the_same_moves_do_one_after_the_other(self, into_the_middle):
         cell, to_middle = into_the_middle

@@ -33,9 +33,8 @@ def test_a_station_runs_in_both_modes(name, mode):
     assert result.ending == "completed"
     assert result.stop_time == 1.0
     for robot in result.plant.robots:
-        assert (
-            np.abs(result.axes("q", robot) - result.axes("q_ref", robot)).max() < 0.05
-        )  # they sag
+        # they sag
+        assert np.abs(result.axes("q", robot) - result.axes("q_ref", robot)).max() < 0.05
 
 
 class TestWorkcell:
@@ -98,8 +97,7 @@ def test_the_belt_brings_its_rook():
     np.testing.assert_allclose(
         cell.frame("rook").translation() - before.translation(), [0, 0.5, 0], atol=1e-12
     )
-    np.testing.assert_allclose(
-        cell.frame("rook").rotation().matrix(), np.eye(3), atol=1e-12
-    )  # it stands
+    # it stands
+    np.testing.assert_allclose(cell.frame("rook").rotation().matrix(), np.eye(3), atol=1e-12)
     arm.move_j([0, 0, 0.1, *DOWN], wobj="rook")
     np.testing.assert_allclose(arm.pose(wobj="rook")[:3], [0, 0, 0.1], atol=1e-9)

@@ -52,11 +52,12 @@ def test_limits_are_kept_and_used(kinematic, move):
     fastest, cruising = plan(profile="time_optimal"), plan(profile="s_curve", duration=10.0)
     taken = shares(kinematic, fastest)
     assert 0.95 < max(taken) < 1.001
+    # of torque: without weight, at most
     ratios = np.array(shares(kinematic, cruising)) ** [
         1,
         0.5,
         0.5,
-    ]  # of torque: without weight, at most
+    ]
     assert fastest.duration < 10.0 * ratios[:2].max()
     np.testing.assert_allclose(fastest.end, cruising.end, atol=1e-9)
     assert len(fastest.arrivals) == len(cruising.arrivals)

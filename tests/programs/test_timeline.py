@@ -74,9 +74,8 @@ def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program(
     def driven(
         tell: Any = None, changes: tuple[Any, ...] = ()
     ) -> tuple[Timeline, SimulationResult]:
-        robot = LeggedRobot(
-            load_station("roid1_dynamic", {"sample_rate": 100})
-        )  # each sample of the walk is seen
+        # each sample of the walk is seen
+        robot = LeggedRobot(load_station("roid1_dynamic", {"sample_rate": 100}))
         line = robot.cell.timeline = Timeline(GRID, changes)
         line.tell = (lambda time, _: tell(line, time)) if tell else line.tell
         robot.run(Program.model_validate({"moves": moves}))

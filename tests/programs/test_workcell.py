@@ -47,9 +47,8 @@ class TestAttach:
         assert masses(cell) - bare > 1.0
         np.testing.assert_allclose(cell.frame("weight").GetAsMatrix4(), place, atol=1e-9)
         assert {"table", "weight"} <= set(kinematic.tools)
-        np.testing.assert_allclose(
-            kinematic.pose(wobj="table"), 0, atol=1e-9
-        )  # the table's TCP is the arm's now
+        # the table's TCP is the arm's now
+        np.testing.assert_allclose(kinematic.pose(wobj="table"), 0, atol=1e-9)
         cell.attach("table", "world")
         assert masses(cell) == pytest.approx(bare)
         assert cell.model.robots["robot"].tcp == "load"  # what carried it
@@ -97,9 +96,8 @@ class TestAttach:
         expected = dynamic.inverse_dynamics()
         np.testing.assert_allclose(held.axes("tau")[-1], expected, rtol=0.01, atol=0.01)
         lever = dynamic.frame("weight").translation()[0]  # joint 2 stands over the origin
-        assert held["tau.joint_2"][-1] - before == pytest.approx(
-            -9.80665 * lever, rel=0.05
-        )  # 1 kg; the arm sags a bit
+        # 1 kg; the arm sags a bit
+        assert held["tau.joint_2"][-1] - before == pytest.approx(-9.80665 * lever, rel=0.05)
         dynamic.release("weight", fixed=True)
         put = dynamic.frame("weight").GetAsMatrix4()
         free = dynamic.move_abs_j(HOME)
@@ -232,9 +230,8 @@ class TestRecording:
         assert dynamic.cell.state is state  # the arm stays where it is
         again = dynamic.simulate()
         assert [run.config.pieces["weight"].parent for run in again.runs] == ["world", "robot"]
-        np.testing.assert_allclose(
-            again.axes("q")[-1], dynamic.position, atol=1e-2
-        )  # without what was not recorded
+        # without what was not recorded
+        np.testing.assert_allclose(again.axes("q")[-1], dynamic.position, atol=1e-2)
         assert dynamic.cell.state is state
         dynamic.record()
         assert dynamic.replay() == []
@@ -282,9 +279,8 @@ class TestResults:
         }
         start = State.from_json((folder / "start.json").read_text())
         again = simulate(load_station(folder / "station.yaml"), start=start)
-        np.testing.assert_allclose(
-            again.axes("q"), result.axes("q"), atol=1e-4
-        )  # the reference came by a table
+        # the reference came by a table
+        np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-4)
 
     def test_a_monitor_ends_a_move_and_the_arm_stays_there(self):
         arm = Arm(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))

@@ -454,9 +454,8 @@ def test_every_kind_of_file_is_written_without_another_program(
 
 
 def test_a_picture_of_pixels_shows_all_of_the_drawing(tmp_path: Path) -> None:
-    file = save_block_picture(
-        load_station("humanoid_balance"), tmp_path / "picture.png"
-    )  # whose wires go over blocks
+    # whose wires go over blocks
+    file = save_block_picture(load_station("humanoid_balance"), tmp_path / "picture.png")
     drawn = np.flatnonzero((np.asarray(Image.open(file).convert("L")) < 200).any(axis=1))
     assert drawn[0] < 60  # the title, 30 px below the edge at two pixels each
     assert Image.open(file).height - drawn[-1] < 60  # the legend

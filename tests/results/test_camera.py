@@ -108,9 +108,8 @@ def test_a_walking_robot_is_equally_large_in_all_frames(walked):
         assert blue[0] < 30
         assert blue[-1] > 160
     edges = [np.vstack([image[0], image[:, 0], image[:, -1]]).astype(int) for image in images]
-    assert all(
-        (np.abs(edge[:, 2] - edge[:, 0]) < 30).all() for edge in edges
-    )  # floor and sky alone
+    # floor and sky alone
+    assert all((np.abs(edge[:, 2] - edge[:, 0]) < 30).all() for edge in edges)
 
 
 def test_the_floor_has_lines_for_a_walk_only(walked):

@@ -89,17 +89,19 @@ BREAKS, POINTS = [-0.05, 0.1, 0.3], np.full((6, 3), 0.1) * [0, 1, 1.5]
 @pytest.mark.parametrize(
     ("trajectory", "rows", "within"),
     [
+        # cubics: its break and the run's ends
         (
             PiecewisePolynomial.CubicShapePreserving(BREAKS, POINTS),
             3,
             1e-12,
-        ),  # cubics: its break and the run's ends
+        ),
         (sequence(np.zeros(6), [0.1, 0.3], [*POINTS.T[1:]]), 201, 1e-7),  # of the fifth degree
+        # with a corner in its velocity
         (
             PiecewisePolynomial.FirstOrderHold(BREAKS, POINTS),
             201,
             1e-4,
-        ),  # with a corner in its velocity
+        ),
     ],
     ids=["cubic", "quintic", "corner"],
 )
@@ -155,9 +157,8 @@ def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path
     result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
     np.testing.assert_allclose(again.axes("q_ref"), held)
-    np.testing.assert_allclose(
-        again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15
-    )  # rounding of the spline
+    # rounding of the spline
+    np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15)
 
 
 def test_a_robot_is_named_where_there_is_not_just_one(result):

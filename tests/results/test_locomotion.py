@@ -142,9 +142,8 @@ def test_work_and_torque_are_those_of_the_joints():
     )
     found = locomotion(run)
     assert mechanical_work(run, "robot") == pytest.approx(1.5 * 2.0 * 2.0)
-    assert found.cost_of_transport == pytest.approx(
-        6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4
-    )  # its mass: facts
+    # its mass: facts
+    assert found.cost_of_transport == pytest.approx(6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4)
     assert found.peak_torque == {"axis": "left_knee", "torque": 1.5, "limit": 3.0, "ratio": 0.5}
     assert found.saturated == 0.0
     assert (

@@ -226,9 +226,8 @@ def test_where_small_turns_are_large_angles_the_plot_says_so(result, drawn):
 
 
 def test_angles_that_go_on_turning_do_not_jump(result, drawn):
-    half = np.linspace(
-        np.deg2rad(85), np.deg2rad(100), len(result.times)
-    )  # of Rz, through 180 degrees
+    # of Rz, through 180 degrees
+    half = np.linspace(np.deg2rad(85), np.deg2rad(100), len(result.times))
     nothing = np.zeros_like(half)
     turning = changed(
         result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half)
@@ -439,10 +438,11 @@ def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
 
 def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
     axes = standing.plant.robots["robot"].axes[:-1]
+    # not of the axes alone, which would be drawn one by one
     columns = (
         *(f"tau.{axis}" for axis in axes),
         "base.z",
-    )  # not of the axes alone, which would be drawn one by one
+    )
     panels = (
         Panel("own", "a block", "drive", "torque [N·m]", columns),
         Panel("own", "a block", "one", "u", columns[:1]),

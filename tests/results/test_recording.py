@@ -102,13 +102,11 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     weight = (
         run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
     )
-    assert sum(force[2] for _, force in sums.values()) == pytest.approx(
-        weight, rel=0.02
-    )  # it stands almost still
+    # it stands almost still
+    assert sum(force[2] for _, force in sums.values()) == pytest.approx(weight, rel=0.02)
     middles = np.sort([point[0] for point, _ in sums.values()])
-    assert (
-        np.abs(np.abs(middles) - 0.0444).max() < 0.028
-    )  # in the seen foot, half as wide: x of the ankle
+    # in the seen foot, half as wide: x of the ankle
+    assert np.abs(np.abs(middles) - 0.0444).max() < 0.028
     names = [
         [inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs
     ]
@@ -242,10 +240,11 @@ def test_meshcat_listens_at_a_loopback_address_that_nobody_guesses():
     assert one.startswith("127.")
     assert one != other
     assert listens(one, port)
+    # 127.0.0.1, where a page in a browser would look first, and every address
     known = {
         "0100007F",
         "00000000",
-    }  # 127.0.0.1, where a page in a browser would look first, and every address
+    }
     assert known.isdisjoint(place.split(":")[0] for place in set(listening()) - before)
 
 

@@ -63,9 +63,8 @@ def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
 
 
 def test_contacts_of_many_times_are_those_of_each() -> None:
-    result = simulate(
-        load_station("box_on_floor", {"duration": 0.5})
-    )  # which falls, lands and lies
+    # which falls, lands and lies
+    result = simulate(load_station("box_on_floor", {"duration": 0.5}))
 
     def pressing(times: np.ndarray) -> list[float]:
         return [Contacts.of(found).forces[:, 2].sum() for found in result.contacts_at(times)]

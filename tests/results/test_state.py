@@ -41,9 +41,8 @@ def test_the_references_of_a_station_begin_where_the_last_ended():
     back = {"reference.target_deg": {"joint_1": 0}}
     second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
     np.testing.assert_allclose(second.axes("q")[0], np.full(6, np.pi / 6))
-    np.testing.assert_array_equal(
-        second.plant.robots["robot"].initial, np.zeros(6)
-    )  # the station's stays what it is
+    # the station's stays what it is
+    np.testing.assert_array_equal(second.plant.robots["robot"].initial, np.zeros(6))
     np.testing.assert_allclose(second.axes("q")[-1], [0, *[np.pi / 6] * 5], atol=1e-12)
 
 
@@ -62,20 +61,17 @@ def test_a_changed_station_takes_what_it_has_in_common():
         "monitors": {"settled": {"after": 5}},
     }
     first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
-    assert list(first.final_state.blocks) == [
-        "servo.integrator"
-    ]  # no monitor: its times are those of a run
+    # no monitor: its times are those of a run
+    assert list(first.final_state.blocks) == ["servo.integrator"]
     lighter = {**HOLD, **overrides, "pieces": {"gripper": {"parent": "world"}}}
     second = simulate(
         load_station("irb120_dynamic", lighter), duration=0.2, start=first.final_state
     )
     np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
-    np.testing.assert_array_equal(
-        second.axes("tau")[0], first.axes("tau")[-1]
-    )  # the same servo state
-    assert (
-        second["q.joint_2"][-1] < first["q.joint_2"][-1] - 0.002
-    )  # the arm rises, two kilograms lighter
+    # the same servo state
+    np.testing.assert_array_equal(second.axes("tau")[0], first.axes("tau")[-1])
+    # the arm rises, two kilograms lighter
+    assert second["q.joint_2"][-1] < first["q.joint_2"][-1] - 0.002
 
 
 def test_a_stopped_run_ends_in_the_state_of_its_stop():

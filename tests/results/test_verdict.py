@@ -142,9 +142,8 @@ def test_boxes_that_sink_into_each_other_are_warned_of():
     assert result["piece.box.z"][-1] == pytest.approx(0.202 - 0.010, abs=1e-4)
     worst = result.verdict["penetration"].worst
     assert (worst.subject, worst.unit) == ("board and box", "m")
-    assert worst.value == pytest.approx(
-        0.202 - result["piece.box.z"].min(), abs=2e-5
-    )  # it is level to some mrad
+    # it is level to some mrad
+    assert worst.value == pytest.approx(0.202 - result["piece.box.z"].min(), abs=2e-5)
     (warning,) = result.warnings
     assert warning.startswith("board and box were ")
     assert result.verdict.contact_rate == 50

@@ -37,9 +37,8 @@ def test_a_free_base_can_move():
 
 def test_size_is_the_spread_of_the_links():
     lone = lone_robot(load_robot("irb120").model_copy(update={"home_deg": 0.0}))
-    assert lone.size == pytest.approx(
-        0.63, abs=1e-9
-    )  # the highest joint above the foot, facts of the arm
+    # the highest joint above the foot, facts of the arm
+    assert lone.size == pytest.approx(0.63, abs=1e-9)
 
 
 def test_gears_that_drake_does_not_heed_make_no_noise(caplog):
@@ -53,6 +52,5 @@ def test_gears_that_drake_does_not_heed_make_no_noise(caplog):
         add_urdf(plant, element, name="arm", where="arm.urdf", collision=False)
     assert caplog.records == []
     assert len(gears) == 6
-    assert (
-        element.findall("transmission/actuator/mechanicalReduction") == gears
-    )  # what was given stays
+    # what was given stays
+    assert element.findall("transmission/actuator/mechanicalReduction") == gears

@@ -310,9 +310,8 @@ def test_a_robot_of_ones_own_is_one_file(tmp_path: Path) -> None:
     result = simulate(station, progress=False)
     assert result.stopped_by is None
     assert result["q.elbow"][-1] == pytest.approx(0.0, abs=1e-6)
-    sag = (
-        (1.0 + 0.5 + 1.0) * 9.80665 / 5000
-    )  # rod, wrist and gripper hang on the rod, which slides down
+    # rod, wrist and gripper hang on the rod, which slides down
+    sag = (1.0 + 0.5 + 1.0) * 9.80665 / 5000
     assert result["q.joint_3"][-1] == pytest.approx(sag, rel=0.05)
 
 

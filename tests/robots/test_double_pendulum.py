@@ -30,10 +30,11 @@ class Plate:
         """Mass [kg], place along the plate from the hole [m] and own moment about the plate's normal [kg m^2]."""
         radius, sheet = WIDTH / 2, self.density * THICKNESS
         middle = sheet * self.length * WIDTH
+        # a half disc and its centroid
         end, off = (
             sheet * np.pi * radius**2 / 2,
             4 * radius / (3 * np.pi),
-        )  # a half disc and its centroid
+        )
         about_centroid = end * radius**2 / 2 - end * off**2
         hole = -sheet * np.pi * PEG**2
         peg = self.density * np.pi * PEG**2 * 2 * THICKNESS

@@ -71,9 +71,8 @@ def test_feet_pass_through_each_other_even_where_links_do_not() -> None:
 def test_the_support_points_of_a_sole_are_its_lower_corners() -> None:
     contact = load_robot("humanoid").feet.kind("soles")
     corners = contact.support_points("left_foot")
-    np.testing.assert_allclose(
-        corners[:, 2], -0.02896, atol=1e-12
-    )  # the bottom of the published mesh
+    # the bottom of the published mesh
+    np.testing.assert_allclose(corners[:, 2], -0.02896, atol=1e-12)
     np.testing.assert_allclose(np.ptp(corners, axis=0), [0.0559, 0.113, 0], atol=1e-12)
 
 

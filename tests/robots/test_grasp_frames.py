@@ -32,9 +32,8 @@ def test_long_faces_grasp_with_the_square_at_their_tips(tmp_path):
         )
         sides.append(joint(name, "palm", name, axis=f"0 {sign} 0", low=0, high=0.04))
     _, pose = grasp(tmp_path, gantry(*sides))
-    np.testing.assert_allclose(
-        pose.translation(), [0, 0, 0.07], atol=5e-4
-    )  # within half a line of the grid
+    # within half a line of the grid
+    np.testing.assert_allclose(pose.translation(), [0, 0, 0.07], atol=5e-4)
 
 
 def test_a_hand_that_closes_along_another_axis_has_its_y_along_that(tmp_path):

@@ -133,15 +133,15 @@ def test_the_mass_matrix_at_zero_has_the_known_diagonal(irb120: MultibodyPlant) 
     irb120.Finalize()
     matrix = irb120.CalcMassMatrix(irb120.CreateDefaultContext())
     known = [0.193, 0.790, 0.179, 0.0043, 0.0025, 0.001]
-    np.testing.assert_allclose(
-        np.diag(matrix), known, rtol=0.015
-    )  # the last digit of 0.0043 and 0.0025
+    # the last digit of 0.0043 and 0.0025
+    np.testing.assert_allclose(np.diag(matrix), known, rtol=0.015)
 
 
 @pytest.mark.parametrize("carried", HOLDING)
 def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) -> None:
     overrides = {"pieces": {}, **{f"pieces.{name}.parent": "robot" for name in carried[:1]}}
     if carried:
+        # the gripper is turned by 90 deg
         overrides["pieces.gripper.pose"] = [
             0,
             0,
@@ -149,7 +149,7 @@ def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) ->
             np.pi / 2,
             0,
             0,
-        ]  # the gripper is turned by 90 deg
+        ]
     if len(carried) > 1:
         overrides |= {"pieces.load.model": "pencil", "pieces.load.parent": "gripper"}
     station = build_station(load_station("irb120_dynamic", overrides)).ports.plant

@@ -35,9 +35,8 @@ ROBOT = "\n".join(
         link("fore", 0.4),
         link("tip", 0.1),
         joint("j1", "revolute", "base", "upper", 'xyz="0 0 0.3" rpy="0.1 0.2 0.3"'),
-        joint(
-            "f2", "fixed", "bracket", "motor", 'xyz="0.1 0 0" rpy="0 1.5707963267948966 0"'
-        ),  # before its parent's
+        # before its parent's
+        joint("f2", "fixed", "bracket", "motor", 'xyz="0.1 0 0" rpy="0 1.5707963267948966 0"'),
         joint("f1", "fixed", "upper", "bracket", 'xyz="0 0.2 0.1" rpy="-0.4 0.5 1.1"'),
         joint("f3", "fixed", "motor", "flange", 'xyz="0 0 0.1" rpy="0.7 0 0"'),
         joint("j2", "revolute", "flange", "fore", 'xyz="0.05 0 0.2" rpy="0 0.3 0"'),

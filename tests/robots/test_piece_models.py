@@ -185,9 +185,8 @@ def test_holes_are_where_their_frames_say_and_free_for_the_pencil(name: str, cou
         wall = (abs(z) < 0.02) & (np.hypot(x, y) < 0.017)
         np.testing.assert_allclose(np.hypot(x, y)[wall], 0.0155, atol=2e-6)  # the file's digits
         assert z[wall].min() < -0.005  # the hole goes on inwards
-        assert (
-            -0.001 < z[wall].max() < 1e-6
-        )  # and ends at its mouth; round a bore the surface falls by up to 1 mm
+        # and ends at its mouth; round a bore the surface falls by up to 1 mm
+        assert -0.001 < z[wall].max() < 1e-6
 
 
 def test_holes_point_outwards() -> None:

@@ -69,9 +69,8 @@ def test_every_piece_of_the_package_can_be_added(name: str) -> None:
 def test_tool_and_load_have_the_figures_of_the_original(
     name: str, inertia: list[float], reach: float
 ) -> None:
-    model = load_piece(
-        name
-    )  # script D30: 1 kg each, the pencil a point mass; centre of mass copied from link_6
+    # script D30: 1 kg each, the pencil a point mass; centre of mass copied from link_6
+    model = load_piece(name)
     assert model.mass == 1.0
     np.testing.assert_array_equal(model.inertia, inertia)
     np.testing.assert_array_equal(model.com, [-0.00706, -0.00017, -1.32e-6])
@@ -256,11 +255,12 @@ def test_a_changed_mass_replaces_a_density_and_the_other_way_round() -> None:
     full = with_changes(pencil, {"density": 700.0}, "x")
     assert 0.05 < full.mass < 0.1
     assert full.inertia[0] > 0
+    # a point mass it stays
     assert with_changes(pencil, {"mass": 3.0}, "x").inertia == (
         0.0,
         0.0,
         0.0,
-    )  # a point mass it stays
+    )
 
 
 def test_a_density_needs_shapes_and_no_mass() -> None:

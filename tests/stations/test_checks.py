@@ -255,10 +255,11 @@ def test_nothing_is_in_order_that_was_not_looked_at():
     assert "is not looked at" in text_of(found, "controllers.walk").text
     assert text_of(findings(), "contact").level == "note"
     ok = text_of(findings(), "reference of robot")
+    # 30 of 250 deg/s
     assert (
         ok.text
         == "within the joints' limits at 501 times from 0 to 3 s, at most 12% of their speed"
-    )  # 30 of 250 deg/s
+    )
 
 
 LOW = {"reference.target_deg": {"joint_2": 80, "joint_3": 20}}  # the wrist goes through the floor

@@ -58,9 +58,8 @@ def test_it_grips_with_all_the_force_that_its_file_gives(holding):
     assert arm.tools[0] == "grasp"
     np.testing.assert_allclose(gripped.axes("tau")[-1, 2:], -20.0, rtol=1e-6)
     np.testing.assert_allclose(arm.position[2:], 0.02, atol=1e-3)
-    np.testing.assert_allclose(
-        cell.frame("cube").translation(), [0, 0, 0.12], atol=2e-3
-    )  # it creeps by a millimetre a second
+    # it creeps by a millimetre a second
+    np.testing.assert_allclose(cell.frame("cube").translation(), [0, 0, 0.12], atol=2e-3)
     np.testing.assert_allclose(arm.pose()[:3], [0, 0, 0.12], atol=1e-3)
 
 

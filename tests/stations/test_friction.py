@@ -44,11 +44,12 @@ def sled(tmp_path: Path) -> Path:
         (RADAU, "per_joint", 2e-4),
         (RADAU, "implicit", 2e-4),
         ({"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4}, "per_joint", 2e-4),
+        # of first order: a part of omega h / 2 of the way is lost at each
         (
             CENIC,
             "per_joint",
             5e-3,
-        ),  # of first order: a part of omega h / 2 of the way is lost at each
+        ),
         pytest.param(CENIC, "implicit", 5e-3, marks=pytest.mark.long),
         (DISCRETE, "implicit", 5e-3),
         pytest.param({**DISCRETE, "scheme": "lagged"}, "per_joint", 5e-3, marks=pytest.mark.long),

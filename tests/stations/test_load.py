@@ -174,9 +174,8 @@ def test_settings_that_come_later_take_back_those_of_another_kind():
 
 
 def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
-    held = load_station(
-        "irb120_dynamic", {"reference": {"kind": "hold"}}
-    )  # and not at the ramp's 30 degrees
+    # and not at the ramp's 30 degrees
+    held = load_station("irb120_dynamic", {"reference": {"kind": "hold"}})
     assert held.reference == Hold(kind="hold")
     of_robot = load_station("two_irb120", {"robots": {"left": {"reference": {"kind": "hold"}}}})
     assert of_robot.robots["left"].reference == Hold(kind="hold")
@@ -311,9 +310,8 @@ WRONG = [
 def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
     with pytest.raises(SimrobError, match=message) as caught:
         load_station("irb120_dynamic", overrides)
-    assert str(caught.value).startswith(
-        tuple(f"override {key}" for key in overrides)
-    )  # nobody touched the file
+    # nobody touched the file
+    assert str(caught.value).startswith(tuple(f"override {key}" for key in overrides))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
 

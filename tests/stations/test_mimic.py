@@ -142,9 +142,8 @@ def test_samples_that_contradict_are_refused(tmp_path):
 
 def test_the_start_obeys_couplings_or_is_refused(tmp_path):
     initial = resolve(station(tmp_path, CHAIN)).robots["robot"].initial
-    np.testing.assert_allclose(
-        initial, [-0.3, 0, 0.2, 0, 0], atol=1e-12
-    )  # in the order c, a, b, d, e
+    # in the order c, a, b, d, e
+    np.testing.assert_allclose(initial, [-0.3, 0, 0.2, 0, 0], atol=1e-12)
     by_d = (
         resolve(station(tmp_path, CHAIN, robot={"initial_deg": {"d": 0.03}}))
         .robots["robot"]

@@ -66,9 +66,8 @@ def part(folder: Path, section: str) -> PieceModel:
 def test_a_mesh_of_every_format_becomes_a_piece(tmp_path: Path, kind: str) -> None:
     box_file(tmp_path, f"box{kind}")
     model = part(tmp_path, f"{{mesh: box{kind}, density: 1000, colour: [1, 0, 0, 1]}}")
-    assert model.mass == pytest.approx(
-        1000 * SIDES.prod(), rel=1e-5
-    )  # glTF and STL hold single precision
+    # glTF and STL hold single precision
+    assert model.mass == pytest.approx(1000 * SIDES.prod(), rel=1e-5)
     np.testing.assert_allclose(model.com, SIDES / 2, atol=1e-6)
     moments = model.mass / 12 * (SIDES @ SIDES - SIDES**2)
     np.testing.assert_allclose(model.inertia, [*moments, 0, 0, 0], atol=1e-6)

@@ -146,11 +146,12 @@ def test_under_discrete_solvers_the_force_is_that_of_the_momenta(
     tmp_path: Path, solver: dict[str, Any]
 ) -> None:
     """Step by step, with slip and with hops: what the crate gains in momentum comes from the carriage."""
+    # m: deg of a joint that slides
     swing = {
         "kind": "sine",
         "amplitude_deg": 0.3,
         "frequency": 1.0,
-    }  # m: deg of a joint that slides
+    }
     run = carried(tmp_path, solver, swing, friction=0.2, sample_rate=1000.0, duration=0.4)
     step = 1e-3
     # Velocities at step ends: positions advance with the velocity of the step's end.

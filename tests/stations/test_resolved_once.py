@@ -24,9 +24,8 @@ CALLS_BEFORE = {"sections.py": 2003, "urdf.py": 1867}
 @pytest.fixture(scope="module")
 def calls():
     """Count the calls of each function of the package in a run, by the name of its module and its own name."""
-    resolve(
-        load_station("irb120_dynamic")
-    )  # imports modules; the station of the run is another configuration
+    # imports modules; the station of the run is another configuration
+    resolve(load_station("irb120_dynamic"))
     profile = cProfile.Profile()
     profile.runcall(simulate, "irb120_dynamic", duration=0.1, progress=False)
     counts = Counter()
@@ -151,9 +150,8 @@ def test_a_cache_around_another_one_notices_the_files_of_both(tmp_path):
     def outer_value():
         return outer.value("outer", lambda: inner.value("inner", lambda: text_of(file)).upper())
 
-    inner.value(
-        "inner", lambda: text_of(file)
-    )  # the value that the outer cache asks for is there already
+    # the value that the outer cache asks for is there already
+    inner.value("inner", lambda: text_of(file))
     assert outer_value() == "ONE"
     file.write_text("two!")
     assert outer_value() == "TWO!"

@@ -38,9 +38,8 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
     knees = stance.height - length * np.cos(thighs)
     feet = knees - length * np.cos(thighs + shanks)
     assert np.ptp(feet) < 1.5e-3
-    assert (
-        np.abs(feet).max() < 0.02
-    )  # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
+    # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
+    assert np.abs(feet).max() < 0.02
     assert knees.min() > 0.1
     assert stance.standing.gap == pytest.approx(0.0, abs=1e-9)
     assert set(stance.standing.ends) == {f"shank{number}" for number in range(4)}
@@ -75,9 +74,8 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
         ]
         assert stances.lacking == ""
         texts = [finding.text for finding in check_station(clearance.config)]
-        assert not any(
-            "as on knees" in text for text in texts
-        )  # though its trunk stands near its own origin
+        # though its trunk stands near its own origin
+        assert not any("as on knees" in text for text in texts)
     else:
         assert found == []
         assert (

@@ -41,15 +41,12 @@ def test_the_humanoids_balance_is_that_of_its_figures() -> None:
     found = stands("humanoid_dynamic")
     assert found.mass == pytest.approx(2.292, abs=1e-6)
     assert found.contacts == 12
-    assert found.margin == pytest.approx(
-        0.04725 + 0.0015, abs=1e-4
-    )  # heel of area C, centre of mass; facts
-    hips = found.torque[
-        [4, 12]
-    ]  # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
-    own_legs = (
-        0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537
-    )  # kg m, outside of the hip's axis
+    # heel of area C, centre of mass; facts
+    assert found.margin == pytest.approx(0.04725 + 0.0015, abs=1e-4)
+    # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
+    hips = found.torque[[4, 12]]
+    # kg m, outside of the hip's axis
+    own_legs = 0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537
     expected = 9.80665 * (2.292 / 2 * 0.02537 - own_legs)
     np.testing.assert_allclose(np.abs(hips), expected, rtol=0.02)
 

@@ -175,9 +175,8 @@ class TestSteering:
         panel.set(0, 0.14)
 
         assert panel.command_at(0.5)[0] == 0.14
-        assert (
-            panel.changes_on_page() == 2
-        )  # a page that opens later begins with the values that are set
+        # a page that opens later begins with the values that are set
+        assert panel.changes_on_page() == 2
 
     def test_a_robot_without_a_walk_has_no_controls_for_one(self):
         assert Steering(load_station("irb120_dynamic")).hands == {}

@@ -400,9 +400,8 @@ class TestLandings:
     ) -> None:
         limits = {"ahead": 0.1, "behind": 0.08, "inner": 0.07, "outer": 0.14}
         planner = make_planner(gait={"foothold": limits}, time_weight=1e6, max_foot_speed=100)
-        side = (
-            1.0 if swinging.step.standing == 0 else -1.0
-        )  # outward is to the left of a right stance foot
+        # outward is to the left of a right stance foot
+        side = 1.0 if swinging.step.standing == 0 else -1.0
 
         place = sample(planner, swinging, complex(error.real, side * error.imag))[0].landing.place
 

@@ -21,10 +21,11 @@ class NodMove(Move):
     title: ClassVar[str] = "Nod"
     says: ClassVar[str] = "nod {it.times} times"
     of_legs: ClassVar[bool] = False
+    # fields on the pendant
     form: ClassVar[Mapping[str, str | float | None]] = {
         "angle_deg": 20.0,
         "duration": 2.0,
-    }  # fields on the pendant
+    }
 
     axis: str | None = None
     """Name of the axis; the last but one unless given, which bends the wrist of many arms."""

@@ -37,9 +37,10 @@ class PositionsCsv(StationExporter):
         Raises:
             SimrobError: the station cannot be run, or the file cannot be written.
         """
+        # programs load much, and the help needs this module
         from simrob_drake.programs.whole_program import (
             run_whole,
-        )  # programs load much, and the help needs this module
+        )
 
         result = run_whole(config.model_copy(update={"sample_rate": options.rate}))
         headings = ["time [s]"]

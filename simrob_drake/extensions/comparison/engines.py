@@ -61,9 +61,8 @@ class Account:
     name: str  # of the engine
     times: Vector  # of the samples, shape (m,) [s]
     values: Values  # of the finer run
-    errors: Mapping[Quantity, float] = field(
-        default_factory=dict
-    )  # how far off they may be, by quantity
+    # how far off they may be, by quantity
+    errors: Mapping[Quantity, float] = field(default_factory=dict)
     ended: str = ""  # how the finer run ended, in words
 
     @classmethod
@@ -251,9 +250,8 @@ _RATE = 1000.0  # samples a second for accelerations out of speeds [Hz]
 class EngineAccounts:
     """What the engines told."""
 
-    accounts: list[Account] = field(
-        default_factory=list
-    )  # Drake's with the station's own scheme first
+    # Drake's with the station's own scheme first
+    accounts: list[Account] = field(default_factory=list)
     missing: dict[str, str] = field(default_factory=dict)  # why others tell nothing, by engine
 
 

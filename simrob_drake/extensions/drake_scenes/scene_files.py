@@ -165,9 +165,8 @@ def _find_scene(path: Path, scenario: str) -> _NamedScene:
         raise InvalidConfig(
             path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)
         ) from None
-    assert isinstance(
-        root, yaml.MappingNode
-    )  # it has the key `directives`, see find_station_importer()
+    # it has the key `directives`, see find_station_importer()
+    assert isinstance(root, yaml.MappingNode)
     named = {key: value for key, value in _items(root) if isinstance(value, yaml.MappingNode)}
     scenes = {key: value for key, value in named.items() if DIRECTIVES in _merged_items(value)}
     if DIRECTIVES in _keys(root) and not scenario:

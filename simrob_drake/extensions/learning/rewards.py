@@ -27,9 +27,8 @@ class RewardSample:
     effort: Vector  # torques as parts of their limits, shape (n,)
     action: Vector  # what was asked for, shape (m,), and what was asked for before
     last_action: Vector  # likewise
-    tool: Vector = field(
-        default_factory=lambda: np.zeros(3)
-    )  # place of the tool in the world, shape (3,) [m]
+    # place of the tool in the world, shape (3,) [m]
+    tool: Vector = field(default_factory=lambda: np.zeros(3))
     tool_speed: Vector = field(default_factory=lambda: np.zeros(3))  # its speed in the world [m/s]
     goal: Vector = field(default_factory=lambda: np.zeros(3))  # what is wanted
     time: float | Vector = 0.0  # since the start [s]

@@ -175,9 +175,8 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     try:
         limbs = list(_named(clearance, robot, legs, facing))
     except _Unpaired:
-        facing = (
-            math.pi / 2 - facing
-        )  # a body as wide as it is long does not tell, but its pairs do
+        # a body as wide as it is long does not tell, but its pairs do
+        facing = math.pi / 2 - facing
         limbs = list(_named(clearance, robot, legs, facing))
     put_upright(clearance, robot, straight(robot))
     ahead = float(np.mean([_toes(clearance, robot, leg, facing) for leg in legs]))

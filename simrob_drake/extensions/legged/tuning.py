@@ -58,10 +58,11 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
     place = StudyFolder(folder / TUNING, study, force=True)
     place.run(workers=1)
     found, (cost, *_) = place.best
+    # in whole rounds, or fewer than asked
     before, many = (
         float(place.trials[0][1][0]),
         len(place.trials),
-    )  # in whole rounds, or fewer than asked
+    )
     yield f"tuned: {many} trials, cost {before:.4g} before and {float(cost):.4g} with the best"
     for key, value in found.items():
         *sections, last = key.removeprefix(f"{_LOOP}.").split(".")

@@ -193,9 +193,8 @@ class BuiltStation:
     # of MuJoCo, and the model that is made of it
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    outputs: dict[
-        str, OutputSensors
-    ]  # how the model's sensors give outputs of the station, by their names
+    # how the model's sensors give outputs of the station, by their names
+    outputs: dict[str, OutputSensors]
     columns: dict[str, slice]  # of the sensors in their data, by their names
     coordinates: Coordinates  # between Drake's positions and velocities and MuJoCo's
     step: float  # length of a step [s]

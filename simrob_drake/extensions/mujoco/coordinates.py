@@ -89,9 +89,8 @@ class Coordinates:
             if count == 1:
                 there[q], there[v] = position, speed
                 continue
-            there[q : q + 7] = position + np.array(
-                [3, 4, 5, 6, 0, 1, 2]
-            )  # Drake has the quaternion first
+            # Drake has the quaternion first
+            there[q : q + 7] = position + np.array([3, 4, 5, 6, 0, 1, 2])
             there[v : v + 6] = speed + np.array([3, 4, 5, 0, 1, 2])
             free.append((slice(position + 3, position + 7), slice(speed + 3, speed + 6)))
         return cls(nq, there, np.argsort(there), tuple(free))

@@ -179,9 +179,8 @@ class MujocoModel:
 
     spec: mujoco.MjSpec  # of the model, with the figures for its step
     model: mujoco.MjModel  # compiled
-    outputs: Mapping[
-        str, OutputSensors
-    ]  # how the model's sensors give outputs of the station, by their names
+    # how the model's sensors give outputs of the station, by their names
+    outputs: Mapping[str, OutputSensors]
     shapes: Mapping[str, GeometryId]  # of the plant, by the names of the model's geoms
 
 
@@ -252,9 +251,8 @@ def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrat
     option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.jacobian = (
-        mujoco.mjtJacobian.mjJAC_SPARSE
-    )  # of walkers a quarter quicker, of arms as quick
+    # of walkers a quarter quicker, of arms as quick
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     off = mujoco.mjtDisableBit  # runs that go astray stay so, and contacts are as stiff as they are
     option.disableflags = sum(
         map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE))
@@ -351,10 +349,11 @@ def _weigh_again(
     servos = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)  # the other ones are forces
     data.ctrl[servos] = data.actuator_length[servos]  # at their limits servos would not hold
     mujoco.mj_forward(model, data)
+    # the model has them in another order
     found = {
         frozenset(model.geom(name).id for name in (pair.geomname1, pair.geomname2)): (pair, own)
         for pair, own in zip(spec.pairs, softnesses, strict=True)
-    }  # the model has them in another order
+    }
     for contact in data.contact:
         pair, own = found[frozenset(contact.geom.tolist())]
         if contact.efc_address >= 0:

@@ -203,9 +203,8 @@ class MujocoPlant(Block):
         touching = np.flatnonzero(self._data.contact.efc_address >= 0)
         contact, shapes = self._data.contact, self._geoms
         frames, first = contact.frame[touching].reshape(-1, 3, 3), contact.efc_address[touching]
-        sizes = np.minimum(
-            contact.dim[touching], 3
-        )  # of elliptic cones: along the normal, then across
+        # of elliptic cones: along the normal, then across
+        sizes = np.minimum(contact.dim[touching], 3)
         force = np.zeros((len(touching), 3))
         for across in range(3):
             rows = sizes > across

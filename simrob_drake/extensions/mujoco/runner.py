@@ -387,9 +387,8 @@ class MujocoRunner:
 def inverse_run(config: StationConfig) -> SimulationResult:
     """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: no run."""
     run = simulate(config, progress=False)
-    built = BuiltStation.of(
-        config, integrator="RK4", moved_by_torque=False
-    )  # others count damping over a step
+    # others count damping over a step
+    built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     references, plant = station_references(built.station), built.ports.plant.plant
     q, v, a = np.zeros((3, len(run.times), plant.num_velocities()))

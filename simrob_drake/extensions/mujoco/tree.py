@@ -186,9 +186,8 @@ def _add_joint(
         damping=[joint.default_damping(), 0, 0],
         armature=armature,
         limited=np.isfinite(limits).any(),
-        range=np.clip(
-            limits, -_ANY_POSITION, _ANY_POSITION
-        ),  # only one of the limits may be infinite
+        # only one of the limits may be infinite
+        range=np.clip(limits, -_ANY_POSITION, _ANY_POSITION),
     )
 
 

@@ -100,9 +100,8 @@ class Bench:
     ) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
         config = load_station(station, settings, allow_code=allow_code)
-        self._tell_view(
-            "handles", [NO_HANDLES]
-        )  # those of the station before are not where the new ones will be
+        # those of the station before are not where the new ones will be
+        self._tell_view("handles", [NO_HANDLES])
         self._cell = cell = Workcell(config)
         self._robot = (
             "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))

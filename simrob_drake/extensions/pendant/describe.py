@@ -26,9 +26,8 @@ def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
     bodies = [name for name in (*config.robots, *frame_names(station)) if name != "world"]
-    shown = (
-        cell.runner_of(config).ports(watched=True).outputs.signals
-    )  # which the first run has built then
+    # which the first run has built then
+    shown = cell.runner_of(config).ports(watched=True).outputs.signals
     return {
         "station": config.name,
         "mode": config.mode,
@@ -161,9 +160,8 @@ ALL_AXES = "*"
 class BlockMeaning:
     """What a block stands for."""
 
-    keys: tuple[
-        str, ...
-    ]  # sections and keys of the station, dotted; all that stands below them belongs to it
+    # sections and keys of the station, dotted; all that stands below them belongs to it
+    keys: tuple[str, ...]
     signals: tuple[str, ...]  # outputs of the station
     axis: str = (
         ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem

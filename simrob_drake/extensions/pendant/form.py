@@ -225,9 +225,8 @@ def _about(node: Node, key: str) -> str:
 
 def _unit(key: str, about: str) -> str:
     found = _UNIT.search(about)
-    unit = (
-        re.split("[,;]| or ", found[1])[0] if found else ""
-    )  # of axes that turn; the help tells of those that slide
+    # of axes that turn; the help tells of those that slide
+    unit = re.split("[,;]| or ", found[1])[0] if found else ""
     if key.endswith("_deg") and not unit.startswith("deg"):
         return "deg"
     return "" if unit.startswith("x y z") else unit

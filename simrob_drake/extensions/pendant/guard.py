@@ -118,9 +118,8 @@ class Guard:
     def _from_proxy(self, scope: Scope) -> Scope:
         """Return a question with its whole path, of which a proxy may have left out what is the proxy's."""
         path = scope["path"]
-        headers = [
-            one for one in scope["headers"] if one[0] != b"x-forwarded-prefix"
-        ]  # which would count twice
+        # which would count twice
+        headers = [one for one in scope["headers"] if one[0] != b"x-forwarded-prefix"]
         whole = path if path.startswith(self.path) else f"{self.path[:-1]}{path}"
         return {**scope, "path": whole, "raw_path": whole.encode(), "headers": headers}
 

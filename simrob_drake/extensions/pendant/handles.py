@@ -104,9 +104,8 @@ def reached(
     target = model.pose(own.root).inverse() @ posed(pose, "pose")
     place, turn = (_LET, 1.0) if turned else (1.0, _LET)
     start = _posture(own, cell.position(robot), near)
-    starts = (
-        start + _BENT * np.array([0.0, 1.0, -1.0])[:, np.newaxis]
-    )  # one that is stretched has no way to begin with
+    # one that is stretched has no way to begin with
+    starts = start + _BENT * np.array([0.0, 1.0, -1.0])[:, np.newaxis]
     found = fit_postures(
         chain,
         np.tile(target.GetAsMatrix4(), (len(starts), 1, 1)),

@@ -287,9 +287,8 @@ class Driving:
             self._client.refuse("no_drive")
             return done(None)
         if not self._client.run.moves.has_done(self._book.history.present.program.moves):
-            self._client.refuse(
-                "drive_elsewhere"
-            )  # a walk that was driven is nothing without what was asked for when
+            # a walk that was driven is nothing without what was asked for when
+            self._client.refuse("drive_elsewhere")
             return done(None)
         if self._client.pace is None or self._client.pace > 1.0:
             self._client.pace = 1.0

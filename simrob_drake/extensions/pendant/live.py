@@ -31,9 +31,8 @@ class Live:
         self._process.start()
         theirs.close()
         self._on_news, self._numbers, self._lock = on_news, count(), Lock()
-        self._sending = (
-            Lock()
-        )  # of its own: answers are taken while something long waits to be read
+        # of its own: answers are taken while something long waits to be read
+        self._sending = Lock()
         self._unanswered: dict[int, Future[Any]] = {}
         self._open = True
         Thread(target=self._listen, daemon=True).start()

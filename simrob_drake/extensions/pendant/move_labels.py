@@ -88,9 +88,8 @@ def form_from_keys(kind: type[Move]) -> FormFields:
     if issubclass(kind, ArmMotion):
         return _NO_FIELDS
     names = named_things(kind)
-    keys = [
-        key for key in kind.model_fields if key != "robot"
-    ]  # the pendant has chosen the robot already
+    # the pendant has chosen the robot already
+    keys = [key for key in kind.model_fields if key != "robot"]
     form = dict[str, str | float | None]()
     for form_field in move_fields(kind, keys, {}):
         if form_field.key in names:

@@ -125,9 +125,8 @@ class Pendant:
         """
         path, *places = said
         point, target = (None if place is None else _numbers(place, 3) for place in places)
-        _, _, owner, *_, link = path.strip("/").split(
-            "/"
-        )  # below /drake/station; ValueError: no such path
+        # below /drake/station; ValueError: no such path
+        _, _, owner, *_, link = path.strip("/").split("/")
         known: Any = self.session.description.get("bodies", ())
         at = next((name for name in (f"{owner}.{link}", link, owner) if name in known), None)
         if at is not None and point is not None:

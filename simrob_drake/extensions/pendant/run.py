@@ -110,9 +110,8 @@ class RunLog:
         start = done[kept].start
         del self._entries[self.mark + kept :]
         if start is None:
-            self._entries.insert(
-                self.mark, LogEntry(None)
-            )  # the robot is not where these moves would have it
+            # the robot is not where these moves would have it
+            self._entries.insert(self.mark, LogEntry(None))
             self.mark += 1
         return start, kept
 
@@ -165,9 +164,8 @@ class EndedRun(NamedTuple):
     begun: float  # when it began, since the start of the station [s]; ``reached``: how far it came
     reached: float
     ending: str  # ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``
-    signals: dict[
-        str, tuple[Vector, Vector]
-    ]  # of each signal its times [s], shape (m,), and its values, shape (m, n)
+    # of each signal its times [s], shape (m,), and its values, shape (m, n)
+    signals: dict[str, tuple[Vector, Vector]]
     moments: Moments  # what it looked like
 
     def history(self, signal: str) -> list[tuple[float, Any]]:

@@ -103,9 +103,8 @@ class RunClient:
         names = list(dict.fromkeys(name for own in self._watched.values() for name in own))
         self.run.watch(names)
         self.tell("history")
-        return (
-            done() if self._live is None else self.ask("watch", signals=names)
-        )  # else it is told these first
+        # else it is told these first
+        return done() if self._live is None else self.ask("watch", signals=names)
 
     # The run
 
@@ -120,9 +119,10 @@ class RunClient:
             self._generation += 1
             here = self._generation
             if self._make_live is None:
+                # which who brings another run does without
                 from simrob_drake.extensions.pendant.live import (
                     Live,
-                )  # which who brings another run does without
+                )
 
                 self._make_live = Live
             self._live = self._make_live(

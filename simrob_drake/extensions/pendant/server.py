@@ -178,9 +178,8 @@ def bound(port: int | None) -> socket.socket:
     """Return a socket bound to a port of this computer alone; raises OutputError: the one asked for is taken."""
     for one in [port] if port is not None else [*range(PORT, PORT + _PORTS), 0]:
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listening.setsockopt(
-            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-        )  # one that was just left is free
+        # one that was just left is free
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((_HOST, one))
             listening.listen()  # another one could be bound there until then

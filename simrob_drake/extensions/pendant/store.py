@@ -319,10 +319,11 @@ class Store:
             ):  # the last save was stopped before it came to this file
                 return steps
             steps.record(steps.present.replaced(program=Taught.of(program).program))
+        # it is left alone until something changes
         self._saved = (
             steps.present.program,
             bool(steps.present.settings),
-        )  # it is left alone until something changes
+        )
         return steps
 
     def last(self) -> History:

@@ -92,10 +92,11 @@ class Controller:
         self.time, self.seen = 0.0, dict[str, float]()
         self.configured = {"j": True, "l": True}
         self.acceleration: float | None = None
+        # of VelSet: m/s, and the part of a speed that is gone
         self.fastest, self.share = (
             np.inf,
             1.0,
-        )  # of VelSet: m/s, and the part of a speed that is gone
+        )
         self._unknown = set[str]()  # signals of which nothing is known, each named once
         self._group: Group | None = None
         self._planner: Planner | None = None
@@ -246,9 +247,8 @@ class Controller:
                 if len(group.targets) > 1
                 else ""
             )
-            are_targets_postures = (
-                bool(group.postures) and not group.poses
-            )  # not positions of the tool
+            # not positions of the tool
+            are_targets_postures = bool(group.postures) and not group.poses
             hint = "" if are_targets_postures else metres_hint(np.array(group.targets)[:, :3])
             group.call.remark(
                 message(

@@ -37,9 +37,10 @@ class RapidExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or RAPID cannot express it; the message names the move.
         """
+        # not at the top: see _steps_of()
         from simrob_drake.extensions.rapid.exporting import (
             rapid_text,
-        )  # not at the top: see _steps_of()
+        )
 
         exported = _steps_of(program, config, source)
         module, signals = rapid_text(exported, file.stem)
@@ -74,9 +75,10 @@ class UrscriptExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or URScript cannot express it; the message names the move.
         """
+        # not at the top: see _steps_of()
         from simrob_drake.extensions.rapid.exporting import (
             urscript_text,
-        )  # not at the top: see _steps_of()
+        )
 
         exported = _steps_of(program, config, source)
         return ExportedTexts({file: urscript_text(exported, file.stem)}, tuple(exported.remarks))

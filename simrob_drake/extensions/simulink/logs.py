@@ -176,9 +176,8 @@ def _in_value(
 
     if isinstance(value, MatlabOpaque):
         entry = value.reshape(-1)[0]
-        known = "_Class" in (
-            value.dtype.names or ()
-        )  # older versions of SciPy have s0 to s2: name, system, class
+        # older versions of SciPy have s0 to s2: name, system, class
+        known = "_Class" in (value.dtype.names or ())
         objects[name if known else str(entry["s0"])] = str(entry["_Class" if known else "s2"])
     elif not isinstance(value, np.ndarray):
         return

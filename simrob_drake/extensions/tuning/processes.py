@@ -231,9 +231,8 @@ class Processes:
 @contextmanager
 def _unheard() -> Iterator[None]:
     """Start processes that hear no Ctrl-C: it is for this one, which ends them; till then it waits for the user's."""
-    before = pthread_sigmask(
-        SIG_BLOCK, {SIGINT}
-    )  # which they inherit, and the thread that starts more of them
+    # which they inherit, and the thread that starts more of them
+    before = pthread_sigmask(SIG_BLOCK, {SIGINT})
     try:
         yield
     finally:

@@ -108,12 +108,13 @@ class Proof(Strict):
                     base, changes = bases[of][place], drawn[of][place][kind]
                     change = changes[draw % len(changes)]
                     kept = {key: value for key, value in base.items() if key not in change}
+                    # what is doubted comes last, as it is to hold
                     yield (
                         of,
                         kind,
                         draw,
                         {**kept, **change},
-                    )  # what is doubted comes last, as it is to hold
+                    )
 
     def undoubted(self, doubted: Collection[str]) -> list[str]:
         """Return what neither its doubts, of these kinds, nor its own conditions change."""

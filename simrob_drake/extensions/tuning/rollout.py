@@ -101,9 +101,8 @@ class Case(Trial):
     station: str  # a name or a file
     # what is changed in it, in its robot's gait or in the program; see :mod:`simrob_drake.extensions.tuning.scene`
     overrides: Mapping[str, Any]
-    shown: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # what the table tells of the case, by column
+    # what the table tells of the case, by column
+    shown: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0  # the seed of its noise
     drawn: bool = False  # whether it is of that seed's robot and floor, too: of its posture, masses and friction
     allow_code: bool = False  # whether the station may name Python code

@@ -75,9 +75,8 @@ class Scene:
     config: StationConfig  # the station
     motion: JointMotion | None = None  # the gait that its robot goes, if any
     program: Program | None = None  # what is done, if any
-    gait_keys: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # what was asked of the gait, by its keys
+    # what was asked of the gait, by its keys
+    gait_keys: Mapping[str, Any] = field(default_factory=dict)
     engine: str = DRAKE  # in which it is run
 
     @classmethod

@@ -264,9 +264,8 @@ def _draw_around(
     """Draw the bars of settings that are the first of so many by their ``place``."""
     number, count = place
     width = _FILLED * 2 * np.pi / max(len(spec.turns), _WIDEST) / count
-    angles = (
-        np.deg2rad(spec.turns) - (number - (count - 1) / 2) * width
-    )  # to the left is counted up
+    # to the left is counted up
+    angles = np.deg2rad(spec.turns) - (number - (count - 1) / 2) * width
     lengths = values.mean(axis=(0, 1)) if spec.force else values.min(axis=(0, 1))
     axes.bar(angles, lengths, width, color=colour, label=name if spec.force else f"{name}: weakest")
     if not spec.force:

@@ -178,10 +178,11 @@ def convex_hull(points: Vector) -> "ConvexHull":
     Raises:
         UnreadableMesh: the points do not fill a volume.
     """
+    # slow to load, and only imports of meshes need it
     from scipy.spatial import (
         ConvexHull,
         QhullError,
-    )  # slow to load, and only imports of meshes need it
+    )
 
     try:
         return ConvexHull(points)

@@ -397,9 +397,8 @@ def _round(value: float, ndigits: int | None = None) -> float:
 
 
 def _sum(many: Iterable[float], start: float = 0) -> float:
-    return sum(
-        (value + 0 for value in many), start
-    )  # numbers alone: lists would be copied again and again
+    # numbers alone: lists would be copied again and again
+    return sum((value + 0 for value in many), start)
 
 
 def _tokenize(text: str, sep: str = ",; ", skip_empty: bool = True) -> list[str]:

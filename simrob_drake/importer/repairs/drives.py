@@ -75,9 +75,8 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
 
     Passive joints have no transmission, and the effort 0.
     """
-    movable = dict.fromkeys(
-        movable_joints(robot)
-    )  # names in file order; a dict finds each of thousands at once
+    # names in file order; a dict finds each of thousands at once
+    movable = dict.fromkeys(movable_joints(robot))
     driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
         driven.update(_repair_transmission(robot, drive, movable, driven, report))
@@ -198,9 +197,8 @@ def _repair_transmission(
     """
     where = message("importer.transmission_called", "transmission '{name}'", name=name_of(drive))
     actuators = drive.findall("actuator")
-    joints = list(
-        dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint"))
-    )  # each name once
+    # each name once
+    joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
     new_joints = [joint for joint in joints if joint in movable and joint not in driven]
     if _is_read_by_drake(drive) and new_joints == joints:
         _repair_gears(actuators[0], where, report)
@@ -305,9 +303,8 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
         report: report of the import.
     """
     for gear in list(actuator):
-        tag = gear.tag.removeprefix(
-            DRAKE
-        )  # Drake's own elements have its prefix, and their number is an attribute
+        # Drake's own elements have its prefix, and their number is an attribute
+        tag = gear.tag.removeprefix(DRAKE)
         if tag not in _LEAST_GEAR_VALUES:
             continue
         text = gear.text if tag == "mechanicalReduction" else gear.get("value")
@@ -565,12 +562,10 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         report: report of the import.
     """
     bounded = min(effort, _LARGEST_EFFORT)
-    second_digit = 10.0 ** (
-        math.floor(math.log10(bounded)) - 1
-    )  # value of a 1 at the second significant digit
-    digits = math.ceil(
-        round(bounded / second_digit, 6)
-    )  # the inner rounding removes rounding errors
+    # value of a 1 at the second significant digit
+    second_digit = 10.0 ** (math.floor(math.log10(bounded)) - 1)
+    # the inner rounding removes rounding errors
+    digits = math.ceil(round(bounded / second_digit, 6))
     rounded = float(f"{digits * second_digit:.2g}")
     limit = child_of(joint, "limit")
     old_text = limit.get("effort")

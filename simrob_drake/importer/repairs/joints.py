@@ -376,9 +376,8 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         if name in finished or follows is None:
             return
         finished.add(name)
-        leader = joints[
-            follows.get("joint", "")
-        ]  # it moves: followers of other joints were made fixed before
+        # it moves: followers of other joints were made fixed before
+        leader = joints[follows.get("joint", "")]
         widen_after_leader(name_of(leader))
         _widen_follower(joint, leader, report)
 

@@ -298,9 +298,8 @@ class _Shapes:
         else:
             loaded, become, change = self._hull(link, uri, scale)
             shape = ET.Element("mesh", filename=become)
-            ET.SubElement(
-                shape, f"{DRAKE}declare_convex"
-            )  # then Drake can press it into others, not just touch points
+            # then Drake can press it into others, not just touch points
+            ET.SubElement(shape, f"{DRAKE}declare_convex")
             _set_shape(element, shape)
         _report_mesh(
             report, where, mesh, loaded, [become], [self._library.places.find(uri).note, change]
@@ -333,9 +332,8 @@ class _Shapes:
                 if hull.thickened
                 else ""
             )
-        stem = self._next(
-            link, "collision"
-        )  # only now that nothing can fail: the next import counts the same
+        # only now that nothing can fail: the next import counts the same
+        stem = self._next(link, "collision")
         name = self._writer.write(part, role="collision", stem=stem, original=original)
         self._hulls[key] = loaded.without_content(), name, change
         return loaded, name, change

@@ -121,9 +121,8 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
                     value=shortened(value),
                 )
                 raise report.refusal(place.words, problem)
-        is_checked = place.words.startswith(
-            _CHECKED
-        )  # the words begin with the tag of the link, joint or material
+        # the words begin with the tag of the link, joint or material
+        is_checked = place.words.startswith(_CHECKED)
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key))
             if rule is None and is_checked:
@@ -338,9 +337,8 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     # Loops come first: the next step would remove their elements as unknown ones.
     closings = _take_out_loops(robot, options, report)
     _keep_known_elements(robot, report)
-    repair_names(
-        robot, report
-    )  # before the next step: of two joints that are equal, one is removed here
+    # before the next step: of two joints that are equal, one is removed here
+    repair_names(robot, report)
     closings += _closings_of_second_parents(robot, options, report)
     mend_numbers(robot, report)  # only of elements that are left
     if not names(robot, "link"):
@@ -438,9 +436,8 @@ def _take_out_loops(
             "importer.no_part_of_tree",
             "is no part of a tree of motored joints, which a station's robot is",
         )
-        coupling = element.find(
-            CLOSING
-        )  # added by the reader of the file, if a coupling can replace the element
+        # added by the reader of the file, if a coupling can replace the element
+        coupling = element.find(CLOSING)
         line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
             robot.remove(element)
@@ -772,9 +769,8 @@ def _keep_one_tree(
     if len(roots) == 1:
         return
     joints_of_link = joints_at(robot)
-    trees = {
-        root: outward(joints_of_link, root) for root in roots
-    }  # joints of each tree, by the name of its root
+    # joints of each tree, by the name of its root
+    trees = {root: outward(joints_of_link, root) for root in roots}
     moving = [
         root
         for root, joints in trees.items()

@@ -161,9 +161,8 @@ class StepChooser:
             return np.array(new_state), offset + approach * (goal - offset)
 
         time = min(before.time + self._period / step.section.duration, 1.0)
-        part = max(
-            before.part, step.part(balance)
-        )  # the reach may still grow with the error, but never shrinks
+        # the reach may still grow with the error, but never shrinks
+        part = max(before.part, step.part(balance))
         new_offset = step.offsets(time, part)
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
             time = 1.0  # the foot is down early: what is still lifted settles slowly, or the leg would kick
@@ -433,12 +432,13 @@ class StandingBalance(SampledBlock):
         self._answers = answers
         self._gyroscope = gyroscope
         self._stepper = StepChooser(steps, period)
+        # sizes of the inputs
         reads = {
             "position": size,
             "velocity": size,
             "orientation": 4,
             "angular_velocity": 3,
-        }  # sizes of the inputs
+        }
         outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
         more_memory = {
             "parts": np.zeros(len(answers)),  # part of each strategy's offsets

@@ -170,18 +170,15 @@ class PressingTool(SampledBlock):
             memory={**outputs, "drift": zero},
             gives=list(outputs),
         )
-        self._plant = weakref.proxy(
-            plant
-        )  # the station owns the plant: a block must not keep it in memory
+        # the station owns the plant: a block must not keep it in memory
+        self._plant = weakref.proxy(plant)
         self._axes = axes
         self._tool = tool.index()  # frames refer to the plant, indices do not
         self._sensor = sensor.index()
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its positions anew
-        self._rest = plant.GetPositions(
-            self._scratch
-        )  # positions of the joints that are no axes, shape (nq,)
+        # work space: every evaluation sets its positions anew
+        self._scratch = plant.CreateDefaultContext()
+        # positions of the joints that are no axes, shape (nq,)
+        self._rest = plant.GetPositions(self._scratch)
         self._section = section
         self._direction = np.array(section.direction)
 
@@ -425,9 +422,8 @@ class MotorProtection(LoopSection):
         limit, nominal = self._limits(key, robot)
         # Servos without an integral part sag by torque / kp. An integral part removes the sag.
         is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
-        kp = np.where(
-            is_sagging, robot.gains.kp, 1.0
-        )  # 1 instead of 0, by which NumPy would divide
+        # 1 instead of 0, by which NumPy would divide
+        kp = np.where(is_sagging, robot.gains.kp, 1.0)
         compliance = np.where(is_sagging, 1 / kp, 0.0)
         # On a floating robot, the torques against the weight depend on the forces at its feet, which are not known.
         weight = None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
@@ -549,9 +545,8 @@ class GuardedMotors(SampledBlock):
         last_heat = memory["heat"]
         # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque.
         heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
-        above = (memory["above"] + self.period) * (
-            abs(torque) > self._limit
-        )  # back to 0 if below the limit
+        # back to 0 if below the limit
+        above = (memory["above"] + self.period) * (abs(torque) > self._limit)
         changes: dict[str, Vector | float] = {"heat": heat, "above": above}
         pressed = 0.0
         if self._force_limit is not None:

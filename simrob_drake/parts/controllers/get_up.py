@@ -227,9 +227,8 @@ class Rising(SampledBlock):
         # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
         ahead = -(x * self._ahead_x + y * self._ahead_y)
-        up_within_range = min(
-            max(up, -1.0), 1.0
-        )  # rounding may lead beyond 1, of which there is no arc cosine
+        # rounding may lead beyond 1, of which there is no arc cosine
+        up_within_range = min(max(up, -1.0), 1.0)
         return _Lean(ahead=math.atan2(ahead, up), total=math.acos(up_within_range))
 
     def _time_well(self, memory: Named, *, is_well: bool) -> float:

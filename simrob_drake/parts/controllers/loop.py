@@ -393,9 +393,8 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         _connect(builder, site, name, section, ports_of[name])
     for robot in site.plant.robots.values():
         own = [name for name, loop in loops.items() if site.robot(loop.robot) is robot]
-        own.sort(
-            key=lambda name: loops[name].layer
-        )  # the lowest layer first; equal ones stay in the file's order
+        # the lowest layer first; equal ones stay in the file's order
+        own.sort(key=lambda name: loops[name].layer)
         layers = {name: (loops[name], ports_of[name]) for name in own}
         if layers:
             _drive(builder, site, robot, layers)

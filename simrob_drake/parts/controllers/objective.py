@@ -93,9 +93,8 @@ class PiLaw:
         held = memory.held
         if len(self.targets) > 1:  # a single target needs no terms for the change to the next one
             is_over = held >= self.hold
-            next_index = minimum(
-                target_index + 1.0, len(self.targets) - 1.0
-            )  # the last target stays
+            # the last target stays
+            next_index = minimum(target_index + 1.0, len(self.targets) - 1.0)
             target_index = choose(is_over, next_index, target_index)
             held = choose(is_over, 0.0, held)
         target = self.target(target_index)

@@ -327,16 +327,14 @@ class CapturePoint:
             raise Unsuitable(
                 key, message("parts.no_feet", "{model} has no feet", model=robot.model.name)
             )
-        self._plant = weakref.proxy(
-            plant
-        )  # the block in the diagram must not keep the plant in memory
+        # the block in the diagram must not keep the plant in memory
+        self._plant = weakref.proxy(plant)
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())  # g [m/s²]
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its state anew
+        # work space: every evaluation sets its state anew
+        self._scratch = plant.CreateDefaultContext()
 
     def distance_from_feet(self, state: Vector) -> float:
         """Compute the distance of the capture point from the area between the feet [m]; negative in the area.

@@ -711,9 +711,8 @@ def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector
     port = _FlowNet(None, "flow", "", net_blocks, {}).add(builder, "flow")[_TORQUE]
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    simulator.get_mutable_integrator().set_target_accuracy(
-        1e-6
-    )  # relative error of the states in a step [1]
+    # relative error of the states in a step [1]
+    simulator.get_mutable_integrator().set_target_accuracy(1e-6)
     context = simulator.get_mutable_context()
     values_over_time = []
     for time in times:

@@ -123,9 +123,8 @@ class Support:
         self._plant = weakref.proxy(plant)
         self._axes = robot.axis_map
         self._instance = robot.instance
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its state anew
+        # work space: every evaluation sets its state anew
+        self._scratch = plant.CreateDefaultContext()
         self._positions = plant.GetPositions(self._scratch)
         self._velocities = np.zeros(plant.num_velocities())
         # Where the quaternion (4) and the angular velocity (3) of the base are in the plant's vectors.
@@ -138,9 +137,8 @@ class Support:
         self._points = [robot.feet.support_points(link) for link in robot.feet.links]
 
         rotation = robot.base.rotation()
-        self._ahead = rotation.inverse() @ np.array(
-            [math.cos(facing), math.sin(facing), 0.0]
-        )  # in the root link
+        # in the root link
+        self._ahead = rotation.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])
         # The stance at the start. Its positions are relative: the base stays at the default position of the plant.
         at_rest = np.zeros(len(robot.initial))
         self._set_state(robot.initial, at_rest, rotation, np.zeros(3))

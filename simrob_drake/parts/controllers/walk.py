@@ -483,9 +483,8 @@ class WalkingLoop(SampledBlock):
         if memory["blind"][0] != is_blind:
             changes["blind"] = float(is_blind)
         if not read[TIME][0]:
-            changes["hand"] = np.zeros(
-                4
-            )  # a user's command in an earlier run, which this one continues, is over
+            # a user's command in an earlier run, which this one continues, is over
+            changes["hand"] = np.zeros(4)
 
         if self._has_waits_port and read["waits"][0]:
             return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}

@@ -137,9 +137,8 @@ def add_monitor(
     block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
     builder.AddNamedSystem(system_name, block)
     label = message("parts.block_monitor", "Monitor\n{name}", name=name)
-    owner = (
-        None if robot is None else site.robot(robot)
-    )  # the block is drawn in its robot's part of the picture
+    # the block is drawn in its robot's part of the picture
+    owner = None if robot is None else site.robot(robot)
     site.picture.draw(system_name, "sensor", label, owner)
     # The block's input ports have the names of the outputs that they read.
     for output in trigger.condition.watched:

@@ -165,9 +165,8 @@ class InertialUnit(SampledBlock):
         self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its state anew
+        # work space: every evaluation sets its state anew
+        self._scratch = plant.CreateDefaultContext()
         self.seed = section.seed
         self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
         self._bias = np.repeat([section.accelerometer_bias, section.gyroscope_bias], 3)
@@ -332,9 +331,8 @@ class RelativeMotion(Block):
         """
         super().__init__()
         self._plant = weakref.proxy(plant)
-        self._scratch = (
-            plant.CreateDefaultContext()
-        )  # work space: every evaluation sets its state anew
+        # work space: every evaluation sets its state anew
+        self._scratch = plant.CreateDefaultContext()
         # Indices instead of frames: a frame would keep the plant in memory.
         self._base_index = base.parent.index()
         self._base_offset = base.pose

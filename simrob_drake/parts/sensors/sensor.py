@@ -219,9 +219,8 @@ class SampledSensor(Sensor):
         builder.AddNamedSystem(f"sensor.{name}", block)
         site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
         for port, source in inputs.items():
-            assert isinstance(
-                source, OutputPort
-            )  # sensors that a sensor in a loop reads are in the loop, too
+            # sensors that a sensor in a loop reads are in the loop, too
+            assert isinstance(source, OutputPort)
             builder.Connect(source, block.GetInputPort(port))
         for port, signal in signals.items():
             output = f"{port}.{name}"

@@ -63,9 +63,8 @@ def leg_angles(
             message("programs.joints_of_leg", "three, four or six joints"),
         )
     rows = ROWS[len(axes)]
-    weights = np.zeros(
-        6
-    )  # of squared errors; a coordinate that the leg cannot reach has the weight 0
+    # of squared errors; a coordinate that the leg cannot reach has the weight 0
+    weights = np.zeros(6)
     weights[rows] = [1.0 if row < _POSITION_ROWS else _METRES_PER_RADIAN**2 for row in rows]
     fit = fit_postures(
         foot.leg,

@@ -199,11 +199,12 @@ def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: 
     stays_down = standing[1:] & standing[:-1]
     path = np.vstack([np.zeros((1, 2)), np.cumsum(move * stays_down[:, np.newaxis], axis=0)])
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
+    # the foot stands, or is in the air, from one edge to the next
     edges = [
         0,
         *changes,
         len(standing),
-    ]  # the foot stands, or is in the air, from one edge to the next
+    ]
     result = np.zeros((len(standing), 2))
     at_liftoff = np.zeros(2)
     for start, end in pairwise(edges):

@@ -181,9 +181,8 @@ class WholeBody:
         root = stacked(np.column_stack([position, height]), rotation)
 
         angles = self._set_free_axes(part, angles, lean)
-        sideways = np.zeros(
-            count
-        )  # how far the feet are from their paths on average, to the left [m]
+        # how far the feet are from their paths on average, to the left [m]
+        sideways = np.zeros(count)
         for foot in self.feet:
             path = plan.feet[foot.name][part]  # x, y, height and turn of the sole
             goal = path[:, :3] + foot.over * UP

@@ -135,9 +135,8 @@ class FingerMove(Move):
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
         plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
-        named_move = self.model_copy(
-            update={"robot": planning.robot}
-        )  # also if the file leaves the robot out
+        # also if the file leaves the robot out
+        named_move = self.model_copy(update={"robot": planning.robot})
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
     def _opening_at(self, robot: RobotModel, width: float) -> float:

@@ -86,9 +86,8 @@ class KickMove(Move):
         motion = self._plan(robot, station, aim, self.speed)
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
-        worst = int(
-            (fastest / limits).argmax()
-        )  # index of the axis nearest to its limit, or furthest beyond
+        # index of the axis nearest to its limit, or furthest beyond
+        worst = int((fastest / limits).argmax())
         if fastest[worst] <= limits[worst]:
             return motion
         speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed

@@ -209,9 +209,8 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     )
     recorded_plans = []
     for move, plan in zip(moves, plans, strict=True):
-        named_move = move.model_copy(
-            update={"robot": plan.robot}
-        )  # also if the file leaves the robot out
+        # also if the file leaves the robot out
+        named_move = move.model_copy(update={"robot": plan.robot})
         recorded_plans.append(replace(plan, entry=named_move.entry()))
     return recorded_plans
 
@@ -261,9 +260,8 @@ def goals_of(
         else np.zeros(1)
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    turns = stacked(
-        np.zeros((len(rotations), 3)), rotations
-    )  # transforms without translation, (k, 4, 4)
+    # transforms without translation, (k, 4, 4)
+    turns = stacked(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
         # The solver of other moves finds at most one posture, from the start, and the error says how near it came.

@@ -65,9 +65,8 @@ class GaitMove(Move):
         """
         arms_at_check = taught_arms(robot)
         motion = self.plan_motion(robot, outlook.station)
-        plans = [
-            motion
-        ]  # the plan is taken out of the list when it runs, so that its memory is freed
+        # the plan is taken out of the list when it runs, so that its memory is freed
+        plans = [motion]
         if outlook.changed or resolve(outlook.station).ground.incline:
             plans.clear()  # an earlier move changes the load, or the heading on a slope
         del motion

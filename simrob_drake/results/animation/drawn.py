@@ -57,9 +57,8 @@ def open_meshcat() -> Meshcat:
     hidden = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
     logger = logging.getLogger("drake")
     level = logger.level
-    logger.setLevel(
-        logging.CRITICAL
-    )  # Meshcat would write its address, or that it could not open it
+    # Meshcat would write its address, or that it could not open it
+    logger.setLevel(logging.CRITICAL)
     try:
         try:
             meshcat = Meshcat(MeshcatParams(host=hidden, show_stats_plot=False))

@@ -448,11 +448,12 @@ class Still:
         camera = self._camera
         if self._follows:
             middle = self._scene.extents(positions[np.newaxis]).mean(axis=0)
+            # level only, so that a fall is visible
             displacement = (middle - self._middle) * [
                 1,
                 1,
                 0,
-            ]  # level only, so that a fall is visible
+            ]
             camera = camera.moved(displacement)
         return self._lens.image(self._scene, positions, camera)
 

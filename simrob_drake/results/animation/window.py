@@ -316,9 +316,8 @@ class _Handler(BaseHTTPRequestHandler):
         could make the browser look up such a name to reach this server.
         """
         host = self.headers.get("Host", "")
-        origin = self.headers.get(
-            "Origin"
-        )  # browsers leave it out if the page reads from its own server
+        # browsers leave it out if the page reads from its own server
+        origin = self.headers.get("Origin")
         name, _, _ = host.rpartition(":")
         is_allowed = name in _NAMES and origin in (None, f"http://{host}")
         if not is_allowed:

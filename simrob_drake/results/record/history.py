@@ -316,9 +316,8 @@ class StateHistory:
             raise InvalidParameter("time", compound("{time:g} s", time=times[~is_inside][0]), known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
-        width = (
-            self.times[after] - self.times[before]
-        )  # lengths of the steps [s]; 0 for the start of the run
+        # lengths of the steps [s]; 0 for the start of the run
+        width = self.times[after] - self.times[before]
         # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
         elapsed = times - self.times[before]
         shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)

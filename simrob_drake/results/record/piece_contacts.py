@@ -81,9 +81,8 @@ def _evaluated_samples(times: Vector) -> Indices:
     duration = float(times[-1] - times[0])
     # Both bounds as counts; the larger distance between evaluations satisfies both.
     evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
-    step = int(
-        np.ceil(len(times) / max(evaluations, 1.0))
-    )  # a short run has one evaluation at least
+    # a short run has one evaluation at least
+    step = int(np.ceil(len(times) / max(evaluations, 1.0)))
     return np.arange(0, len(times), max(step, 1))
 
 

@@ -226,9 +226,8 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     from simrob_drake.stations.resolve import resolve
 
     blocks = own_blocks(config.controllers)
-    inputs = with_driven(
-        config.inputs, blocks
-    )  # the user's blocks drive inputs that the station does not list
+    # the user's blocks drive inputs that the station does not list
+    inputs = with_driven(config.inputs, blocks)
     station = resolve(config.model_copy(update={"inputs": inputs}))
     # The final state keeps the positions at which the references of this run began.
     references = station_references(station, run.references, run.final_state.origins or None)

@@ -491,9 +491,8 @@ class RecordedRun:
         for part in parts:
             name = f"{signal}.{part}"
             if name not in known:
-                one_of(
-                    message("results.signal", "signal"), name, known
-                )  # raises UnknownName, with the nearest name
+                # raises UnknownName, with the nearest name
+                one_of(message("results.signal", "signal"), name, known)
             indices.append(known[name])
         return np.take(self.values, indices, axis=1)
 

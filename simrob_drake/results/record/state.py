@@ -213,9 +213,8 @@ class State:
     time: float = 0.0
     origins: dict[str, Vector] = field(default_factory=dict)
     trace: Trace | None = field(default=None, repr=False)
-    _traced: tuple[Any, ...] = field(
-        default=(), repr=False
-    )  # the values of this state when its trace was set
+    # the values of this state when its trace was set
+    _traced: tuple[Any, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         """One line with the robots and the counts of joints and blocks."""

@@ -308,9 +308,8 @@ def _slides_of(
     plant = station.plant
     context = plant.CreateDefaultContext()
     frames = [plant.GetFrameByName(link, robot.instance) for link in feet.links]
-    poses = np.empty(
-        (len(frames), len(positions), 4, 4)
-    )  # of each foot's link in the world, at each look
+    # of each foot's link in the world, at each look
+    poses = np.empty((len(frames), len(positions), 4, 4))
     for look, row in enumerate(positions):
         plant.SetPositions(context, row)
         for foot, frame in enumerate(frames):
@@ -365,9 +364,8 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
     is_touching = is_below[:-1] & is_below[1:]
 
     distances = np.linalg.norm(displacements[..., :2], axis=2) * is_touching
-    touching_count = np.maximum(
-        is_touching.sum(axis=1), 1
-    )  # at least 1: without contact the mean is 0, not NaN
+    # at least 1: without contact the mean is 0, not NaN
+    touching_count = np.maximum(is_touching.sum(axis=1), 1)
     return Slide(
         distances=distances.sum(axis=1) / touching_count, in_contact=is_touching.any(axis=1)
     )

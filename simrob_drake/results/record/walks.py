@@ -104,9 +104,8 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     )
     station_robot = result.plant.robots[name]
     base = result.pose("base", name)
-    headings_of_base = headings(
-        result.plant, station_robot, base
-    )  # without jumps, so that whole turns count
+    # without jumps, so that whole turns count
+    headings_of_base = headings(result.plant, station_robot, base)
 
     # The horizontal displacement, and unit vectors ahead and to the left.
     displacement = base[-1, :2] - base[0, :2]

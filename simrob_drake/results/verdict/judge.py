@@ -542,9 +542,8 @@ def verdict_of(run: RecordedRun) -> Verdict:
     measures = [criterion.of(run) for criterion in CRITERIA]
     further_criteria = usable_objects("measures", Criterion, named_by="name").values()
     measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
-    has_touched = (
-        run.touch.depths or run.touch.slides
-    )  # otherwise the rate of contacts is of no interest
+    # otherwise the rate of contacts is of no interest
+    has_touched = run.touch.depths or run.touch.slides
     return Verdict(
         measures=tuple(measure for measure in measures if measure is not None),
         sample_rate=run.config.sample_rate,

@@ -47,9 +47,8 @@ def in_words(value: float, unit: str) -> Message:
     else:
         number = 100.0 * value
         name = "%"
-    return compound(
-        "{number:.3g} {unit}", number=number + 0.0, unit=name
-    )  # adding 0.0 turns -0.0 into 0.0
+    # adding 0.0 turns -0.0 into 0.0
+    return compound("{number:.3g} {unit}", number=number + 0.0, unit=name)
 
 
 def rounded_in_words(value: float, unit: str) -> Message:

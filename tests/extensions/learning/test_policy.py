@@ -86,9 +86,8 @@ def test_block_station_and_onnx_give_the_same(tmp_path):
     samples = np.arange(0, 0.5, 0.02)
     last, actions = np.zeros(2), []
     for time in samples:
-        at = np.searchsorted(
-            result.times, time - 1e-9
-        )  # what stood there when the sample was taken
+        # what stood there when the sample was taken
+        at = np.searchsorted(result.times, time - 1e-9)
         told = {
             name: np.array([result[f"{name}.encoders.joint_{joint}"][at] for joint in range(1, 7)])
             for name in ("position", "velocity")
@@ -124,9 +123,8 @@ def test_attitude_is_seen_from_how_the_robot_stood():
     block = LearntPolicy(section, reach=np.ones(2), home=np.zeros(2), upright=start)
     context = block.CreateDefaultContext()
     now = start @ RotationMatrix(RollPitchYaw(0.1, -0.2, 0.3))
-    block.GetInputPort("orientation").FixValue(
-        context, -now.ToQuaternion().wxyz()
-    )  # of either sign
+    # of either sign
+    block.GetInputPort("orientation").FixValue(context, -now.ToQuaternion().wxyz())
     block.GetInputPort("angular_velocity").FixValue(context, [1, 2, 3])
     np.testing.assert_allclose(block.observe(context), [0.1, -0.2, 0.3, 1, 2, 3], atol=1e-12)
 

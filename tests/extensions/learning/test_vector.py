@@ -63,9 +63,8 @@ def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
         "heading_error": 1,
         "angular_velocity": 3,
     }
-    parts = [
-        part for part in one.episode.section.observes if part in sizes
-    ]  # what follows them is known
+    # what follows them is known
+    parts = [part for part in one.episode.section.observes if part in sizes]
     ends = np.cumsum([sizes[part] for part in parts])
     for action in actions(one.action_space.shape, 40, scale):
         seen, reward, *_ = one.step(action)

@@ -144,9 +144,8 @@ def test_a_body_as_wide_as_it_is_long_looks_where_its_legs_are_pairs(tmp_path):
 
 def test_legs_whose_drawings_differ_by_a_little_are_a_pair(tmp_path):
     tree = biped()
-    tree.robot.find("joint[@name='p3j']/origin").set(
-        "xyz", "0 0 -0.1505"
-    )  # 0.30 and 0.31 m if rounded to centimetres
+    # 0.30 and 0.31 m if rounded to centimetres
+    tree.robot.find("joint[@name='p3j']/origin").set("xyz", "0 0 -0.1505")
     for side in "pq":
         tree.robot.find(f"joint[@name='{side}2j']/origin").set("xyz", "0 0 -0.0048")
     assert len(seen(tree.write(tmp_path))[0].legs) == 2
@@ -212,9 +211,8 @@ def test_a_walk_scales_as_pendulums_do():
         Climb(**gaits_file(load_robot(dogs.name)).section("climbs")["climb"]),
     )
     assert climb["rise"] == pytest.approx(4.0 * known.rise, rel=0.01)
-    assert climb["inside"] == pytest.approx(
-        2.0 * known.inside, rel=0.01
-    )  # their feet are nearer together
+    # their feet are nearer together
+    assert climb["inside"] == pytest.approx(2.0 * known.inside, rel=0.01)
     assert climb["step_time"] == pytest.approx(2.0 * known.step_time, rel=0.01)
     assert "feet" not in climb
 

@@ -81,6 +81,7 @@ def test_a_rod_is_its_closed_form(rod: Path) -> None:
     np.testing.assert_allclose(model.part(outputs=["tau"]).C, [[-KP, -KD]], atol=1e-9)
     np.testing.assert_allclose(model.part(outputs=["tau"]).D[0, :2], [KP, KD], atol=1e-9)
     gain = model.part(inputs=["reference"], outputs=["q", "tcp"]).response([0.0])[0, :, 0].real
+    # about the level axis, downwards
     moved = [
         -0.5 * np.sin(rest),
         0,
@@ -88,7 +89,7 @@ def test_a_rod_is_its_closed_form(rod: Path) -> None:
         0,
         1,
         0,
-    ]  # about the level axis, downwards
+    ]
     np.testing.assert_allclose(gain, KP / stiffness * np.array([1, *moved]), atol=1e-9)
     mode = model.modes[0]
     omega = np.sqrt(stiffness / inertia)
@@ -105,9 +106,8 @@ def test_a_robot_that_takes_feedforward_rests_where_it_is_asked(rod: Path) -> No
     weight = MASS * STANDARD_GRAVITY * ARM
     assert model.u0[1] == pytest.approx(-weight * np.cos(0.3))
     inertia = INERTIA + MASS * ARM**2
-    roots = np.roots(
-        [inertia, DAMPING, weight * np.sin(0.3)]
-    )  # the rod hangs below the level, and swings
+    # the rod hangs below the level, and swings
+    roots = np.roots([inertia, DAMPING, weight * np.sin(0.3)])
     np.testing.assert_allclose(np.sort_complex(model.poles), np.sort_complex(roots), atol=1e-9)
     gain, _ = LinearQuadraticRegulator(
         model.A, model.part(inputs=["feedforward"]).B, np.eye(2), np.eye(1)
@@ -232,9 +232,8 @@ def test_it_is_saved_with_names_and_drawn(arm: LinearModel, tmp_path: Path) -> N
     frequencies, size = figure.axes[0].lines[0].get_data()
     expected = 20 * np.log10(np.abs(arm.response(frequencies)[:, 1, 1]))
     np.testing.assert_allclose(size, expected, atol=1e-9)
-    assert size[0] == pytest.approx(
-        20 * np.log10(abs(arm.response([0])[0, 1, 1])), abs=0.5
-    )  # flat below all poles
+    # flat below all poles
+    assert size[0] == pytest.approx(20 * np.log10(abs(arm.response([0])[0, 1, 1])), abs=0.5)
     shape = arm.system().get_output_port().size(), arm.system().get_input_port().size()
     assert shape == (len(arm.outputs), len(arm.inputs))
 

@@ -75,9 +75,8 @@ def test_the_period_of_a_pendulum_is_its_elliptic_integral(tmp_path) -> None:
     crossings = np.flatnonzero((angle[:-1] > 0) & (angle[1:] <= 0))
     parts = angle[crossings] / (angle[crossings] - angle[crossings + 1])
     measured = np.diff(result.times[crossings] + parts * 1e-3).mean()
-    assert measured == pytest.approx(
-        period, rel=1e-5
-    )  # of straight lines between samples 1 ms apart
+    # of straight lines between samples 1 ms apart
+    assert measured == pytest.approx(period, rel=1e-5)
 
 
 def test_energy_of_a_double_pendulum_is_kept() -> None:
@@ -112,9 +111,8 @@ def test_momentum_in_flight_is_that_of_its_weight() -> None:
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, centre)
     weight = plant.CalcTotalMass(context) * STANDARD_GRAVITY
     np.testing.assert_allclose(momentum.translational(), [0, 0, -0.4 * weight], atol=2e-4 * weight)
-    arm = (
-        0.1 * np.pi / 3 / 0.4 * 0.02
-    )  # about what the arm alone has: 0.1 kg at 0.14 m, by 60 deg in 0.4 s
+    # about what the arm alone has: 0.1 kg at 0.14 m, by 60 deg in 0.4 s
+    arm = 0.1 * np.pi / 3 / 0.4 * 0.02
     np.testing.assert_allclose(momentum.rotational(), 0, atol=0.01 * arm)
 
 
@@ -198,9 +196,8 @@ def test_the_humanoid_stands_as_deep_in_the_floor_as_in_drake() -> None:
     drake = simulate(config, progress=False)
     mujoco = MujocoRunner(config).run()
     assert mujoco.ending == "completed"
-    assert mujoco["base.z"][-1] == pytest.approx(
-        drake["base.z"][-1], abs=3e-6
-    )  # Drake's feet creep apart
+    # Drake's feet creep apart
+    assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=3e-6)
     assert mujoco["base.z"][-1] < 0.446 - 2e-5  # it sinks in
     np.testing.assert_allclose(mujoco.axes("tau")[-1], drake.axes("tau")[-1], atol=0.01)
 

@@ -309,9 +309,8 @@ async def test_a_target_is_taught_gone_to_and_forgotten():
         the(user, ui.select, t("arm.goes_with")).value = "board"
         await press(user, t("arm.teach"))
         await user.should_see(t("arm.no_line_to", target="p1"))  # the next step
-        await user.should_see(
-            t("arm.taught", name="p1")
-        )  # a notice, since the list may be out of sight
+        # a notice, since the list may be out of sight
+        await user.should_see(t("arm.taught", name="p1"))
         assert session.book.targets["p1"]["frame"] == "board"
         await user.should_see("in board")
         session.arm.jog_axes({"joint_1": 30})

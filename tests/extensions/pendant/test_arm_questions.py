@@ -183,9 +183,8 @@ def test_the_torque_of_a_branch_is_drakes_gravity_load(arm):
 
 
 def test_the_room_of_a_branch_is_to_the_nearest_limit_of_the_urdf(arm):
-    limits = np.array(
-        [[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]]
-    )  # deg, data sheet
+    # deg, data sheet
+    limits = np.array([[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]])
     for branch in ask.branches(arm):
         values = np.array([*branch["axes"].values()])
         rooms = np.minimum(values - limits[:, 0], limits[:, 1] - values)
@@ -205,9 +204,8 @@ def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met
     arm = Arm(load_station("irb120_dynamic", BALL), tool="load")
     found = ask.branches(arm, [0.35, 0.1, height, 0, 0, 180], "world")
     nearest = [branch for branch in found if branch["gap"]["between"] == ["load", "floor"]]
-    clear = [
-        branch for branch in nearest if "link" not in branch["collision"]
-    ]  # of itself: some branches fold the arm
+    # of itself: some branches fold the arm
+    clear = [branch for branch in nearest if "link" not in branch["collision"]]
     assert clear
     for branch in clear:
         assert branch["gap"]["distance"] == pytest.approx(height - 0.06, abs=1e-9)

@@ -71,9 +71,8 @@ def test_of_several_robots_each_has_its_own():
     assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",), robot="left")
     assert blocks["right.poses"].keys[0] == "robots.right.base"
     assert blocks["left.reference_source"].keys == ("robots.left.reference",)
-    assert told("belt_pick")["arm.reference_source"].keys == (
-        "reference",
-    )  # it has none of its own
+    # it has none of its own
+    assert told("belt_pick")["arm.reference_source"].keys == ("reference",)
     assert blocks["plant"].signals == ("left.position", "right.position")
 
 

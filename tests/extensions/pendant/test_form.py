@@ -38,17 +38,14 @@ def test_every_key_of_a_station_has_a_field_and_every_field_its_help(name):
     content = content_of(name)
     fields = {field.key: field for field in form_fields(SCHEMA, content)}
     assert len(fields) == len(form_fields(SCHEMA, content))  # none twice
-    whole = tuple(
-        key for key, field in fields.items() if field.kind == "value"
-    )  # a mapping there is typed as one
+    # a mapping there is typed as one
+    whole = tuple(key for key, field in fields.items() if field.kind == "value")
     for path in filter(None, paths(content)):
         told = path in fields or path.startswith(tuple(f"{key}." for key in whole))
-        told = told or any(
-            key.startswith(f"{path}.") for key in fields
-        )  # a section that is always there
-        assert told or path.endswith(".kind"), (
-            path
-        )  # the kind of an entry, which its name or section tells
+        # a section that is always there
+        told = told or any(key.startswith(f"{path}.") for key in fields)
+        # the kind of an entry, which its name or section tells
+        assert told or path.endswith(".kind"), path
     assert all(field.help for field in fields.values())
 
 

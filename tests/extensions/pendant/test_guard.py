@@ -64,9 +64,8 @@ def test_an_address_opens_one_browser_and_the_next_one_is_told(served):
     status, headers, why = entered(served, first)  # who has seen it in the list of processes
     assert (status, "set-cookie" in headers) == (403, False)
     assert b"used by another browser" in why
-    assert (
-        entered(served, first, Cookie=served.cookie)[0] == 200
-    )  # another tab of the browser that used it
+    # another tab of the browser that used it
+    assert entered(served, first, Cookie=served.cookie)[0] == 200
     second = urlsplit(served.address()).query
     assert second != first
     assert entered(served, second)[0] == 200
@@ -97,9 +96,8 @@ def test_the_page_is_under_its_path_alone(served):
         assert status == 403
         assert served.path not in why.decode()
     query = urlsplit(served.address()).query
-    assert (
-        served.asked(f"/?{query}")[0] == 403
-    )  # somewhere else the token does nothing, and stays good
+    # somewhere else the token does nothing, and stays good
+    assert served.asked(f"/?{query}")[0] == 403
     assert entered(served, query)[0] == 200
 
 
@@ -122,9 +120,8 @@ def test_the_cookie_opens_all_from_then_on(served):
         assert "set-cookie" not in headers
     assert handshake(served).startswith(b"HTTP/1.1 101")
     others = f"theme=dark; bad cookie;; simrob_1=x; {served.cookie}; last={'=' * 9}"
-    assert (
-        served.asked(Cookie=others)[0] == 200
-    )  # what other servers of this computer leave is sent, too
+    # what other servers of this computer leave is sent, too
+    assert served.asked(Cookie=others)[0] == 200
 
 
 @pytest.mark.parametrize("path", PLACES)

@@ -91,9 +91,8 @@ def test_a_proxy_that_lets_in_its_user_shows_page_view_and_socket_under_its_path
         assert PREFIX * 2 not in page
         files = set(re.findall(rf'(?:src|href)="{PREFIX}(/[^"]+\.(?:js|css))"', page))
         assert files
-        assert not re.findall(
-            r'(?:src|href)="/(?!user/ana/simrob/)', page
-        )  # nothing beside the proxy's path
+        # nothing beside the proxy's path
+        assert not re.findall(r'(?:src|href)="/(?!user/ana/simrob/)', page)
         assert asked(port, sorted(files)[0])[0] == 200
         assert asked(port, "/view/")[0] == 200
         assert "data: " in asked(port, "/view/events?after=0", read=False)[1]

@@ -114,9 +114,8 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     ] == [0, 0, 4]
     page = table(heard(session, session.exports.csv()))
     check_script(session, page)
-    assert (
-        heard(session, session.simulate())["ending"] == "completed"
-    )  # again, and nobody touches it
+    # again, and nobody touches it
+    assert heard(session, session.simulate())["ending"] == "completed"
     assert np.array_equal(table(heard(session, session.exports.csv()))[1], page[1])
     assert Program.load(session.book.file).changes == session.book.program.changes
     unchanged = session.book.program.model_copy(update={"changes": ()})
@@ -381,9 +380,8 @@ def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
         assert abs(moved["right_hand"]) < 1e-9, robot
         assert abs(moved["left_foot"]) < 1e-9, robot
         asked = np.rad2deg(run._bench.cell.reference(session.book.robot))
-        reached = heard(
-            session, run.call("posture")
-        )  # the humanoid of MATLAB follows with a lag of 1 s
+        # the humanoid of MATLAB follows with a lag of 1 s
+        reached = heard(session, run.call("posture"))
         for alias in ("HomIF", "CadDF"):
             number = session.book.model.axis_index(alias)
             assert asked[number] == pytest.approx(30, abs=1e-9), robot

@@ -140,9 +140,8 @@ def test_checks_of_a_station_are_told_in_spanish(name):
         one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject
     ] == []
     english = re.compile(r"\b(the|of|at|is|are|and|not|its|by)\b")
-    told = [
-        re.sub(r"\(.*\)", "", render(one.text)) for one in found
-    ]  # the source of a motor's values is a name
+    # the source of a motor's values is a name
+    told = [re.sub(r"\(.*\)", "", render(one.text)) for one in found]
     assert [text for text in told if english.search(text)] == []
 
 
@@ -162,7 +161,7 @@ def test_verdicts_are_shown_in_spanish():
 
 
 def test_every_notice_of_a_session_has_its_words():
-    said = re.compile(r'(?:Notice|refuse)\("(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
+    said = re.compile(r'(?:Notice|refuse)\(\s*"(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
     sources = (file.read_text() for file in Path(pendant.__file__).parent.glob("*.py"))
     used = {key for source in sources for found in said.findall(source) for key in found if key}
     used |= {"damaged", "died", "lost"}  # one of two, where it is said
@@ -199,12 +198,13 @@ def test_the_robots_are_shown_and_the_loaded_one_is_marked():
         pictures = {shown_name(one): one.props["aria-pressed"] for one in buttons}
         assert pictures.keys() == set(robot_names())
         assert [name for name, pressed in pictures.items() if pressed == "true"] == ["humanoid"]
+        # those with legs first
         assert list(pictures)[:4] == [
             "humanoid",
             "roid1",
             "yobotics",
             "zjudancer",
-        ]  # those with legs first
+        ]
 
     visit(scenario)
 
@@ -322,9 +322,8 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         press(user, stop)
         await heard(session, "phase", phase="idle")
         press(user, tick)
-        await heard(
-            session, "phase", "tick", phase="idle", time=0.1
-        )  # what came next was discarded
+        # what came next was discarded
+        await heard(session, "phase", "tick", phase="idle", time=0.1)
         press(user, play)
         asked = [
             "simulate",

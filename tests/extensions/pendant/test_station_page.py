@@ -232,11 +232,12 @@ def test_a_block_of_a_joint_shows_its_signals_and_sliders_that_change_this_joint
         await user.should_see("joint_2: PD\nkp 1000, kd 10")
         await user.should_see("joint 2")  # the one curve that is drawn
         watched = sorted(map(str, session.watched.values()))
+        # those of the wires, and of the plots
         assert watched == [
             "['position', 'reference', 'torque']",
             "['position', 'reference']",
             "['torque']",
-        ]  # those of the wires, and of the plots
+        ]
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
         assert set(sliders) == {"servo.kp.joint_2", "servo.kd.joint_2"}
         await user.should_see("The sliders change joint_2 alone.")
@@ -416,9 +417,8 @@ def test_an_empty_field_shows_what_holds_below_its_name():
         (element,) = user.find(content="servo.torque_limit", kind=ui.input).elements
         assert element.value == ""
         assert element.props["placeholder"] == "not given"
-        assert (
-            "stack-label" in element.props
-        )  # else the name of the key stands where the value should be
+        # else the name of the key stands where the value should be
+        assert "stack-label" in element.props
 
     on_page(scenario)
 

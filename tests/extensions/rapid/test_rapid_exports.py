@@ -157,9 +157,8 @@ def test_urscript_has_poses_in_the_base_and_rotation_vectors():
     lined = re.search(r"movel\(p\[(.*?)\], a=2, v=0.2, r=0.01\)", text)
     values = [float(value) for value in lined[1].split(",")]
     np.testing.assert_allclose(values[:3], [0.35, -0.1, 0.35], atol=1e-9)
-    pose = Rotation.from_euler("ZYX", [0.1, 0, 0]) * Rotation.from_euler(
-        "ZYX", DOWN
-    )  # turned with the work object
+    # turned with the work object
+    pose = Rotation.from_euler("ZYX", [0.1, 0, 0]) * Rotation.from_euler("ZYX", DOWN)
     np.testing.assert_allclose(
         Rotation.from_rotvec(values[3:]).as_matrix(), pose.as_matrix(), atol=1e-9
     )

@@ -65,9 +65,8 @@ def test_a_target_is_where_controllers_have_it(done):
 def test_tools_and_work_objects_count(done):
     moved = done(r"MoveJ pA,v500,fine,tPen\WObj:=wTable;")
     pose = Chain.of_robot(load_robot("irb120")).forward(end_of(moved))[0]
-    np.testing.assert_allclose(
-        pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9
-    )  # the flange is 100 mm above the tool
+    # the flange is 100 mm above the tool
+    np.testing.assert_allclose(pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9)
 
 
 @pytest.mark.long

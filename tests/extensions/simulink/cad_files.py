@@ -91,6 +91,7 @@ def write_cad(
 def write_step_box(file: Path, size) -> Path:
     """Write a box from the origin to ``size`` [mm] as a STEP file of plane faces."""
     corners = [(x, y, z) for x in (0.0, size[0]) for y in (0.0, size[1]) for z in (0.0, size[2])]
+    # seen from outside
     faces = [
         (0, 1, 3, 2),
         (4, 6, 7, 5),
@@ -98,7 +99,7 @@ def write_step_box(file: Path, size) -> Path:
         (2, 3, 7, 6),
         (0, 2, 6, 4),
         (1, 5, 7, 3),
-    ]  # seen from outside
+    ]
     lines: list[str] = []
 
     def add(text: str) -> str:

@@ -176,9 +176,8 @@ def test_constraints_make_the_same_pendulum(tmp_path):
     )
     file = pendulum(tmp_path, joints="", constraints=ties)
     result = simulate(import_simulink(file, tmp_path / "out").station, duration=0.5, progress=False)
-    angle = swing(result.times, np.deg2rad(30)) - np.deg2rad(
-        30
-    )  # the joint is at zero where the assembly is
+    # the joint is at zero where the assembly is
+    angle = swing(result.times, np.deg2rad(30)) - np.deg2rad(30)
     np.testing.assert_allclose(np.abs(result["q.pin"]), np.abs(angle), atol=1e-3)
 
 
@@ -317,9 +316,8 @@ def test_the_command_line_takes_them(tmp_path, capsys, monkeypatch):
     assert "simrob run out/swing.yaml" in capsys.readouterr().out
     (tmp_path / "arm.xml").write_text("<robot name='a'><link name='b'/></robot>")
     run_command(["check", "arm.xml"])
-    assert (
-        "no joint that moves" in capsys.readouterr().err
-    )  # an XML file of another kind is a robot's
+    # an XML file of another kind is a robot's
+    assert "no joint that moves" in capsys.readouterr().err
 
 
 def test_a_pipe_is_no_export_and_is_not_waited_for(tmp_path):

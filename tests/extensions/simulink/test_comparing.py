@@ -26,9 +26,8 @@ def test_a_log_of_our_own_run_differs_by_nothing(run, tmp_path):
     _, differences = compare(load_station("double_pendulum"), logged)
     found = {difference.signal: difference.largest for difference in differences}
     assert {"q.joint_1", "tau.joint_2", "tcp.x"} <= set(found)
-    assert (
-        max(found[name] for name in ("q.joint_1", "q.joint_2")) < 1e-4
-    )  # the reference comes from a table
+    # the reference comes from a table
+    assert max(found[name] for name in ("q.joint_1", "q.joint_2")) < 1e-4
 
 
 def test_what_differs_is_told(run, tmp_path, capsys):
@@ -157,9 +156,8 @@ def test_matrices_with_their_times_are_read(tmp_path):
     assert found_in(tmp_path / "a.mat") == {"ans.1": [0, 2, 4, 6, 8], "ans.2": [1, 3, 5, 7, 9]}
     savemat(tmp_path / "b.mat", {"simin": np.column_stack([TIMED, ROWS[:, 1]])})
     assert found_in(tmp_path / "b.mat") == {"simin": [1, 3, 5, 7, 9]}
-    savemat(
-        tmp_path / "c.mat", {"Time": TIMED, "Data": ROWS.T.reshape(2, 1, 5)}
-    )  # as of a timeseries
+    # as of a timeseries
+    savemat(tmp_path / "c.mat", {"Time": TIMED, "Data": ROWS.T.reshape(2, 1, 5)})
     assert found_in(tmp_path / "c.mat") == {"Data.1": [0, 2, 4, 6, 8], "Data.2": [1, 3, 5, 7, 9]}
     cells = np.empty(2, dtype=object)
     cells[:] = [{"Time": TIMED, "Data": ROWS[:, 0]}, {"Time": TIMED, "Data": ROWS[:, 1]}]

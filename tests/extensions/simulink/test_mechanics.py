@@ -198,9 +198,8 @@ def test_revolutions_weigh_as_fine_meshes(angle):
         MeshFiles([]),
     )  # fmt: skip
     mesh = as_mesh(solid)
-    assert solid.weight.mass == pytest.approx(
-        np.deg2rad(angle) * 0.5 * 5 / 3
-    )  # Pappus: area times the way of its middle
+    # Pappus: area times the way of its middle
+    assert solid.weight.mass == pytest.approx(np.deg2rad(angle) * 0.5 * 5 / 3)
     np.testing.assert_allclose(mesh.volume, solid.weight.mass, rtol=4e-3)  # of 48 segments a turn
     np.testing.assert_allclose(mesh.center_mass, solid.weight.com, atol=5e-3)
     np.testing.assert_allclose(
@@ -707,9 +706,8 @@ def test_a_robot_may_stand_on_many_shapes(tmp_path, kind, sizes, words, mesh):
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
     assert any(words in entry.text for entry in imported.report.of("approximated"))
     if mesh is not None:
-        save_film_strip(
-            result, tmp_path / "strip.png"
-        )  # a mesh without normals is none for a renderer
+        # a mesh without normals is none for a renderer
+        save_film_strip(result, tmp_path / "strip.png")
 
 
 def test_a_robot_may_stand_on_a_disk(tmp_path):
@@ -739,10 +737,11 @@ def test_a_robot_may_stand_on_a_disk(tmp_path):
 
 @pytest.mark.parametrize(
     "gravity",
+    # of first releases
     [
         {"GravityVector": "[0 -9.81 0]"},
         {"GravityVector": "[0 -981 0]", "GravityUnits": "cm/s^2"},
-    ],  # of first releases
+    ],
 )
 def test_gravity_to_the_side_turns_the_world(tmp_path, gravity):
     level = Level()

@@ -83,9 +83,8 @@ def test_a_free_joint_swings_as_a_pendulum_does(tmp_path):
     expected = np.exp(-decay * times) * (
         np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
     )
-    np.testing.assert_allclose(
-        result["q.Shoulder"], np.deg2rad(5) * expected, atol=2e-4
-    )  # sin is not its angle: 4e-5
+    # sin is not its angle: 4e-5
+    np.testing.assert_allclose(result["q.Shoulder"], np.deg2rad(5) * expected, atol=2e-4)
 
 
 @pytest.mark.long
@@ -117,9 +116,10 @@ def test_unknown_variables_are_told_at_once(tmp_path):
 def test_defaults_are_taken_only_where_the_user_asks(tmp_path):
     model = pendulum(tmp_path / "arm.slx", workspace="")
     imported = import_simulink(model, tmp_path / "out", assume=True)
+    # of Gain itself
     assert (
         load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -1.0
-    )  # of Gain itself
+    )
     assert {entry.element for entry in imported.report.of("defaulted")} == {
         "Arm/Shoulder",
         "Stiffness",

@@ -191,9 +191,8 @@ def test_a_planetary_gear_couples_three_joints(tmp_path):
     (tree,) = read_simulink(write_model(tmp_path / "a.slx", shop)).trees
     (ratios,) = tree.gears.values()
     by_name = {freedom.name: ratio / 0.1 for freedom, ratio in ratios.items()}
-    turned = (
-        by_name["Sun"] * 1.0 + by_name["Carrier"] * 1.0
-    )  # all together about the middle: the planet stays on its pin
+    # all together about the middle: the planet stays on its pin
+    turned = by_name["Sun"] * 1.0 + by_name["Carrier"] * 1.0
     assert turned == pytest.approx(0, abs=1e-6)
     assert by_name["Planet"] / by_name["Sun"] == pytest.approx(1.0)
 
@@ -453,9 +452,8 @@ def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
         tmp_path, driven_crank("2", spring), stop="0.5" if spring == "2500" else "1"
     )
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
-    assert not any(
-        "asked" in warning for warning in result.warnings
-    )  # a spring is not asked to be at rest
+    # a spring is not asked to be at rest
+    assert not any("asked" in warning for warning in result.warnings)
     angle = 1 + 2 * result.times
     np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
     assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)

@@ -236,9 +236,8 @@ def test_a_step_moves_a_dynamic_station(tmp_path):
     result = simulate(station, progress=False)
     np.testing.assert_allclose(result["q.A"][result.times < 0.49], 0.0, atol=1e-6)
     late = result.times - 0.5
-    expected = np.where(
-        late > 0, 0.4 * (1 - (1 + 10 * late) * np.exp(-10 * late)), 0.0
-    )  # critically damped: I = 1
+    # critically damped: I = 1
+    expected = np.where(late > 0, 0.4 * (1 - (1 + 10 * late) * np.exp(-10 * late)), 0.0)
     np.testing.assert_allclose(result["q.A"], expected, atol=1e-3)  # radau3 at accuracy 1e-2
 
 

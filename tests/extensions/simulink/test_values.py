@@ -371,11 +371,12 @@ def test_units_that_do_not_fit(unit):
             "x",
             [[2, 4, 3, 1], [1, 3, 4, 2], [2, 3, 2, 3]],
         ),
+        # of a number that is not whole the floor
         (
             "n = 5; x = linspace(0, 1, n/2);",
             "x",
             [[0.0, 1.0]],
-        ),  # of a number that is not whole the floor
+        ),
         (
             "[a, b] = max([3 9 2]); [c, d] = min([4 1; 0 7]); x = [a b c d];",
             "x",
@@ -486,9 +487,8 @@ def test_a_model_takes_variables_from_where_it_keeps_them(tmp_path):
     whole = io.BytesIO()
     savemat(whole, {"w": {"k": 5.0, "name": "a"}})
     data = bytearray(whole.getvalue())
-    data[168:176] = struct.pack(
-        "<II", 1, 0
-    )  # a model file holds it without a name, and most of the header
+    # a model file holds it without a name, and most of the header
+    data[168:176] = struct.pack("<II", 1, 0)
     assert value("k", stored=bytes(data[124:128]) + bytes(4) + bytes(data[128:])) == (5.0, [])
     assert value("k", stored=b"damaged", callbacks={"InitFcn": "k = 2; load('gone.mat')"}) == (
         2.0, ["takes variables from gone.mat, which lies in none of the folders"])  # fmt: skip

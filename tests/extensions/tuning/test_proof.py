@@ -148,24 +148,27 @@ def pairs(doubt, gains, start=100.0):
     ("thought", "solver", "moves", "proven"),
     [
         ([8, 8, 8], [8, 7, 9], [6, 5, 7, 6, 8, 7], True),
+        # other solvers find another gain by 2
         (
             [1, 1, 1],
             [3, -2, 0.5],
             [1, 1, 1, 1, 1, 1],
             False,
-        ),  # other solvers find another gain by 2
+        ),
+        # in 21 of 25 pairs: surely in the median, but not throughout
         (
             [8, 8, 8],
             [8, 7, 9],
             [6] * 15 + [-1] * 4,
             False,
-        ),  # in 21 of 25 pairs: surely in the median, but not throughout
+        ),
+        # the winner of one move costs more in others
         (
             [8, 8, 8],
             [8, 7, 9],
             [-22, -83, -40, 6, 8, 7],
             False,
-        ),  # the winner of one move costs more in others
+        ),
     ],
 )
 def test_a_gain_is_proven_beyond_the_error_of_the_solvers_and_for_other_moves(
@@ -321,9 +324,8 @@ def test_a_study_is_proven_where_it_was_never_tried_and_the_page_tells_it(tmp_pa
     assert page.count("data:image/png;base64,") == 1
     proof = Proof.of(str(folder), 1)
     winner = yaml.safe_load((folder / "winner.yaml").read_text())
-    kept = ProofFolder(folder / "prove", proof).run(
-        workers=1, progress=False
-    )  # nothing is run again
+    # nothing is run again
+    kept = ProofFolder(folder / "prove", proof).run(workers=1, progress=False)
     case = next(
         case for case in proof.cases() if case.shown == {"of": WON, "doubt": "friction", "draw": 0}
     )

@@ -228,9 +228,8 @@ def test_a_gait_goes_as_many_steps_as_the_pushes_take():
 
 def test_moments_are_spread_over_two_steps_of_a_loop_that_walks():
     trials = PushMap(station="roid1_walking", phases=4).trials()
-    assert [trial.moment for trial in trials] == pytest.approx(
-        [3.0, 3.1151, 3.2302, 3.3453]
-    )  # steps of 0.2302 s
+    # steps of 0.2302 s
+    assert [trial.moment for trial in trials] == pytest.approx([3.0, 3.1151, 3.2302, 3.3453])
 
 
 @pytest.mark.long

@@ -64,9 +64,8 @@ def bowl(limit):
     "method", [name for name in get_args(Method) if name != "gp" or find_spec("torch")]
 )
 def test_every_method_comes_nearer_within_its_bounds_and_is_the_same_again(method):
-    runs = [
-        bowl(14 if method == "gp" else 60) for _ in range(2)
-    ]  # a model of Gaussian processes takes its time
+    # a model of Gaussian processes takes its time
+    runs = [bowl(14 if method == "gp" else 60) for _ in range(2)]
     for costs, _, _ in runs:
         search(method, np.full(6, 0.8), costs, together=6, seed=3)
     (_, first, told), (_, again, _) = runs
@@ -222,12 +221,13 @@ def test_conditions_are_listed_and_drawn():
     gravities = [change["gravity"] for change in changes]
     assert len(changes) == 8
     assert gravities[:4] == gravities[4:]
+    # Sobol: one in each quarter
     assert sorted(int((gravity - 1) / 2) for gravity in gravities[:4]) == [
         0,
         1,
         2,
         3,
-    ]  # Sobol: one in each quarter
+    ]
     assert [change["reference.duration"] for change in changes].count(0.1) == 4
     assert ["servo.ki" in change for change in changes] == [False] * 4 + [True] * 4
 
@@ -239,14 +239,16 @@ def test_conditions_are_listed_and_drawn():
             {"search": DRAWN, "proof": DRAWN},
             r"proof\.cases\.0, draw 1: is with seed 0 a run of the search, too",
         ),
+        # as it is
         (
             {"proof": {"cases": [{"gravity": 9.81}]}},
             r"proof\.cases\.0: is with seed 0 a run of the search",
-        ),  # as it is
+        ),
+        # nothing is random
         (
             {"proof": {"seeds": [3]}},
             r"proof\.cases\.0: is with seed 3 a run of the search",
-        ),  # nothing is random
+        ),
         (
             {"proof": {"vary": {"servo.kp": "uniform:1:2"}}},
             r"proof\.cases\.0, draw 1\.servo\.kp: varies; a case cannot",

@@ -36,9 +36,8 @@ def test_a_load_changes_the_plan_and_the_walk_stays_straight():
     """With 2 kg in the right hand zjudancer fell after 4.7 s when its gait did not know of them."""
     bare, laden = (LeggedRobot(load_station("zjudancer_dynamic", load)) for load in ({}, LOAD))
     plans = [planned_gait(robot, "walk", {}, steps=6) for robot in (bare, laden)]
-    assert (
-        np.abs(plans[1].positions[0] - plans[0].positions[0]).max() > 0.05
-    )  # the hips are to the left of the feet
+    # the hips are to the left of the feet
+    assert np.abs(plans[1].positions[0] - plans[0].positions[0]).max() > 0.05
     result = laden.walk(6)
     assert result.ending == "completed"
     assert result.summary()["locomotion"]["yaw"] == pytest.approx(0, abs=0.1)
@@ -85,9 +84,8 @@ def test_the_humanoid_walks_up_and_down_a_slope(uphill):
     start, end = result.pose("base")[[0, -1], :3]
     assert -0.7 < end[1] - start[1] < -0.5  # six steps of 0.1 m
     risen = np.tan(np.deg2rad(5)) * (abs(end[1]) if uphill else end[1])
-    assert (
-        -0.045 < end[2] - start[2] - risen < 0.005
-    )  # the hips come down by up to a tenth of their height
+    # the hips come down by up to a tenth of their height
+    assert -0.045 < end[2] - start[2] - risen < 0.005
 
 
 @pytest.mark.long

@@ -381,9 +381,8 @@ class _Writer:
             return None, RigidTransform()
         own = pose_in(model, "mesh", mesh).inverse()
         moved = RigidTransform(turn, -scale * (turn @ model.mesh_refpos[mesh]))
-        shape = ET.Element(
-            "mesh", {"filename": file, PLAIN: "true"}
-        )  # MuJoCo heeds no colours of mesh files
+        # MuJoCo heeds no colours of mesh files
+        shape = ET.Element("mesh", {"filename": file, PLAIN: "true"})
         if not np.array_equal(scale, np.ones(3)):
             shape.set("scale", format_numbers(scale))
         return shape, own @ moved

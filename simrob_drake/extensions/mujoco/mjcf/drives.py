@@ -294,9 +294,8 @@ class DriveWriter:
             kind="ball",
             body=name_of(self.bodies[ends[0]]),
             other=name_of(self.bodies[ends[1]]),
-            place=[
-                round(number, _DIGITS) + 0.0 for number in anchor.tolist()
-            ],  # the sum makes 0 of -0
+            # the sum makes 0 of -0
+            place=[round(number, _DIGITS) + 0.0 for number in anchor.tolist()],
             other_place=[round(number, _DIGITS) + 0.0 for number in other_anchor.tolist()],
         )
 

@@ -100,9 +100,8 @@ class Jogging:
                 for name in names
             ]
         for one, name in zip(self._pose, (*_WAYS, *_TURNS), strict=True):
-            set_label(
-                one.field, f"{name}: {t('arm.pose')}"
-            )  # else it would be called as the slider above
+            # else it would be called as the slider above
+            set_label(one.field, f"{name}: {t('arm.pose')}")
             one.field.classes("grow tabular-nums").style("flex: 1 1 30%").on(
                 "keydown.enter", self._go
             )

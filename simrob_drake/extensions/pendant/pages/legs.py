@@ -102,9 +102,8 @@ class _Teaching:
             with ui.row().classes("w-full items-center gap-2"):
                 self._duration = duration_field(t)
                 self._duration.field.classes("w-24")
-                self._suggested = (
-                    self._duration.value
-                )  # what the field shows until the user sets another duration
+                # what the field shows until the user sets another duration
+                self._suggested = self._duration.value
                 _button(t("legs.test"), self._test, 2, "Alt+T")
                 self._add = _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")

@@ -51,9 +51,8 @@ class Instance:
     name: str  # with those of the assemblies that it is in
     pose: RigidTransform  # in the root assembly
     part: Part | None = None  # what it is; None of an assembly
-    inside: dict[str, Instance] = field(
-        default_factory=dict
-    )  # the instances in an assembly, by their identifiers
+    # the instances in an assembly, by their identifiers
+    inside: dict[str, Instance] = field(default_factory=dict)
     held: bool = False  # whether it is fixed in the assembly that it is in
     rigid: bool = False  # whether all in it is one body
     group: str = ""  # of its neighbours those that say the same are one body

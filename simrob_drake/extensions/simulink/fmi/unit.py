@@ -199,9 +199,8 @@ def write_fmu(
         resources.mkdir()
         station = resources / "station.yaml"
         station.write_text(station_yaml(with_copied_files(config, resources)), encoding="utf-8")
-        described = description(
-            SteppedStation(station), name, version
-        )  # what cannot be stepped is told here
+        # what cannot be stepped is told here
+        described = description(SteppedStation(station), name, version)
         (work / "modelDescription.xml").write_bytes(described)
         (resources / f"{name}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")
         (resources / "slavemodule.txt").write_text(name, encoding="utf-8")

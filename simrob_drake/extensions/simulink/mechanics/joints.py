@@ -296,11 +296,12 @@ def read_joint(node: Node) -> Joint:
         return joint
     _read_primitives(node, joint, kinds)
     for freedom in (one for one in joint.freedoms if one.driven == "motion"):
+        # limits push nothing whose motion is given
         freedom.lower, freedom.upper, freedom.stop = (
             -inf,
             inf,
             None,
-        )  # limits push nothing whose motion is given
+        )
     if node.kind == "Lead Screw Joint":
         _read_screw(node, joint)
     if node.kind == ANGLE:
@@ -398,9 +399,8 @@ def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: 
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
             setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
-            scale = (
-                "*180/pi" if freedom.turns else ""
-            )  # Simulink's own figures are those of a degree
+            # Simulink's own figures are those of a degree
+            scale = "*180/pi" if freedom.turns else ""
             stiffness = node.number(
                 f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}"
             )

@@ -39,9 +39,8 @@ def integral(outline: Vector, function: Callable[[Vector, Vector], Vector]) -> f
     """
     following = np.roll(outline, -1, axis=0)
     doubled = outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]
-    corners = np.stack(
-        [np.zeros_like(outline), outline, following], axis=1
-    )  # triangles from the origin, signed
+    # triangles from the origin, signed
+    corners = np.stack([np.zeros_like(outline), outline, following], axis=1)
     points = np.einsum("qc,tcd->tqd", _POINTS, corners)
     values = function(points[..., 0], points[..., 1])
     return float((doubled / 2) @ (values @ _WEIGHTS))
@@ -198,10 +197,11 @@ def revolution(node: Node) -> tuple[Shape, Weight]:
     z = angle * integral(outline, lambda r, z: r * z) / mass
     rrr, rzz = integral(outline, lambda r, _: r**3), integral(outline, lambda r, z: r * z * z)
     rrz = integral(outline, lambda r, z: r * r * z)
+    # of cos² and sin² over the angle
     along, across = (
         angle / 2 + np.sin(angle) / 2,
         angle / 2 - np.sin(angle) / 2,
-    )  # of cos² and sin² over the angle
+    )
     about_origin = np.diag([rrr * across + angle * rzz, rrr * along + angle * rzz, angle * rrr])
     about_origin[0, 2] = about_origin[2, 0] = -2 * np.sin(angle / 2) * rrz
     com = np.array([x, 0.0, z])

@@ -60,9 +60,8 @@ class SolidBody:
     visible: bool = True  # whether it is seen
     file: Path | None = None  # a mesh file in place of a shape, already found
     scale: float = 1.0  # of the mesh file
-    pose: RigidTransform = field(
-        default_factory=RigidTransform
-    )  # of the solid in the frame of its body
+    # of the solid in the frame of its body
+    pose: RigidTransform = field(default_factory=RigidTransform)
 
 
 VARIABLE = {

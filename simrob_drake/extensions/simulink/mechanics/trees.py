@@ -110,9 +110,8 @@ class Tree:
     root: RigidPart  # the body it starts from: the world, or a free one
     frame: RigidTransform = field(default_factory=RigidTransform)
     """Pose of the root link's frame in the root body's first frame."""
-    base: RigidTransform = field(
-        default_factory=RigidTransform
-    )  # pose of that frame in the world at the start
+    # pose of that frame in the world at the start
+    base: RigidTransform = field(default_factory=RigidTransform)
     speed: Vector = field(default_factory=lambda: np.zeros(6))
     """Of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s]."""
     branches: list[BodyOnJoint] = field(default_factory=list)  # in the order they are reached

@@ -73,9 +73,8 @@ class Node:
     workspace: Variables  # where its parameters' variables are found
     findings: Findings  # where problems are noted
     parent: Node | None = None  # the subsystem it is in
-    children: dict[str, Node] = field(
-        default_factory=dict
-    )  # what is in it, by identifier; its lines connect it
+    # what is in it, by identifier; its lines connect it
+    children: dict[str, Node] = field(default_factory=dict)
     home: str = ""  # name of the file it is written in
 
     @property
@@ -243,9 +242,8 @@ class Expanded:
     root: Node  # a node without a block of its own, whose children are the model's blocks
     findings: Findings  # problems met so far
     libraries: Libraries  # the files that were taken in
-    nodes: list[Node] = field(
-        default_factory=list
-    )  # its blocks on all levels, except those of ``left_out``
+    # its blocks on all levels, except those of ``left_out``
+    nodes: list[Node] = field(default_factory=list)
     left_out: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Blocks that take no part, by path: their type, and why."""
     settings: dict[str, dict[str, str]] = field(default_factory=dict)

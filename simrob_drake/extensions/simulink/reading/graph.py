@@ -249,9 +249,8 @@ class System:
     blocks: dict[str, SimulinkBlock] = field(default_factory=dict)  # by identifier
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
     """Signal lines, from an ``out`` port to the ports it feeds."""
-    signals: dict[Port, str] = field(
-        default_factory=dict
-    )  # names of lines, by the ports they come from
+    # names of lines, by the ports they come from
+    signals: dict[Port, str] = field(default_factory=dict)
     nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
 
     def find(self, path: str) -> SimulinkBlock | None:
@@ -280,9 +279,8 @@ class Model:
     mask: Mask | None = None  # of a subsystem file as a whole
     code: str = ""  # of the model workspace, MATLAB assignments, or which file it is from
     stored: bytes = b""  # of the model workspace, variables as MATLAB keeps them
-    callbacks: dict[str, str] = field(
-        default_factory=dict
-    )  # names of callbacks that MATLAB would run, with their code
+    # names of callbacks that MATLAB would run, with their code
+    callbacks: dict[str, str] = field(default_factory=dict)
     stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
     """What the report is to say of its making: level, element and text."""

@@ -348,9 +348,8 @@ class Libraries:
             set(self._texts(model.system, {""})),
             " ".join([model.code, *model.callbacks.values()]),
         )
-        codes = [
-            self.script(text) for text in texts if text.isidentifier()
-        ]  # of functions that blocks call
+        # of functions that blocks call
+        codes = [self.script(text) for text in texts if text.isidentifier()]
         names = {
             name
             for text in (*texts, *map(" ".join, map(_GLOBAL.findall, codes)))

@@ -34,11 +34,12 @@ def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
     """
     size = e.shape[1]
     rows, rest = _echelon(np.hstack([e, a, b]), size)
+    # held x' = moved x + b1 u
     held, moved, b1 = (
         rows[:, :size],
         rows[:, size : 2 * size],
         rows[:, 2 * size :],
-    )  # held x' = moved x + b1 u
+    )
     kept, b2 = (
         rest[:, size : 2 * size],
         [rest[:, 2 * size :], 0 * rest[:, 2 * size :], 0 * rest[:, 2 * size :]],

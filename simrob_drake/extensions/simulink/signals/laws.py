@@ -320,9 +320,8 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     node, wrench = link.joint.node, np.zeros(6).astype(object)
     real, *turned = (part_of(node, index) for index in range(3, 7))
     half = applied("sqrt", sum((part * part for part in turned), start=0.0))
-    share = (
-        2.0 * applied("atan2", half, real) / applied("max", half, _SLOWEST)
-    )  # of the turn's axis and angle
+    # of the turn's axis and angle
+    share = 2.0 * applied("atan2", half, real) / applied("max", half, _SLOWEST)
     for pull in link.joint.pulls:
         turns = pull.place >= _PLACES
         place: Value = share * turned[pull.place - _PLACES] if turns else part_of(node, pull.place)

@@ -227,9 +227,8 @@ def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
         return signal([speed])
     x, y, heading = pose
     points = path.astype(float)
-    lengths = np.append(
-        0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))
-    )  # of the path, up to each waypoint
+    # of the path, up to each waypoint
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     points, lengths = points[np.append(True, np.diff(lengths) > 0)], np.unique(lengths)
     if not 2 <= len(points) <= _MOST_SEGMENTS:
         return None

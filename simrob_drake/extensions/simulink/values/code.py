@@ -381,9 +381,10 @@ class CodeRun(Evaluator):
         array = np.zeros((0, 0)) if known is None else matrix(known)
         sizes = [array.size] if len(index) == 1 else list(array.shape)
         ways = zip(zip(index, sizes, strict=True), matrix(value).shape, strict=False)
+        # as it gets
         places = [
             self._places(node, size or (node.kind == "colon") * own) for (node, size), own in ways
-        ]  # as it gets
+        ]
         both = np.result_type(array, matrix(value))
         if len(places) == 1:
             flat = array.reshape(-1, order="F")

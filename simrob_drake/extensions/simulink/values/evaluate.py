@@ -76,10 +76,11 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     sizes = [count(number) for argument in arguments for number in matrix(argument).reshape(-1)]
     if not sizes:
         return 1, 1
+    # further dimensions lie side by side
     rows, columns = (
         sizes[0],
         math.prod(sizes[1:]) if sizes[1:] else sizes[0],
-    )  # further dimensions lie side by side
+    )
     if rows * columns > LARGEST:
         raise NotUnderstood(
             message(

@@ -129,9 +129,8 @@ def statements(code: str) -> list[Statement]:
             current = ""
         else:
             current += piece
-    parted = (
-        re.sub(r"^(else|try|otherwise) ", r"\1\n", one) for one in found
-    )  # as some write on one line
+    # as some write on one line
+    parted = (re.sub(r"^(else|try|otherwise) ", r"\1\n", one) for one in found)
     return _nested([part.strip() for one in parted for part in one.split("\n") if part.strip()])
 
 

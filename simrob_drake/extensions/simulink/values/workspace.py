@@ -123,15 +123,13 @@ class Variables:
     )
     files: Files | None = None  # what code may name; those of the outer levels unless given
     texts: dict[str, str] = field(default_factory=dict)  # parameters of a mask, as they are written
-    absent: set[str] = field(
-        default_factory=set
-    )  # files that code takes variables from, and that are not there
+    # files that code takes variables from, and that are not there
+    absent: set[str] = field(default_factory=set)
     settings: dict[str, dict[str, str]] = field(default_factory=dict)
     """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
     unset: bool = False  # whether it would set others by what is outside the subset
-    spare: Callable[[str], Any] = lambda _: (
-        None
-    )  # what counts where no code tells a variable; None of nothing
+    # what counts where no code tells a variable; None of nothing
+    spare: Callable[[str], Any] = lambda _: None
 
     def __post_init__(self) -> None:
         if self.outer is not None:

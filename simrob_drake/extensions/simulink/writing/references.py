@@ -73,10 +73,11 @@ class JointMotions:
         """Return a reference for each joint, by its axis."""
         if moving := self.moving:
             self._sample({freedom: self.axes[freedom] for freedom in moving})
+        # by a cubic spline, for the sake of its acceleration
         follow = {
             "kind": "table",
             "file": self.table.name,
-        }  # by a cubic spline, for the sake of its acceleration
+        }
         return {
             axis: follow if freedom in moving else replace(self, axes={freedom: axis}).reference()
             for freedom, axis in self.axes.items()

@@ -53,21 +53,24 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
+    # by which couplings are constraints
     "points": {
         "kind": "discrete",
         "scheme": "sap",
         "time_step": 1e-4,
-    },  # by which couplings are constraints
+    },
+    # by forces that jump: contact in signals
     "struck": {
         "kind": "discrete",
         "scheme": "sap",
         "time_step": 2e-4,
-    },  # by forces that jump: contact in signals
+    },
+    # whose joints are moved along given motions
     "walkers": {
         "kind": "discrete",
         "scheme": "sap",
         "time_step": 5e-4,
-    },  # whose joints are moved along given motions
+    },
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 _OF_SERVOS = [f"{which}_error_{unit}" for which in ("final", "largest") for unit in ("deg", "m")]
@@ -260,9 +263,8 @@ class StationWriter:
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         solver = self._solver()
         if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
-            longest = (
-                0.02 if self._touching.ends else 0.005
-            )  # limits of a law are found within a step
+            # limits of a law are found within a step
+            longest = 0.02 if self._touching.ends else 0.005
             solver = {**solver, "accuracy": min(solver["accuracy"], 1e-4), "max_step": longest}
         content["solver"] = solver
         freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
@@ -500,9 +502,8 @@ class StationWriter:
                 for robot in loops
                 for closing in robot.tree.closings
             )
-            sprung = any(
-                freedom.stiffness for robot in loops for freedom in robot.axes
-            )  # they tear at couplings
+            # they tear at couplings
+            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)
             return SOLVERS["points" if points or sprung or touches else "loops"]
         if any(
             _is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots

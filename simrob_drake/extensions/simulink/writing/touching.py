@@ -404,9 +404,8 @@ class StationFiles:
     pieces: list[str] = field(default_factory=list)  # names
     groups: dict[str, str] = field(default_factory=dict)
     """Of those that stand in the world, by the subsystem or block that they come from."""
-    free: dict[Tree, str] = field(
-        default_factory=dict
-    )  # of those that nothing holds, by what they are
+    # of those that nothing holds, by what they are
+    free: dict[Tree, str] = field(default_factory=dict)
     content: dict[str, Any] = field(default_factory=dict)
     """Of the station's file; empty where nothing moves, and there is no station."""
 

@@ -75,9 +75,8 @@ class RobotFile:
 
     tree: Tree  # what it is
     element: ET.Element  # its URDF
-    axes: dict[Freedom, str] = field(
-        default_factory=dict
-    )  # names of its joints by degree of freedom
+    # names of its joints by degree of freedom
+    axes: dict[Freedom, str] = field(default_factory=dict)
     links: dict[RigidPart, str] = field(default_factory=dict)  # names of its links by body
     frames: dict[RigidPart, RigidTransform] = field(default_factory=dict)
     """Pose of each link's frame in its body's first frame."""

@@ -84,9 +84,8 @@ def test_an_arm_is_jogged_by_arrows_rings_and_links(page, tmp_path):
         page.on(
             "request", lambda asked: told.append(asked.url) if asked.url.endswith("/told") else None
         )
-        page.mouse.dblclick(
-            *hand.seen(hand.view.evaluate(_POINT, [*np.add(moved, [0, 0, size])]))
-        )  # drags nothing
+        # drags nothing
+        page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [*np.add(moved, [0, 0, size])])))
         page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [0.0, -0.08, 0.45])))
         assert told == []
         moved, size = hand.gizmo()
@@ -99,9 +98,8 @@ def test_an_arm_is_jogged_by_arrows_rings_and_links(page, tmp_path):
         first = page.get_by_role("spinbutton", name="Joint 1", exact=True)
         expect(first).to_have_value(re.compile(r"^-?\d+(\.\d+)?$"))
         before = float(first.input_value())
-        hand.drag(
-            [0.0, -0.08, 0.45], [0.12, -0.09, 0.45]
-        )  # the shoulder, which the first joint turns, or the upper arm
+        # the shoulder, which the first joint turns, or the upper arm
+        hand.drag([0.0, -0.08, 0.45], [0.12, -0.09, 0.45])
         page.wait_for_timeout(500)
         expect(page.get_by_role("button", name="Stop", exact=True)).to_be_disabled()
         values = [

@@ -142,9 +142,8 @@ def tune_while_it_runs(visit: Visit) -> None:
     expect(visit.page.locator(".pendant-state")).to_have_text(visit.texts["phase.running"])
     slider = visit.page.get_by_role("slider", name="servo.kp.joint_2")
     width = slider.bounding_box()["width"]
-    slider.click(
-        position={"x": 0.95 * width, "y": 5}
-    )  # its ends are a tenth and ten times the gain
+    # its ends are a tenth and ten times the gain
+    slider.click(position={"x": 0.95 * width, "y": 5})
     expect(visit.page.locator('[data-block="joint_2.pd"].changed')).to_be_attached()
     visit.choose_pace()
     visit.idle()

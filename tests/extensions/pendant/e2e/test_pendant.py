@@ -103,9 +103,8 @@ def taught_by_the_keyboard(page, humanoid):
     expect(
         page.get_by_text(re.compile("from .130° to 130°"))
     ).to_be_visible()  # refused in the field, with the limit
-    expect(search).to_have_value(
-        ""
-    )  # the page takes its user to that field: what is typed before then lands there
+    # the page takes its user to that field: what is typed before then lands there
+    expect(search).to_have_value("")
     lasting(page, 4)
     typed(page, elbow, 30)
     expect(page.get_by_text("Tested and not added yet")).to_be_visible()
@@ -234,9 +233,8 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     expect(page.locator(".simrob-plot").first).to_be_visible()
     choose_option(page, "Speed", "fastest", within=".pendant-run")
     button(page, "Play").click()
-    expect(page.locator(".pendant-time")).to_have_text(
-        re.compile(r"^([1-9]\d*\.\d+) of \1 s$")
-    )  # its end
+    # its end
+    expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^([1-9]\d*\.\d+) of \1 s$"))
     ran(page)
     changes = program(humanoid)["changes"]
     assert next(one for one in changes if "push" in one)["push"]["force"] == [10.0, 0.0, 0.0]
@@ -294,9 +292,8 @@ def test_a_body_is_dragged_by_the_pointer(page, humanoid):
     drag = next(one["drag"] for one in program(humanoid)["changes"] if "drag" in one)
     assert drag["at"] in ("trunk", "shoulder_line", "neck", "waistline")
     targets = np.array(drag["targets"])
-    assert (
-        2 <= len(targets) <= 3
-    )  # one for each tick; the first may have come before the pointer was heard of
+    # one for each tick; the first may have come before the pointer was heard of
+    assert 2 <= len(targets) <= 3
     ways = np.diff(targets, axis=0)
     lengths = np.linalg.norm(ways, axis=1)
     np.testing.assert_allclose(
@@ -332,11 +329,12 @@ def test_the_address_is_clean_opens_more_tabs_and_no_other_browser(
     opened(page, humanoid)
     clean = printed.partition("?")[0]
     assert page.url == clean
+    # after about:blank
     assert page.evaluate("[history.length, document.referrer, document.cookie]") == [
         2,
         "",
         "",
-    ]  # after about:blank
+    ]
     page.reload()
     expect(button(page, "Play")).to_be_enabled()
     other = page.context.new_page()
@@ -415,9 +413,8 @@ def test_an_arm_is_jogged_and_taught(page, tmp_path):
         assert (x1, y1) == pytest.approx((x2, -y2))  # mirrored, as its postures are
         assert y1 > 0.05
         button(page, "Every posture for this pose").click()
-        expect(page.get_by_text(re.compile("^impossible: "))).to_have_count(
-            7
-        )  # with board and limits one of eight is left
+        # with board and limits one of eight is left
+        expect(page.get_by_text(re.compile("^impossible: "))).to_have_count(7)
 
 
 @pytest.mark.long
