@@ -1,7 +1,5 @@
 """When each move of a program began and ended, whatever runs the program is made of."""
 
-from dataclasses import astuple
-
 import pytest
 
 from simrob_drake import LeggedRobot, Program
@@ -14,7 +12,7 @@ def spans_of(station, moves, **settings):
     """Run a program and return, for each move that was begun, its index, its begin and its end [s]."""
     cell = Workcell(load_station(station, settings))
     result = perform(cell, Program.of_content({"moves": moves}, "the program"))
-    return [astuple(span) for span in result.move_spans]
+    return [(span.index, span.begin, span.end) for span in result.move_spans]
 
 
 def elbow(angle, duration):
@@ -58,4 +56,6 @@ def test_a_legged_robot_keeps_the_spans_of_its_last_moves():
     robot.add_move({"left_elbow": 20}, 0.5)
     robot.add_move({"left_elbow": 0}, 0.5)
     robot.simulate()
-    assert [astuple(span) for span in robot.result().move_spans] == [(0, 0.0, 0.5), (1, 0.5, 1.0)]
+    spans = robot.result().move_spans
+    assert [(span.index, span.begin, span.end) for span in spans] == [(0, 0.0, 0.5), (1, 0.5, 1.0)]
+    assert all(span.is_named for span in spans)
