@@ -91,7 +91,9 @@ def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are
         for finding in found
         if finding.level == "warning" and finding.subject == "payload of robot"
     ]
-    assert payload.text.startswith("it carries 61 kg, and is rated for 3 kg")
+    assert payload.text.startswith(
+        "it carries 61 kg (gripper 1 kg + load 60 kg), and is rated for 3 kg"
+    )
     result = simulate(
         load_station("irb120_kinematic", {"pieces.load.mass": 8, "duration": 0.1}), progress=False
     )
