@@ -21,7 +21,7 @@ from PIL import Image
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
 from simrob_drake.base.files import models_root
 from simrob_drake.programs.whole_program import run_whole
-from simrob_drake.results.animation.camera import side, walked_way
+from simrob_drake.results.animation.camera import side, walked_displacement
 from simrob_drake.results.animation.pictures import Studio, captions, side_by_side
 from simrob_drake.results.result import joined
 from simrob_drake.robots.catalog import robot_names
@@ -166,7 +166,7 @@ def walk_picture(run: SimulationResult, *, height: int) -> Image.Image:
 
     A camera that stands still sees it go from left to right.
     """
-    way = walked_way(run)
+    way = walked_displacement(run)
     assert way is not None
     times = np.linspace(0.0, run.stop_time, 1000)
     gone = way(times)
