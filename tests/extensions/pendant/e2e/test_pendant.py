@@ -273,7 +273,7 @@ def test_a_body_is_dragged_by_the_pointer(page, humanoid):
     expect(button(page, "Stop")).to_be_enabled()
     expect(button(page, "One tick")).to_be_enabled()
     box = page.locator("iframe").bounding_box()
-    x, y = box["x"] + 0.53 * box["width"], box["y"] + 0.35 * box["height"]
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.35 * box["height"]
     page.keyboard.down("Shift")
     page.mouse.move(x, y)
     page.mouse.down()
