@@ -43,9 +43,7 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
     "box_on_floor": {"pieces.box.pose": [0, 0, 0.115, 0, 0.48, 0]},
     "irb120_kinematic": {"reference.target_deg": -30},
     "roid1_walking": {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.1, "turn_deg": 15}]},
-    "yobotics_walking": {
-        "controllers.walk.commands": [{"time": 0.5, "ahead": 0.3, "turn_deg": 20}]
-    },
+    "yobotics_walking": {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.3, "turn_deg": 20}]},
     "zjudancer_walking": {"controllers.walk.commands": [{"time": 0.5, "sideways": 0.1}]},
 }
 """What is set so that no two stations look alike."""
@@ -104,10 +102,7 @@ def command(station: str) -> str:
         return f"simrob walk {station} --steps {WALKS[station]}"
     if station in PROGRAMS:
         return f"python examples/{PROGRAMS[station][0]}.py"
-    flow = {
-        key: yaml.safe_dump(value, default_flow_style=True, width=1000)
-        for key, value in settings(station).items()
-    }
+    flow = {key: yaml.safe_dump(value, default_flow_style=True, width=1000) for key, value in settings(station).items()}
     changes = [f"--set '{key}={text.splitlines()[0]}'" for key, text in flow.items()]
     return " ".join([f"simrob run {station}", *changes])
 
@@ -131,11 +126,7 @@ def save_pictures(station: str) -> list[Path]:
     """Write a small picture of a station's run, and a clip of some."""
     run = joined(shown(station))
     walks = station in WALKS or station.endswith(("_walking", "_terrain"))
-    picture = (
-        walk_picture(run, height=WALK_HEIGHT)
-        if walks
-        else strip(run, azimuth=azimuth(station, run))
-    )
+    picture = walk_picture(run, height=WALK_HEIGHT) if walks else strip(run, azimuth=azimuth(station, run))
     files = [DOCS / "gallery" / f"{station}.png"]
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(files[0], optimize=True)
     if station in LARGE:
@@ -172,9 +163,7 @@ def walk_picture(run: SimulationResult, *, height: int) -> Image.Image:
     gone = way(times)
     lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(gone, axis=0), axis=1)))
     azimuth = float(np.arctan2(gone[-1, 1], gone[-1, 0]) - np.deg2rad(75))
-    studio = Studio(
-        run, height=height, oversampling=2, follow=False, azimuth=azimuth, widest=WIDEST
-    )
+    studio = Studio(run, height=height, oversampling=2, follow=False, azimuth=azimuth, widest=WIDEST)
     # in length: while it stands it hides floor
     even = np.interp(np.linspace(0.0, lengths[-1], PLACES), lengths, times)
     images = list(studio.images(even))
@@ -209,9 +198,7 @@ def save_clip(run: SimulationResult, file: Path) -> Path:
     times = np.linspace(0.0, run.stop_time, min(int(run.stop_time / FRAME_TIME) + 1, MOST_FRAMES))
     studio = Studio(run, height=CLIP[1], width=CLIP[0], oversampling=2)
     images = list(map(Image.fromarray, studio.images(times)))
-    for every, quality in product(
-        (1, 2), (60, 45, 30)
-    ):  # of the images; then there are fewer of them
+    for every, quality in product((1, 2), (60, 45, 30)):  # of the images; then there are fewer of them
         first, *others = images[::every]
         # ms; the end is seen for longer
         pauses = [round(1000 * every * FRAME_TIME)] * len(others) + [1000]
@@ -230,9 +217,7 @@ def save_portrait(robot: str) -> Path:
         alone.write_text(ALONE.format(robot=robot), encoding="utf-8")
         run = simulate(load_station(alone), progress=False)
     studio = Studio(run, height=2 * SIDE, width=2 * SIDE, oversampling=2)
-    image = Image.fromarray(next(studio.images(np.zeros(1)))).resize(
-        (SIDE, SIDE), Image.Resampling.LANCZOS
-    )
+    image = Image.fromarray(next(studio.images(np.zeros(1)))).resize((SIDE, SIDE), Image.Resampling.LANCZOS)
     file = models_root() / robot / "picture.png"
     image.quantize(COLOURS // 2, dither=Image.Dither.NONE).save(file, optimize=True)
     return file
@@ -246,9 +231,7 @@ def page() -> str:
         f"What the stations of the package do; `make pictures` writes this page. {lines}",
     ]
     for station in station_names():
-        description = " ".join(
-            filter(None, [f"{load_station(station).description}.", NOTES.get(station)])
-        )
+        description = " ".join(filter(None, [f"{load_station(station).description}.", NOTES.get(station)]))
         parts += [f"## {station}", description, f"`{command(station)}`"]
         if station in CLIPS:
             parts.append(f"![{station} in motion](gallery/{station}.webp)")

@@ -66,9 +66,7 @@ BEFORE = """
 def row(name: str, result: SimulationResult) -> list[str]:
     """Return the cells of a run: what it is called, its measures, and those that pass their bounds."""
     found = {measure.criterion.name: measure.worst for measure in result.verdict.measures}
-    cells = [
-        in_words(found[name].value, found[name].unit) if name in found else "–" for name in COLUMNS
-    ]
+    cells = [in_words(found[name].value, found[name].unit) if name in found else "–" for name in COLUMNS]
     return [name, *cells, ", ".join(result.verdict.beyond) or "–"]
 
 
@@ -76,9 +74,7 @@ def section(first: str, results: dict[str, SimulationResult]) -> list[str]:
     """Return the lines of a table of runs, and below it what the warnings say."""
     table = [[first, *COLUMNS.values(), "beyond its bound"], ["---"] * (len(COLUMNS) + 2)]
     table += [row(name, result) for name, result in results.items()]
-    warnings = [
-        f"- {name}: {warning}." for name, result in results.items() for warning in result.warnings
-    ]
+    warnings = [f"- {name}: {warning}." for name, result in results.items() for warning in result.warnings]
     return [
         *(f"| {' | '.join(cells)} |" for cells in table),
         "",
@@ -91,13 +87,8 @@ def section(first: str, results: dict[str, SimulationResult]) -> list[str]:
 def page() -> str:
     """Run all, and return the page."""
     shipped = {f"`{name}`": run_whole(load_station(name)) for name in station_names()}
-    spoilt = {
-        f"{what} (`{name}`)": run_whole(load_station(name, how))
-        for what, (name, how) in SPOILT.items()
-    }
-    return "\n".join(
-        [HEADING, *section("station", shipped), SPOILT_HEADING, *section("run", spoilt), BEFORE]
-    )
+    spoilt = {f"{what} (`{name}`)": run_whole(load_station(name, how)) for what, (name, how) in SPOILT.items()}
+    return "\n".join([HEADING, *section("station", shipped), SPOILT_HEADING, *section("run", spoilt), BEFORE])
 
 
 if __name__ == "__main__":

@@ -83,7 +83,7 @@ def folder(tmp_path, cache, monkeypatch, one_joint_urdf):
 
 
 SHOWN = {
-    "automatic=True).cells": r"4\.07, 8\.15.*\n.*7\.76, 15\.51",
+    "automatic=True).cells)": r"4\.07, 8\.15.*\n.*7\.76, 15\.51",
     "print(result.message, arm.pose())": r"ran to its end",
     'arm.simulate("irb120_dynamic")': r"^\d\.\d* (deg|grados) ",
     "np.rad2deg(result[": r" 44\.9[89]\d* (deg|grados)\n",

@@ -33,8 +33,7 @@ def exported(file: Path, package: str) -> dict[str, str]:
     return {
         name.name: f"{package}.{node.module}" if node.level else str(node.module)
         for node in ast.parse(file.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.ImportFrom)
-        and (node.level or (node.module or "").startswith(package))
+        if isinstance(node, ast.ImportFrom) and (node.level or (node.module or "").startswith(package))
         for name in node.names
     }
 
@@ -50,19 +49,14 @@ def named() -> Iterator[tuple[str, str]]:
         for dotted in re.findall(r"`(simrob_drake(?:\.\w+)+)", page.read_text(encoding="utf-8")):
             place = ROOT.joinpath(*dotted.split("."))
             if (place / "__init__.py").is_file():
-                yield from (
-                    (module, name)
-                    for name, module in exported(place / "__init__.py", dotted).items()
-                )
+                yield from ((module, name) for name, module in exported(place / "__init__.py", dotted).items())
             elif place.parent.with_suffix(".py").is_file():
                 yield dotted.rpartition(".")[0], place.name
 
 
 def _scripts() -> Iterator[str]:
     for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
-        yield from re.findall(
-            r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-        )
+        yield from re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     for example in ROOT.glob("examples/**/*.py"):
         yield example.read_text(encoding="utf-8")
 
@@ -91,9 +85,7 @@ def documented(identifier: str, *, level: int = 1, more: str = "inherited_member
 
 def name_page(name: str, module: str) -> Page:
     """Return the page of one name of the package."""
-    return Page(
-        f"{FOLDER}/python/{name}.md", f"---\ntitle: {name}\n---\n\n{documented(f'{module}.{name}')}"
-    )
+    return Page(f"{FOLDER}/python/{name}.md", f"---\ntitle: {name}\n---\n\n{documented(f'{module}.{name}')}")
 
 
 def block_pages() -> Iterator[Page]:
@@ -102,9 +94,7 @@ def block_pages() -> Iterator[Page]:
     for module in iter_modules(simrob_drake.blocks.__path__):
         name = module.name
         source = Path(simrob_drake.blocks.__path__[0], f"{name}.py").read_text(encoding="utf-8")
-        rows.append(
-            [f"[`{name}`]({name}.md)", sentence(ast.get_docstring(ast.parse(source)) or "")]
-        )
+        rows.append([f"[`{name}`]({name}.md)", sentence(ast.get_docstring(ast.parse(source)) or "")])
         shown = documented(f"simrob_drake.blocks.{name}")
         yield Page(f"{FOLDER}/blocks/{name}.md", f"---\ntitle: {name}\n---\n\n{shown}")
     intro = "Blocks are plain Drake systems, or functions that add some to a builder; they know nothing of stations."
@@ -117,18 +107,13 @@ def block_pages() -> Iterator[Page]:
 def pages() -> Iterator[Page]:
     """Yield the pages of the API, and the list of it."""
     where = places()
-    assert sorted(where) == sorted(name for names in GROUPS.values() for name in names), (
-        "GROUPS lacks a public name"
-    )
+    assert sorted(where) == sorted(name for names in GROUPS.values() for name in names), "GROUPS lacks a public name"
     parts = [
         "# Python",
         "What `import simrob_drake` shows; anything else may change from one version to the next.",
     ]
     for title, names in GROUPS.items():
-        rows = [
-            [f"[`{name}`]({name}.md)", sentence(getattr(simrob_drake, name).__doc__)]
-            for name in names
-        ]
+        rows = [[f"[`{name}`]({name}.md)", sentence(getattr(simrob_drake, name).__doc__)] for name in names]
         parts += [f"## {title}", table(["name", "what it is"], rows)]
         for name in names:
             yield name_page(name, where[name])

@@ -17,9 +17,7 @@ TYPES = {"int": "whole number", "float": "number", "str": "text", "Path": "path"
 def commands() -> dict[str, str]:
     """Return the title of the group in which the help has each command, by its name."""
     group: Any = get_command(app)
-    return {
-        name: group.get_command(None, name).rich_help_panel for name in group.list_commands(None)
-    }
+    return {name: group.get_command(None, name).rich_help_panel for name in group.list_commands(None)}
 
 
 def _values(annotation: Any) -> str:
@@ -27,11 +25,7 @@ def _values(annotation: Any) -> str:
         return ", ".join(_values(each) for each in inner)
     if isclass(annotation) and issubclass(annotation, Enum):
         return ", ".join(f"`{choice.value}`" for choice in annotation)
-    return (
-        TYPES.get(annotation.__name__, annotation.__name__)
-        if isclass(annotation)
-        else f"`{annotation}`"
-    )
+    return TYPES.get(annotation.__name__, annotation.__name__) if isclass(annotation) else f"`{annotation}`"
 
 
 def _shown(parameter: Any) -> str:
@@ -42,17 +36,9 @@ def _shown(parameter: Any) -> str:
 def _row(parameter: Any, *, is_option: bool) -> list[str]:
     names = [*parameter.opts, *parameter.secondary_opts] if is_option else [_shown(parameter)]
     flag = getattr(parameter, "is_flag", False)
-    value = (
-        _shown(parameter)
-        if is_option and parameter.metavar
-        else _values(parameter.type_descriptor.annotation)
-    )
-    default = (
-        parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
-    )
-    given = (
-        "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
-    )
+    value = _shown(parameter) if is_option and parameter.metavar else _values(parameter.type_descriptor.annotation)
+    default = parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
+    given = "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
     return [
         ", ".join(f"`{name}`" for name in names),
         "" if flag else value,
@@ -64,9 +50,7 @@ def _row(parameter: Any, *, is_option: bool) -> list[str]:
 def _description(command: Any, name: str) -> list[str]:
     """Return what a command does, how it is called, and its arguments and options."""
     arguments = [each for each in command.params if each.param_type_name == "argument"]
-    options = [
-        each for each in command.params if each.param_type_name == "option" and each.name != "help"
-    ]
+    options = [each for each in command.params if each.param_type_name == "option" and each.name != "help"]
     words = [
         "simrob",
         name,
@@ -100,6 +84,4 @@ def pages() -> Iterator[Page]:
     for name, title in commands().items():
         rows.append([f"[`simrob {name}`]({name}.md)", title, sentence(whole_command(name).help)])
         yield command_page(name, title)
-    yield Page(
-        f"{FOLDER}/index.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows)
-    )
+    yield Page(f"{FOLDER}/index.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows))

@@ -63,9 +63,7 @@ def with_pages_below(entry: Any) -> Any:
     if isinstance(entry, dict):
         return {title: [with_pages_below(page) for page in pages] for title, pages in entry.items()}
     folder = entry.removesuffix("index.md")
-    below = [
-        page.path for page in reference() if page.path.startswith(folder) and page.path != entry
-    ]
+    below = [page.path for page in reference() if page.path.startswith(folder) and page.path != entry]
     title = next((page.text.partition("\n")[0] for page in reference() if page.path == entry), "")
     return {title.strip("# `"): [entry, *below]} if entry.endswith("index.md") else entry
 
@@ -76,18 +74,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     for name in reversed(places.FOLDERS):
         below = folder / (places.FOLDERS[name] if is_spanish(config) else name)
         if found := sorted(below.glob("*.md"), key=lambda page: (page.stem != "README", page.stem)):
-            entries.insert(
-                1, {name.capitalize(): [page.relative_to(folder).as_posix() for page in found]}
-            )
+            entries.insert(1, {name.capitalize(): [page.relative_to(folder).as_posix() for page in found]})
     if not is_spanish(config):
         entries = [with_pages_below(entry) for entry in entries]
     else:
         entries = [
-            {
-                TITLES[title]: [
-                    page for page in pages if (folder / page).is_file() or page == "readme.md"
-                ]
-            }
+            {TITLES[title]: [page for page in pages if (folder / page).is_file() or page == "readme.md"]}
             for entry in entries
             for title, pages in entry.items()
             if title not in ENGLISH_ALONE
@@ -110,20 +102,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: SitePage, config: MkDocsConfig, **_: Any) -> str:
     """Let links lead to where on the site things are."""
-    return places.rewritten(
-        markdown, places.repository_path(page.file.src_uri, spanish=is_spanish(config))
-    )
+    return places.rewritten(markdown, places.repository_path(page.file.src_uri, spanish=is_spanish(config)))
 
 
-def on_page_context(
-    context: dict[str, Any], page: SitePage, config: MkDocsConfig, **_: Any
-) -> dict[str, Any]:
+def on_page_context(context: dict[str, Any], page: SitePage, config: MkDocsConfig, **_: Any) -> dict[str, Any]:
     """Let the choice of a language lead to the same page in it, where there is one."""
     spanish = is_spanish(config)
     source = places.repository_path(page.file.src_uri, spanish=spanish)
-    other = places.place(
-        places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md")
-    )
+    other = places.place(places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md"))
     for entry in config.extra["alternate"]:
         own = (entry["lang"] == "es") == spanish
         entry["link"] = f"{FROM_TOP}{place_of(page, config) if own else other}"

@@ -63,11 +63,7 @@ def anchor(section: str) -> str:
 
 
 def _bounds(value: Schema) -> str:
-    found = [
-        f"{sign} {value[key]:g}"
-        for key, sign in LIMITS.items()
-        if key in value and abs(value[key]) < 1e12
-    ]
+    found = [f"{sign} {value[key]:g}" for key, sign in LIMITS.items() if key in value and abs(value[key]) < 1e12]
     return f" {', '.join(found)}" if found else ""
 
 
@@ -78,21 +74,15 @@ def shown_type(value: Schema, here: str = "") -> str:
     if values := [value["const"]] if "const" in value else value.get("enum"):
         return ", ".join(f"`{choice}`" for choice in values)
     if choices := value.get("anyOf") or value.get("oneOf"):
-        shown = dict.fromkeys(
-            shown_type(choice, here) for choice in choices if choice.get("type") != "null"
-        )
+        shown = dict.fromkeys(shown_type(choice, here) for choice in choices if choice.get("type") != "null")
         return " or ".join(shown).replace(PER_AXIS, "number, a list, or by axis")
-    return _shown_collection(value, here) or PLAIN.get(value.get("type", ""), "anything") + _bounds(
-        value
-    )
+    return _shown_collection(value, here) or PLAIN.get(value.get("type", ""), "anything") + _bounds(value)
 
 
 def _shown_collection(value: Schema, here: str) -> str:
     """Return what a list or a mapping holds, or nothing of anything else."""
     if value.get("type") == "array":
-        size = (
-            f"{value['minItems']} × " if value.get("minItems") == value.get("maxItems", 0) else ""
-        )
+        size = f"{value['minItems']} × " if value.get("minItems") == value.get("maxItems", 0) else ""
         inner = value.get("items") or {"anyOf": value.get("prefixItems", [{}])}
         return f"list of {size}{shown_type(inner, here) if inner is not True else 'anything'}"
     named = value.get("additionalProperties")

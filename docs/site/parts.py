@@ -31,9 +31,7 @@ def blocks_of(model: type[Any]) -> list[type[Any]]:
     own = [one for one in classes if one.__module__ == model.__module__]
     after = takewhile(lambda one: not _is_kind(one), own[own.index(model) + 1 :])
     blocks = own if sum(map(_is_kind, own)) == 1 else after
-    return [
-        block for block in blocks if issubclass(block, Block) and not block.__name__.startswith("_")
-    ]
+    return [block for block in blocks if issubclass(block, Block) and not block.__name__.startswith("_")]
 
 
 def _is_kind(model: type[Any]) -> bool:
@@ -45,10 +43,7 @@ def _is_kind(model: type[Any]) -> bool:
 def kind_text(kind: str, model: type[Any], schema: dict[str, Any], keys: str) -> str:
     """Return what there is to say of a kind: what it does, its law, its keys, what it adds, the ports of its blocks."""
     module = sys.modules[model.__module__]
-    alone = sum(
-        isclass(one) and _is_kind(one) and one.__module__ == module.__name__
-        for one in vars(module).values()
-    )
+    alone = sum(isclass(one) and _is_kind(one) and one.__module__ == module.__name__ for one in vars(module).values())
     law = markdown(module.__doc__ or "") if alone == 1 else ""
     parts = [f"## {kind}", markdown(getdoc(model) or ""), law]
     parts.append(key_table(schema["$defs"][model.__name__], keys))
@@ -65,14 +60,9 @@ def family_page(family: str, kinds: Kinds, schema: dict[str, Any]) -> Page:
     """Return the page of a family."""
     key = KEY.get(family, family)
     keys = f"../keys/station/{key}.md"
-    rows = [
-        [f"[`{kind}`](#{kind})", sentence(getdoc(model) or "")]
-        for kind, model in kinds.models.items()
-    ]
+    rows = [[f"[`{kind}`](#{kind})", sentence(getdoc(model) or "")] for kind, model in kinds.models.items()]
     summary = table(["kind", "what it does"], rows)
-    head = (
-        f"# {family.capitalize()}\n\nKinds of the key [`{key}`]({keys}) of a station.\n\n{summary}"
-    )
+    head = f"# {family.capitalize()}\n\nKinds of the key [`{key}`]({keys}) of a station.\n\n{summary}"
     texts = [kind_text(kind, model, schema, keys) for kind, model in kinds.models.items()]
     return Page(f"{FOLDER}/{family}.md", "\n\n".join([head, *texts]) + "\n")
 

@@ -45,11 +45,7 @@ def place(path: str) -> str:
     if path.startswith("docs/"):
         inside = PurePosixPath(path).relative_to("docs")
         if inside.suffix == ".md":
-            return str(
-                inside.with_name(
-                    "index.html" if inside.name == "README.md" else f"{inside.stem}.html"
-                )
-            )
+            return str(inside.with_name("index.html" if inside.name == "README.md" else f"{inside.stem}.html"))
         return str(inside / "index.html" if file.is_dir() else inside)
     if "/" not in path and file.suffix == ".md":
         return f"{file.stem.lower()}.html"
@@ -70,15 +66,9 @@ def twin(path: str) -> str | None:
     spanish = path.startswith(SPANISH)
     inside = PurePosixPath(path).relative_to(SPANISH if spanish else "docs")
     names = {there: here for here, there in FOLDERS.items()} if spanish else FOLDERS
-    folder = (
-        ROOT
-        / ("docs" if spanish else SPANISH)
-        / Path(*(names.get(part, part) for part in inside.parent.parts))
-    )
+    folder = ROOT / ("docs" if spanish else SPANISH) / Path(*(names.get(part, part) for part in inside.parent.parts))
     number = re.match(r"\d+-", inside.name)
-    others = sorted(
-        folder.glob(f"{number[0]}*.md" if number else ALIKE.get(inside.name, inside.name))
-    )
+    others = sorted(folder.glob(f"{number[0]}*.md" if number else ALIKE.get(inside.name, inside.name)))
     return others[0].relative_to(ROOT).as_posix() if others else None
 
 

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 from latex2mathml.converter import convert
 
-_BLOCK = re.compile(
-    r"^( *)\.\. math::[ \t]*([^\n]*(?:\n(?:\1 {2,}[^\n]*|[ \t]*(?=\n\1 {2,})))*)", re.MULTILINE
-)
+_BLOCK = re.compile(r"^( *)\.\. math::[ \t]*([^\n]*(?:\n(?:\1 {2,}[^\n]*|[ \t]*(?=\n\1 {2,})))*)", re.MULTILINE)
 _INLINE = re.compile(r":math:`([^`]+)`")
 _ROLE = re.compile(r":(?:class|func|meth|mod|attr|data|exc):`~?\.?([\w.]+)`")
 
@@ -28,19 +26,13 @@ def formula(latex: str, display: str = "inline") -> str:
 
 def _role(match: re.Match[str]) -> str:
     shown = f"<code>{match[1].rpartition('.')[2]}</code>"
-    return (
-        f'<autoref identifier="{match[1]}" optional>{shown}</autoref>'
-        if "simrob_drake." in match[1]
-        else shown
-    )
+    return f'<autoref identifier="{match[1]}" optional>{shown}</autoref>' if "simrob_drake." in match[1] else shown
 
 
 def markdown(docstring: str) -> str:
     """Return a docstring, which has roles and formulas of reStructuredText, as Markdown."""
     parts = cleandoc(docstring).replace("``", "`").split("`")
-    text = "`".join(
-        part if index % 2 else part.replace("<", "&lt;") for index, part in enumerate(parts)
-    )
+    text = "`".join(part if index % 2 else part.replace("<", "&lt;") for index, part in enumerate(parts))
     text = _BLOCK.sub(lambda match: f"\n{match[1]}{formula(match[2], 'block')}\n", text)
     return _ROLE.sub(_role, _INLINE.sub(lambda match: formula(match[1]), text))
 
