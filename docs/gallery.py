@@ -22,7 +22,7 @@ from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, 
 from simrob_drake.base.files import models_root
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.camera import side, walked_displacement
-from simrob_drake.results.animation.pictures import Studio, captions, side_by_side
+from simrob_drake.results.animation.pictures import Studio, captions_of, side_by_side
 from simrob_drake.results.result import joined
 from simrob_drake.robots.catalog import robot_names
 
@@ -145,11 +145,9 @@ def azimuth(station: str, run: SimulationResult) -> float:
 
 def strip(run: SimulationResult, *, azimuth: float) -> Image.Image:
     """Return frames of a run side by side."""
-    studio, times = (
-        Studio(run, height=HEIGHT, oversampling=2, azimuth=azimuth),
-        np.linspace(0, run.stop_time, FRAMES),
-    )
-    return side_by_side(list(studio.images(times)), captions(times, studio.walked))
+    studio = Studio(run, height=HEIGHT, oversampling=2, azimuth=azimuth)
+    times = np.linspace(0, run.stop_time, FRAMES)
+    return side_by_side(list(studio.images(times)), captions_of(run, studio, times))
 
 
 def walk_picture(run: SimulationResult, *, height: int) -> Image.Image:

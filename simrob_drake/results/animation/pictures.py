@@ -142,8 +142,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
             "height", height, message("results.least_pixels", "at least 16 [pixels]")
         )
     studio = Studio(result, height=height, oversampling=2)
-    distances = None if studio.robot_displacement is None else base_distances(result, times)
-    texts = captions(times, distances)
+    texts = captions_of(result, studio, times)
     if events:
         texts = [
             f"{caption}\n{translate(text)}"
@@ -283,6 +282,18 @@ def frame_writer() -> Callable[..., Any]:
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
+
+
+def captions_of(result: RecordedRun, studio: "Studio", times: Vector) -> list[str]:
+    """Write the captions of a run's images at times (k,) [s], with the distance of a robot that walks.
+
+    Args:
+        result: the run.
+        studio: draws its images.
+        times: times of the images, shape (k,) [s].
+    """
+    walks = studio.robot_displacement is not None
+    return captions(times, base_distances(result, times) if walks else None)
 
 
 def captions(times: Vector, distances: Vector | None) -> list[str]:
