@@ -394,7 +394,7 @@ class TestCodeThatAFileNames:
             ):
                 run(file)
         with pytest.raises(
-            SimrobError, match=r"override controllers.*: would run the code.*allow_code=True"
+            SimrobError, match=r"override controllers.*: would run the Python code.*allow_code=True"
         ):
             load_station(
                 "irb120_dynamic",
@@ -487,7 +487,8 @@ class TestWrong:
         nod = Nod()
         simulate(arm(), blocks=[nod], duration=0.01, progress=False)
         with pytest.raises(
-            SimrobError, match=r"blocks nod cannot be .*; a block serves one diagram; make it anew"
+            SimrobError,
+            match=r"blocks nod cannot be .*: a block belongs to one diagram only, so create a new one",
         ):
             simulate(arm(), blocks=[nod], duration=0.01)
 

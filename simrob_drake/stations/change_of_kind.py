@@ -103,9 +103,8 @@ class KeyLosses:
             self.texts.append(
                 message(
                     "stations.change_of_kind",
-                    "{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of "
-                    "{kind}, without what was given for {old_kind} ({lost}); set {where}.<key> for the "
-                    "new kind",
+                    "{where}.kind changes from {old_kind} to {kind}, so the keys that were given for {old_kind} "
+                    "are dropped: {lost}; to change a default of {kind}, set {where}.<key>",
                     where=where,
                     kind=kind,
                     old_kind=old_kind,

@@ -192,14 +192,15 @@ def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
     """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
     # Drake has no class for this error: its text is the only sign.
     was_built_before = "been built into a different Diagram" in str(problem)
-    cause = message("stations.signals_in_circle", "signals must not go around in a circle")
+    cause = message("stations.signals_in_circle", "signals must not form an algebraic loop")
     if was_built_before:
         cause = message(
-            "stations.block_serves_one_diagram", "a block serves one diagram; make it anew"
+            "stations.block_serves_one_diagram",
+            "a block belongs to one diagram only, so create a new one",
         )
     text = message(
         "stations.blocks_cannot_be_wired",
-        "the blocks {blocks} cannot be wired so; {cause} ({problem})",
+        "the blocks {blocks} cannot be connected: {cause} ({problem})",
         blocks=", ".join(ports.blocks),
         cause=cause,
         problem=problem,
@@ -358,13 +359,11 @@ def _check_start(robot: ResolvedRobot, start: Vector) -> None:
         return
     found = message(
         "stations.state_of_size",
-        "a state in which '{robot}' is of size {size}",
+        "a state with {size} axes of '{robot}'",
         robot=robot.name,
         size=len(start),
     )
-    expected = message(
-        "stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)
-    )
+    expected = message("stations.station_of_size", "a state with {size} axes", size=len(robot.axes))
     raise InvalidParameter("start", found, expected)
 
 
@@ -376,7 +375,7 @@ def _check_size(robot: ResolvedRobot, reference: Reference) -> None:
     found = message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count)
     expected = message(
         "stations.count_of_joints",
-        "{count} joints: {axes}",
+        "a trajectory of {count} joints: {axes}",
         count=len(robot.axes),
         axes=", ".join(robot.axes),
     )
@@ -461,7 +460,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
             message("stations.array_of", "an array of {shape}", shape=shape),
             message(
                 "stations.columns_a_joint",
-                "of {count} columns, one a joint [rad]",
+                "an array of {count} columns, one for each joint [rad or m]",
                 count=len(robot.axes),
             ),
         )

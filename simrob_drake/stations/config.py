@@ -71,7 +71,9 @@ _Gain = Annotated[
     AxisValues,
     every_axis(
         lambda value: 0 <= value <= LARGEST_GAIN,
-        message("stations.gain_range", "a gain is of 0 to {largest:g}", largest=LARGEST_GAIN),
+        message(
+            "stations.gain_range", "a gain must be between 0 and {largest:g}", largest=LARGEST_GAIN
+        ),
     ),
 ]
 _Limit = Annotated[
@@ -144,7 +146,8 @@ class ServoConfig(Renamed):
             raise ValueError(
                 message(
                     "stations.admittance_needs_realization",
-                    "admittance_gain needs realization per_joint or vector: implicit hides the servo's torque",
+                    "admittance_gain needs realization per_joint or vector, since implicit does not report the "
+                    "servo's torque",
                 )
             )
         # Drake's actuators have PD gains, and no other law.
@@ -152,22 +155,25 @@ class ServoConfig(Renamed):
             raise ValueError(
                 message(
                     "stations.law_needs_realization",
-                    "law {law} needs realization per_joint or vector: actuators know the law pid alone",
+                    "law {law} needs realization per_joint or vector, since actuators have only the law pid",
                     law=self.law,
                 )
             )
         if self.motor is not None and self.admittance_gain > 0:
             raise ValueError(
-                message("stations.admittance_without_motor", "admittance_gain goes without a motor")
+                message(
+                    "stations.admittance_without_motor",
+                    "admittance_gain cannot be combined with motor",
+                )
             )
         if self.law != "pid" and self.admittance_gain > 0:
             raise ValueError(
-                message("stations.admittance_with_pid", "admittance_gain goes with law pid")
+                message("stations.admittance_with_pid", "admittance_gain needs law pid")
             )
         # Only a cascade has a loop whose command is a speed.
         if self.speed_limit is not None and self.law != "cascade":
             raise ValueError(
-                message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade")
+                message("stations.speed_limit_with_cascade", "speed_limit needs law cascade")
             )
         if self.law == "computed_torque":
             # A feedforward would count gravity and inertia twice.
@@ -175,7 +181,7 @@ class ServoConfig(Renamed):
                 raise ValueError(
                     message(
                         "stations.computed_torque_is_whole",
-                        "law computed_torque is the whole torque of the model: leave feedforward out",
+                        "law computed_torque contains the whole torque of the model already; remove feedforward",
                     )
                 )
             # Gains of a robot's file are torques for an error [N·m/rad], those of this law
@@ -249,11 +255,11 @@ class RobotConfig(Renamed):
         # True if both are given, and if neither is.
         if (self.model is None) == (self.urdf is None):
             raise ValueError(
-                message("stations.model_or_urdf", "a robot has either a model or a urdf")
+                message("stations.model_or_urdf", "a robot needs either model or urdf, not both")
             )
         if self.urdf is None and self.import_options is not None:
             raise ValueError(
-                message("stations.options_go_with_urdf", "import_options go with a urdf")
+                message("stations.options_go_with_urdf", "import_options needs the key urdf")
             )
         return self
 
@@ -468,14 +474,14 @@ def check_effort(config: StationConfig) -> None:
     # Free pieces first: their bound is the smaller one.
     if len(config.free_pieces) > MOST_FREE_PIECES:
         found = message(
-            "stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces)
+            "stations.with_free_pieces", "{count} free pieces", count=len(config.free_pieces)
         )
         raise InvalidParameter(
             "pieces",
             found,
             message(
                 "stations.most_free_pieces",
-                "with at most {most} of free: true",
+                "at most {most} pieces with free: true",
                 most=MOST_FREE_PIECES,
             ),
         )
@@ -491,7 +497,7 @@ def check_effort(config: StationConfig) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = message(
             "stations.longest_duration",
-            "at most {longest:g} s at a sample_rate of {rate:g} Hz: {samples:g} samples",
+            "at most {longest:g} s at a sample_rate of {rate:g} Hz ({samples:g} samples)",
             longest=MOST_SAMPLES / rate,
             rate=rate,
             samples=MOST_SAMPLES,
@@ -501,7 +507,7 @@ def check_effort(config: StationConfig) -> None:
     if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
         shortest = message(
             "stations.shortest_step",
-            "at least {shortest:g} s for a duration of {duration:g} s: {steps:g} steps",
+            "at least {shortest:g} s for a duration of {duration:g} s ({steps:g} steps)",
             shortest=duration / MOST_STEPS,
             duration=duration,
             steps=MOST_STEPS,
@@ -515,7 +521,7 @@ def check_effort(config: StationConfig) -> None:
         if duration * sensor_rate > MOST_STEPS:
             most = message(
                 "stations.largest_rate",
-                "at most {rate:g} Hz for a duration of {duration:g} s: {samples:g} samples",
+                "at most {rate:g} Hz for a duration of {duration:g} s ({samples:g} samples)",
                 rate=MOST_STEPS / duration,
                 duration=duration,
                 samples=MOST_STEPS,
@@ -528,7 +534,7 @@ def check_effort(config: StationConfig) -> None:
         if delay * sensor_rate > MOST_LATE:
             most = message(
                 "stations.largest_delay",
-                "at most {delay:g} s at a rate of {rate:g} Hz: {samples:g} samples",
+                "at most {delay:g} s at a rate of {rate:g} Hz ({samples:g} samples)",
                 delay=MOST_LATE / sensor_rate,
                 rate=sensor_rate,
                 samples=MOST_LATE,

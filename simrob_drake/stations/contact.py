@@ -102,7 +102,7 @@ def apply_materials(
         if touches_at_points and contact.model == "hydroelastic":
             expected = message(
                 "stations.hydroelastic_with_fallback",
-                "hydroelastic_with_fallback, as a piece meets others at points",
+                "hydroelastic_with_fallback, since a piece has contact.model point",
             )
             raise InvalidParameter("contact.model", contact.model, expected)
         material = _material(config, contact, piece)
@@ -146,7 +146,8 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
     if resolution < finest:
         expected = message(
             "stations.coarser_resolution",
-            "{finest:.2g} m or more: finer ones give the shapes of this station too many faces",
+            "{finest:.2g} m or more, since a finer resolution divides the shapes of this station into "
+            "too many faces",
             finest=finest,
         )
         raise InvalidParameter(

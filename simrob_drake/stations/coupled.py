@@ -177,7 +177,7 @@ def expected_position(
     )
     return message(
         "stations.taken_by_couplings",
-        "{needed}, to which {labels} takes it with {state}",
+        "{needed} to satisfy {labels} with {state}",
         needed=needed,
         labels=listed(condition.labels),
         state=listed(state),
@@ -278,12 +278,12 @@ def _check_solvable(condition: AxisCondition) -> None:
         *others, last = condition.labels
         expected = message(
             "stations.such_that_one_posture",
-            "left out, or such that one posture fulfils all of them",
+            "left out, or changed so that one posture satisfies all of these couplings",
         )
         raise InvalidParameter(
             last,
             message(
-                "stations.in_contradiction", "in contradiction to {others}", others=listed(others)
+                "stations.in_contradiction", "in contradiction with {others}", others=listed(others)
             ),
             expected,
         )
@@ -368,7 +368,7 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
             leader = model.followers[axis].leader
             expected += message(
                 "stations.follows_leader",
-                "; it follows {leader}, so choose another initial_deg of {leader}",
+                "; the axis follows {leader}, so change initial_deg of {leader}",
                 leader=leader,
             )
         raise InvalidParameter(

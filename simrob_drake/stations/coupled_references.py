@@ -301,7 +301,7 @@ def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParame
         problem,
         message(
             "stations.value_for_one",
-            "a value for one of them, since {labels} moves either",
+            "a value for one of these axes, which are coupled by {labels}",
             labels=listed(labels),
         ),
     )

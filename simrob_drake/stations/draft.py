@@ -118,7 +118,7 @@ def draft_station(
             "options",
             message(
                 "stations.describes_a_robot",
-                "{file} describes a robot, and nothing is imported",
+                "{file} describes a robot and is not imported, so options of an import have no effect",
                 file=file.name,
             ),
         )
@@ -131,7 +131,7 @@ def draft_station(
         robot = robot_from_file(file, options)
         reason = message(
             "stations.drafted_unshaped",
-            "The robot has no shapes that collide, so that nothing could carry it: it is held by its root.",
+            "The root is fixed, since the robot has no collision shapes on which it could stand.",
         )
         remarks.append(reason)
 
@@ -182,7 +182,7 @@ def _remarks_on_axes(robot: RobotModel) -> list[str]:
     if robot.followers:
         coupled = message(
             "stations.drafted_followers",
-            "By the robot's file these axes follow others, see couplings: {followers}.",
+            "In the robot's file these axes follow others; see the section couplings: {followers}.",
             followers=", ".join(robot.followers),
         )
         remarks.append(coupled)
@@ -190,8 +190,8 @@ def _remarks_on_axes(robot: RobotModel) -> list[str]:
     if robot.passive_axes and not is_kinematic:
         without_motor = message(
             "stations.drafted_without_motor",
-            "By the robot's file no motor moves these axes: {axes}."
-            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
+            "In the robot's file these axes have no motor: {axes}. To give them motors, add `passive: "
+            "[]` and their `torque_limit` to servo.",
             axes=", ".join(robot.passive_axes),
         )
         remarks.append(without_motor)
@@ -211,7 +211,7 @@ def _check_floating_base(robot: RobotModel, file: Path) -> None:
             compound("{file}: {key}", file=file.name, key="base"),
             message(
                 "stations.floating_unshaped",
-                "it is floating, but no link has a collision shape to stand on",
+                "the base is floating, but no link has a collision shape to stand on",
             ),
             message(
                 "stations.give_shapes_or_fix",
@@ -317,7 +317,8 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content["servo"]["realization"] = "implicit"
     text = message(
         "stations.drafted_discrete",
-        "In discrete steps, since radau3 was tried and takes too many steps: some links are too light for it.",
+        "The solver is discrete: with radau3, a trial run takes too many steps, since some links are "
+        "very light.",
     )
     return [text]
 
@@ -354,7 +355,7 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     return [
         message(
             "stations.drafted_loops",
-            "Loops are closed by couplings: {loops}.",
+            "These couplings close the kinematic loops: {loops}.",
             loops=", ".join(robot.loops),
         ),
         message(
@@ -392,18 +393,20 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content["reference"] = {"kind": "hold"}
     holding = message(
         "stations.drafted_fingers",
-        "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged.",
+        "Couplings move the fingers ({fingers}) together, as one motor does. Hydroelastic contact "
+        "and the solver lagged hold pieces by friction.",
         fingers=", ".join(axes[index] for index in robot.fingers),
     )
     gripping = message(
         "stations.drafted_grip",
-        "`grip: {{force: 20}}` [N] in the program takes a piece, and `open: {{}}` releases it; see docs/arms.md.",
+        "In the program, `grip: {{force: 20}}` [N] grips a piece, and `open: {{}}` releases it; see "
+        "docs/arms.md.",
     )
     remarks: list[str] = [holding, gripping]
     if any(robot.prismatic):
         sliding = message(
             "stations.drafted_sliding",
-            "These axes slide, so their values under target_deg and initial_deg are metres: {axes}.",
+            "These axes are prismatic, so their values under target_deg and initial_deg are in metres: {axes}.",
             axes=", ".join(np.array(axes)[np.array(robot.prismatic)]),
         )
         remarks.append(sliding)
@@ -453,10 +456,12 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         if trial.is_standing:
             return [
                 message(
-                    "stations.drafted_stands", "It stands {stance}.", stance=_stance_text(stance)
+                    "stations.drafted_stands",
+                    "The robot stands {stance}.",
+                    stance=_stance_text(stance),
                 ),
                 message(
-                    "stations.drafted_tried", "It was tried: {outcome}.", outcome=trial.outcome
+                    "stations.drafted_tried", "In a trial run, {outcome}.", outcome=trial.outcome
                 ),
             ]
         if first_stance is None:
@@ -467,11 +472,11 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         return [
             message(
                 "stations.drafted_by_statics",
-                "By statics it would stand {stance}.",
+                "By statics, the robot stands {stance}.",
                 stance=_stance_text(first_stance),
             ),
             message(
-                "stations.drafted_but", "But when it was tried, {outcome}.", outcome=first_outcome
+                "stations.drafted_but", "But in a trial run, {outcome}.", outcome=first_outcome
             ),
         ]
     home = stances.as_it_is()
@@ -481,12 +486,12 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     return [
         message(
             "stations.drafted_no_stance",
-            "No posture was found in which it stands on its feet. {lacking}",
+            "No posture was found in which the robot stands on its feet. {lacking}",
             lacking=stances.lacking,
         ),
         message(
             "stations.drafted_at_home",
-            "So it begins at home, and falls or not: when it was tried, {outcome}.",
+            "The robot begins in its home posture, and may fall: in a trial run, {outcome}.",
             outcome=trial.outcome,
         ),
     ]
@@ -504,7 +509,7 @@ def _stance_text(stance: Stance) -> str:
     found = stance.standing
     return message(
         "stations.drafted_stance",
-        "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside of the support",
+        "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside the support area",
         stance=stance.how,
         links=", ".join(found.ends),
         margin=found.margin * 1e3,
@@ -579,7 +584,7 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
 
 _FIRST_LINE = message(
     "stations.drafted_first_station",
-    "First station of an imported robot; change it as you like, and try `simrob check` on it.",
+    "First station of an imported robot. Change it as needed, and run `simrob check` on it.",
 )
 
 
@@ -594,13 +599,13 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
     missing = ", ".join(robot.links_without_inertia)
     reason = message(
         "stations.drafted_kinematic",
-        "Kinematic, since these links have no inertia: {links}.",
+        "The station is kinematic, since these links have no inertia: {links}.",
         links=missing,
     )
     if is_yaml_name(file):
         remedy = message(
             "stations.drafted_give_mass",
-            "For motion by torque give them a mass in {file}, and begin anew.",
+            "For a dynamic station, give these links a mass in {file}, and draft the station again.",
             file=file.name,
         )
     else:
@@ -609,7 +614,7 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
         )
         remedy = message(
             "stations.drafted_estimate",
-            "For motion by torque begin anew: {command}",
+            "For a dynamic station, run: {command}",
             command=command,
         )
     return [_FIRST_LINE, reason, remedy]
@@ -742,11 +747,11 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     context = station.plant.GetMyContextFromRoot(simulator.get_context())
     before = robot.root.CalcPoseInWorld(context)
     if not _advances(simulator, duration):
-        return StandingTrial(False, message("stations.it_diverged", "it diverged"))
+        return StandingTrial(False, message("stations.it_diverged", "the simulation diverged"))
     time = simulator.get_context().get_time()
     if time < duration:
         return StandingTrial(
-            False, message("stations.it_fell", "it fell at {time:.2f} s", time=time)
+            False, message("stations.it_fell", "the robot fell at {time:.2f} s", time=time)
         )
 
     after = robot.root.CalcPoseInWorld(context)
@@ -762,7 +767,8 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     side = message("stations.lower", "lower") if sunk >= 0 else message("stations.higher", "higher")
     outcome = message(
         "stations.stood_after",
-        "after {duration:g} s it leans by {lean:.1f} deg, and its root is {height:.0f} mm {side} than at the start",
+        "after {duration:g} s the robot leans by {lean:.1f} deg, and its root is {height:.0f} mm "
+        "{side} than at the start",
         duration=duration,
         lean=leaning_deg,
         height=abs(sunk) * 1e3,

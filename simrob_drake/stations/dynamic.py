@@ -100,7 +100,7 @@ def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRo
         if name.startswith("external"):
             expected = message(
                 "stations.robot_with_tool",
-                "for a robot with a tool, and none has one here; the section forces acts on any link",
+                "for a robot with a tool, but no robot here has one; for a force on any link, use the section forces",
             )
             raise InvalidParameter("inputs", name, expected)
 
@@ -192,7 +192,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
             why = message(
                 "stations.blocks_damp",
-                "blocks damp {prefix}{axis} with a kd of {kd:g}",
+                "the servo's blocks damp {prefix}{axis} with kd {kd:g}",
                 prefix=robot.prefix,
                 axis=robot.axes[worst],
                 kd=robot.gains.kd[worst],
@@ -314,7 +314,7 @@ def _add_bus(
     if not_brought is not None:
         problem = message(
             "stations.bus_brings_positions",
-            "a bus brings positions and speeds alone, not {fast}",
+            "a bus transmits only positions and velocities, not {fast}",
             fast=not_brought,
         )
         remedy = message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought)
@@ -338,7 +338,7 @@ def _add_bus(
     label = message("stations.block_bus", "Bus\n{rate:g} Hz", rate=bus.rate)
     if bus.delay:
         label += message(
-            "stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate
+            "stations.block_late", ", delay {delay:g} ms", delay=1000 * bus.delay / bus.rate
         )
     ports.picture.draw(name, "servo", label, robot)
     return block.GetOutputPort("reference"), {key: block.GetOutputPort(key) for key in optional}
@@ -507,13 +507,15 @@ def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
     """
     if turns:
         title = message(
-            "stations.external_torque_at", "external torque at {place}, in its axes", place=place
+            "stations.external_torque_at",
+            "external torque at {place}, in the tool's axes",
+            place=place,
         )
         return title, message(
             "stations.block_external_torque", "External torque\nat {place}", place=place
         )
     title = message(
-        "stations.external_force_at", "external force at {place}, in its axes", place=place
+        "stations.external_force_at", "external force at {place}, in the tool's axes", place=place
     )
     return title, message(
         "stations.block_external_force", "External force\nat {place}", place=place
@@ -544,7 +546,7 @@ def _add_admittance_servos(
     declare_torque(ports, robot, torque)
     label = message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain)
     ports.picture.draw(f"{prefix}admittance", "servo", label, robot)
-    label = message("stations.block_model_torque", "Torque of the model\nat this speed")
+    label = message("stations.block_model_torque", "Model torque\nwithout acceleration")
     ports.picture.draw(f"{prefix}model_torque", "servo", label, robot)
     # Sums and stacks of signals would only clutter the picture.
     hidden = [f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus"]

@@ -69,7 +69,7 @@ def import_findings(
     if imported_by_station is not None:
         summary = message(
             "stations.summary_of_import",
-            "{summary}; `simrob check {source}` tells all",
+            "{summary}; `simrob check {source}` shows the details",
             summary=report.summary(),
             source=source,
         )
@@ -83,7 +83,9 @@ def _loss_text(group: WordGroup) -> str:
     # A loss of the whole robot names no element.
     text = compound("{first}: {text}", first=first, text=group.text) if first else group.text
     if others:
-        text += message("stations.likewise", "; likewise {others}", others=listed(others))
+        text += message(
+            "stations.likewise", "; the same applies to {others}", others=listed(others)
+        )
     return text
 
 
@@ -177,8 +179,8 @@ def _friction_finding(
         setting = f"'{section}.drives.friction={{{values}}}'"
     text = message(
         "stations.friction_left_out",
-        "the import of {file} left out joint friction, which is seldom measured: {frictions}; `--set {setting}` brings "
-        "it back",
+        "the import of {file} leaves out joint friction, which is seldom measured: {frictions}; "
+        "`--set {setting}` restores it",
         file=source.name,
         frictions=listed(amounts),
         setting=setting,
@@ -216,7 +218,7 @@ def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message
     file = (source or report.source).name
     return message(
         "stations.estimated_inertias",
-        "the inertia of {links} is an estimate: {file} has none that can be used",
+        "the inertia of {links} is an estimate, since {file} has no usable value",
         links=listed(links),
         file=file,
     )
@@ -233,13 +235,14 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
     scheme = config.engine.name
     text = message(
         "stations.follower_uncoupled",
-        "{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its ",
+        "{follower} follows {leader} in the robot's file, but the solver {scheme} does not support "
+        "couplings: each axis has its ",
         follower=follower,
         leader=leader,
         scheme=scheme,
     )
     text += message(
-        "stations.own_motor", "own motor; take solver.kind discrete, or scheme radau3 or cenic"
+        "stations.own_motor", "own motor; use solver.kind discrete, or scheme radau3 or cenic"
     )
     return Finding(
         "warning", message("stations.mimic_of", "mimic of {follower}", follower=follower), text

@@ -314,7 +314,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         if controller.runs_code and not allow_code:
             expected = message(
                 "stations.would_run_code",
-                "would run the code {code}; if you trust it, say allow_code=True, or --allow-code",
+                "would run the Python code {code}; if you trust this code, use allow_code=True or --allow-code",
                 code=controller.class_,
             )
             raise InvalidConfig(where, f"controllers.{name}", expected)
@@ -362,14 +362,14 @@ def _check_extensions(content: Content, where: Path | str) -> None:
             if found.problem:
                 state = message(
                     "stations.extension_left_out",
-                    "the extension {extension} of {package} is left out: {problem}",
+                    "the extension {extension} of {package} is not used: {problem}",
                     extension=found.name,
                     package=found.package,
                     problem=found.problem,
                 )
                 problem = message(
                     "stations.needs_and",
-                    "the station needs {package}, and {state}",
+                    "the station needs {package}, but {state}",
                     package=entry,
                     state=state,
                 )
@@ -440,7 +440,7 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
                 if key in known:
                     problem = message(
                         "stations.name_in_two_scenes",
-                        "two files have a model {name}; the names of models differ",
+                        "two files have a model {name}; give the models different names",
                         name=key,
                     )
                     raise InvalidConfig(where, "add_directives", problem)
@@ -536,7 +536,7 @@ def _station_file(name_or_path: str | Path) -> Path:
             )
         problem = message(
             "stations.is_a_folder",
-            "is a folder, and a station is a name or a YAML file{hint}",
+            "is a folder, but a station is given by its name or a YAML file{hint}",
             hint=hint,
         )
         raise InvalidConfig(path, "", problem)
@@ -731,7 +731,7 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
     except Exception as problem:  # an object may raise any exception when it is copied
         text = message(
             "stations.no_file_could_hold",
-            "is {value}, which no station's file could hold",
+            "is {value}, which cannot be written in a station's file",
             value=quoted(value),
         )
         raise InvalidConfig(where, ".".join(path), text) from problem
@@ -760,7 +760,10 @@ def _with_robots_section(content: Content, where: Path | str) -> Content:
     if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
-        problem = message("stations.robot_or_robots", "a station has either robot: or robots:")
+        problem = message(
+            "stations.robot_or_robots",
+            "a station has either the section robot or the section robots, not both",
+        )
         raise InvalidConfig(where, "robot", problem)
     # A loop instead of `pop`, so that the section keeps its place in the order of keys.
     changed = Content()

@@ -93,7 +93,7 @@ class LoopsOfRobot:
                 "stations.closed_within_limits", "closed in some posture within the limits"
             )
             raise InvalidParameter(
-                message("stations.each_loop", "each loop"),
+                message("stations.each_loop", "each kinematic loop"),
                 message(
                     "stations.open_at_best",
                     "open by {deviation:.3g} m or rad at best",

@@ -54,9 +54,10 @@ def check_inputs(
     raise SimrobError(
         message(
             "stations.open_inputs",
-            "{count} {count:input is|inputs are} not connected: {inputs}; before Build(), connect each with "
-            "builder.Connect(output, {port}), where a ConstantVectorSource(numpy.zeros({size})) has the output of "
-            "a constant, or export it with builder.ExportInput({port}) to the diagram around",
+            "{count} {count:input is|inputs are} not connected: {inputs}; before Build(), connect each "
+            "with builder.Connect(output, {port}), where the output of a "
+            "ConstantVectorSource(numpy.zeros({size})) is a constant, or export it with "
+            "builder.ExportInput({port})",
             count=len(found),
             inputs=listed,
             port=port,

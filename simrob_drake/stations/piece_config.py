@@ -63,7 +63,8 @@ class Scatter(Strict):
         if any(lower > upper for lower, upper in ranges):
             raise ValueError(
                 message(
-                    "stations.lower_values_first", "within and turn_deg have the lower values first"
+                    "stations.lower_values_first",
+                    "in within and turn_deg, the lower values come first",
                 )
             )
         return self
@@ -89,7 +90,7 @@ class Scatter(Strict):
             raise ValueError(
                 message(
                     "stations.room_for_some",
-                    "room for {most} of {count}: give it a larger box, or less apart",
+                    "room for only {most} of {count} pieces; enlarge within, or reduce apart",
                     most=most,
                     count=self.count,
                 )
@@ -197,7 +198,7 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.free_piece_hangs_on_nothing",
-                    "a free piece hangs on nothing, so its parent is world and not {parent}",
+                    "a free piece has the parent world, not {parent}",
                     parent=self.parent,
                 )
             )
@@ -209,7 +210,7 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.one_of_sources",
-                    "a piece has one of {sources}, not several",
+                    "a piece has only one of {sources}",
                     sources=join_texts(self.sources, message("base.and", " and ")),
                 )
             )
@@ -217,14 +218,14 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.shapes_and_mesh",
-                    "shapes are boxes, cylinders and spheres; a mesh stands in mesh, or in a piece.yaml",
+                    "shapes contains boxes, cylinders and spheres; give a mesh under the key mesh, or in a piece.yaml",
                 )
             )
         if self.scale is not None and self.mesh is None:
-            raise ValueError(message("stations.scale_goes_with_mesh", "a scale goes with a mesh"))
+            raise ValueError(message("stations.scale_goes_with_mesh", "scale needs the key mesh"))
         if self.density is not None and self.mass is not None:
             raise ValueError(
-                message("stations.mass_or_density", "a piece has either a mass or a density")
+                message("stations.mass_or_density", "a piece has either mass or density, not both")
             )
         return self
 
@@ -268,7 +269,7 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
             raise ValueError(
                 message(
                     "stations.scattered_name_taken",
-                    "{twice} stands there, and would be one of the scattered {name}",
+                    "the piece {twice} exists already, and a copy of {name} has the same name; rename one of them",
                     twice=min(taken),
                     name=name,
                 )

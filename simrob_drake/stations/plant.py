@@ -465,7 +465,7 @@ def add_robot(
         listed = ", ".join(model.links_without_inertia)
         remedy = message(
             "stations.kinematic_or_estimate",
-            "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true",
+            "set mode to kinematic, or robot.import_options.estimate_inertia to true",
         )
         where = station.config.robots[robot.name].urdf or model.urdf_path
         problem = message(
@@ -512,7 +512,7 @@ def add_robot(
             if play > 0 and joint.index() not in turning:
                 expected = message(
                     "stations.zero_or_rotor_inertia",
-                    "0, or {axis} have a rotor_inertia, which its motor moves alone in the play",
+                    "0, or {axis} must have a rotor_inertia, since its motor moves only its rotor within the backlash",
                     axis=axis,
                 )
                 key = f"robots.{robot.name}.drives.backlash_deg"

@@ -193,7 +193,7 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     kinds = dict.fromkeys(
         _FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots
     )
-    whose = message("stations.block_of_reference", "of what is asked for")
+    whose = message("stations.block_of_reference", "of the reference")
     # With one robot it is clear whose motion is meant.
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))

@@ -131,7 +131,8 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             expected = message(
-                "stations.unused_name", "a name that no robot of the station has, nor the world"
+                "stations.unused_name",
+                "a name that neither a robot of the station nor the world has",
             )
             raise InvalidParameter(f"pieces.{name}", name, expected)
     # After the pieces, since boxes that are fixed are ground, too.
@@ -166,7 +167,8 @@ def check_parts(station: ResolvedStation) -> None:
     if not (config.robots or free):
         expected = message(
             "stations.something_that_moves",
-            "given as robot: {{model: ...}}, or a piece have free: true: a station needs something that moves",
+            "given as robot: {{model: ...}}, or a piece must have free: true, since a station needs "
+            "something that moves",
         )
         raise InvalidParameter("robots", "empty", expected)
     if free and not config.engine.moves_by_forces:
@@ -206,7 +208,7 @@ def _check_engine(config: StationConfig) -> None:
     ):
         expected = message(
             "stations.point_with_engine",
-            "point with solver.kind {engine}, which knows no pressure over a surface",
+            "point with solver.kind {engine}, which has no contact over surfaces",
             engine=engine.name,
         )
         raise InvalidParameter("contact.model", config.contact.model, expected)
@@ -222,7 +224,8 @@ def _check_engine(config: StationConfig) -> None:
         if names:
             expected = message(
                 "stations.left_out_with_engine",
-                "left out with solver.kind {engine}, which has joints moved by forces, and gears alone",
+                "left out with solver.kind {engine}, which supports only joints moved by forces, and only "
+                "gears as couplings",
                 engine=engine.name,
             )
             raise InvalidParameter(key, ", ".join(names), expected)
@@ -311,7 +314,8 @@ def _ground(
     if floor.terrain.soft is not None and contact == "point":
         expected = message(
             "stations.left_out_or_hydroelastic",
-            "left out, or with contact.model hydroelastic or hydroelastic_with_fallback: points know no modulus",
+            "left out, or used with contact.model hydroelastic or hydroelastic_with_fallback, since "
+            "point contact has no modulus",
         )
         found = message("stations.given_with_point_contact", "given with point contact")
         raise InvalidParameter("floor.terrain.soft", found, expected)
@@ -481,7 +485,7 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
         if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
             expected = message(
                 "stations.piece_with_inertia",
-                "a piece with mass and inertia: gravity and contact move it",
+                "false, or the piece must have mass and inertia, since gravity and contact move it",
             )
             raise InvalidParameter(f"pieces.{piece}.free", True, expected)
         yield ResolvedPiece(
@@ -543,7 +547,11 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
     # A piece that is fixed to the world does not move, so its mass has no effect.
     needs_mass = entry.free or entry.parent != WORLD
     if has_own_shapes and needs_mass and not has_mass:
-        seen = "" if entry.free else message("stations.zero_if_seen", ", 0 if it is only seen")
+        seen = (
+            ""
+            if entry.free
+            else message("stations.zero_if_seen", ", 0 if the piece is only visible")
+        )
         expected = message(
             "stations.mass_or_give_density",
             "a mass [kg]{seen}; or give a density [kg/m³]",
@@ -576,7 +584,8 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
     if not _SMALLEST_MESH <= size <= _LARGEST_MESH:
         expected = message(
             "stations.scale_of_mesh",
-            "such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001",
+            "such that the mesh, now {size:.3g} m long, has the size of a piece, for example 0.001 for "
+            "millimetres",
             size=size,
         )
         raise InvalidParameter(f"{where}.scale", scale, expected)
@@ -587,7 +596,7 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
     ):
         expected = message(
             "stations.scale_for_millimetres",
-            "0.001 for millimetres, or 1 if it is {size:.3g} m long",
+            "0.001 for millimetres, or 1 if the mesh is {size:.3g} m long",
             size=size,
         )
         raise InvalidParameter(f"{where}.scale", None, expected)
@@ -624,7 +633,7 @@ def _parent(config: StationConfig, piece: str) -> str:
         choices = ", ".join([WORLD, *config.robots, *other_pieces])
         expected = message(
             "stations.what_it_hangs_on",
-            "what it hangs on, one of {choices}; or say free: true",
+            "the parent of the piece, one of {choices}, or the piece must have free: true",
             choices=choices,
         )
         raise InvalidParameter(
@@ -655,7 +664,9 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
         rest = [piece for piece in parents if piece not in ordered]
         ready = [piece for piece in rest if parents[piece] not in rest]
         if not ready:
-            expected = message("stations.no_piece_below", "no piece that hangs on this one")
+            expected = message(
+                "stations.no_piece_below", "a parent that is not mounted on this piece"
+            )
             raise InvalidParameter(f"pieces.{rest[0]}.parent", parents[rest[0]], expected)
         ordered += ready
     return ordered
@@ -699,7 +710,7 @@ def _mount(
         if frame is not None:
             problem = message(
                 "stations.world_without_frames",
-                "the piece hangs on the world, which has no frames",
+                "the piece is mounted on the world, which has no frames",
             )
             raise Unsuitable(key, problem)
         return ""

@@ -298,7 +298,7 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
             raise SimrobError(
                 message(
                     "stations.other_settings",
-                    "{key} of {station} differs from that of {other}, which stands in the same plant; make them equal",
+                    "{key} of {station} differs from that of {other}, which is in the same plant; make them equal",
                     key=key,
                     station=config.name,
                     other=other.name,

@@ -131,7 +131,7 @@ class Stances:
         _, _, reasons_of_best = min(failed)
         return message(
             "stations.best_of_tried",
-            "In the best of {count} that were tried {lacks}.",
+            "In the best of {count} stances that were tried, {lacks}.",
             count=len(failed),
             lacks=reasons_of_best,
         )
@@ -150,7 +150,7 @@ class Stances:
 
     def as_it_is(self) -> Stance | None:
         """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
-        return self._stance(self._home, message("stations.stands_at_home", "at home"))
+        return self._stance(self._home, message("stations.stands_at_home", "in the home posture"))
 
     def bent_stances(
         self,
@@ -243,7 +243,7 @@ class Stances:
         if not np.array_equal(posture, stance.posture):
             how = message(
                 "stations.turned_apart",
-                "{stance} but for links that are turned apart",
+                "{stance}, with some links turned apart",
                 stance=stance.how,
             )
         tidy = self._stance(posture, how)
@@ -271,11 +271,11 @@ class Stances:
         if others:
             yield message(
                 "stations.stands_on_others",
-                "it stands on {links}, too",
+                "the robot also stands on {links}",
                 links=", ".join(sorted(others)),
             )
         if min(found.ends.values()) < KNEELING:
-            yield message("stations.it_kneels", "it kneels")
+            yield message("stations.it_kneels", "the robot kneels")
 
         heights = self._clearance.lowest(self._robot)
         low = dict[str, float]()
@@ -301,7 +301,8 @@ class Stances:
             )
             yield message(
                 "stations.mass_not_steady",
-                "its centre of mass is {margin:.0f} mm {side} of the support, and steady from {least:.0f} mm inside on",
+                "the centre of mass is {margin:.0f} mm {side} the support area, but must be at least "
+                "{least:.0f} mm inside",
                 margin=abs(found.margin) * 1e3,
                 side=side,
                 least=needed_margin * 1e3,
@@ -312,7 +313,7 @@ class Stances:
         if loads[worst] > _MOTOR_LOAD:
             yield message(
                 "stations.axis_overloaded",
-                "{axis} takes {torque:.3g} {unit} and has {limit:.3g} {unit}",
+                "{axis} requires {torque:.3g} {unit}, but its limit is {limit:.3g} {unit}",
                 axis=self._robot.axes[worst],
                 torque=abs(found.torque[worst]),
                 unit=self._robot.model.effort_units[worst],

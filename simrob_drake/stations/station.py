@@ -81,7 +81,7 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
         return with_settings(config, overrides or {}, "overrides")
     known = message(
         "stations.a_station",
-        "a name of `simrob list`, a YAML file, what load_station() gives, or a built station",
+        "a name of `simrob list`, a YAML file, a configuration from load_station(), or a built station",
     )
     raise InvalidParameter("station", quoted(station), known)
 
@@ -560,7 +560,7 @@ def _disconnect(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
         raise SimrobError(
             message(
                 "stations.exported_force_port",
-                "the port {port} of the plant is exported, and the station has forces for it, too; connect a "
+                "the port {port} of the plant is exported, but the station has forces for it too; connect a "
                 "PassThrough to the port and export the input of the PassThrough",
                 port=port.get_name(),
             )

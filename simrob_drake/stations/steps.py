@@ -45,7 +45,7 @@ _SUBJECT = message("stations.steps", "steps")
 """Subject of the findings about steps of the solver."""
 
 DISCRETE = message(
-    "stations.take_discrete", "take solver.kind discrete and servo.realization implicit"
+    "stations.take_discrete", "use solver.kind discrete and servo.realization implicit"
 )
 """Remedy for a run in which a continuous scheme creeps."""
 
@@ -111,13 +111,13 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
             return [Finding("ok", _SUBJECT, text)]
         text = message(
             "stations.unstable_above",
-            "{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is ",
+            "{damping} is unstable with steps above {largest:.2g} s, but solver.time_step is ",
             damping=damping,
             largest=largest,
         )
         remedy = message(
             "stations.implicit_or_lower",
-            "set servo.realization to implicit, lower servo.kd or solver.time_step",
+            "set servo.realization to implicit, or reduce servo.kd or solver.time_step",
         )
         text = message(
             "stations.time_step_and_remedy",
@@ -130,7 +130,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     if engine.is_explicit:
         text = message(
             "stations.keeps_steps_below",
-            "{damping} keeps the explicit scheme {engine} below steps of {largest:.2g} s",
+            "{damping} limits the explicit scheme {engine} to steps below {largest:.2g} s",
             damping=damping,
             engine=engine.name,
             largest=largest,
@@ -141,7 +141,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
             return [Finding("ok", _SUBJECT, text)]
         text += message(
             "stations.step_is_longer",
-            ", but solver.{step_key} is {step:g} s; take an implicit scheme such as radau3",
+            ", but solver.{step_key} is {step:g} s; use an implicit scheme such as radau3",
             step_key=solver.step_key,
             step=solver.step,
         )
@@ -202,7 +202,7 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return message(
             "stations.likely_integral_gains",
-            "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or {key}",
+            "likely cause: integral gains (servo.ki) too large for the solver's steps; reduce them or {key}",
             key="solver.time_step" if is_discrete else "solver.max_step",
         )
     key = "solver.time_step"
@@ -348,7 +348,7 @@ def _creeping_findings(
             if part.ratio > part.limit:
                 text = message(
                     "stations.so_stiff",
-                    "{part} is so stiff that {engine} may creep; {remedy}",
+                    "{part} is so stiff that {engine} may need very small steps; {remedy}",
                     part=part.text,
                     engine=engine.name,
                     remedy=DISCRETE,
@@ -448,10 +448,9 @@ def _check_only_plant(system: System, scheme: str) -> None:
         message(
             "stations.only_plant",
             "solver.scheme is {scheme}, which needs a single plant in the simulated diagram, named plant, as a direct "
-            "part of it; there {count:is|are}: {plants}. Add a single station, without name, with add_station() to the "
-            "root's builder, or choose another scheme such as 'radau3'",
+            "part of it; the diagram has: {plants}. Add a single station, without a name, to the builder of the root "
+            "diagram with add_station(), or choose another scheme such as 'radau3'",
             scheme=repr(scheme),
-            count=len(plants),
             plants=", ".join(plants) or message("stations.no_plant", "none"),
         )
     )

@@ -55,7 +55,7 @@ def test_too_fast_a_reference_is_foretold():
     assert list(told) == ["joint_1", "joint_2", "joint_3"]  # 300 deg/s; the wrist has 320 and 420
     assert (
         told["joint_1"]
-        == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
+        == "the reference of joint_1 reaches 300 deg/s, but the limit is 250 deg/s; give the motion more time"
     )
 
 
@@ -67,9 +67,12 @@ def test_a_reference_that_begins_away_from_the_robot_is_foretold():
     (jump,) = [finding for finding in findings(away) if "start of" in finding.subject]
     assert jump.level == "warning"
     assert jump.text.startswith(
-        "joint_5 begins at 90 deg, its reference at 0 deg, and 1 other axis jumps too;"
+        "joint_5 begins at 90 deg, but its reference begins at 0 deg, and 1 other axis jumps too;"
     )
-    assert "set robot.initial_deg, or begin the reference where the robot begins" in jump.text
+    assert (
+        "set robot.initial_deg, or let the reference begin at the robot's initial position"
+        in jump.text
+    )
 
 
 def test_a_reference_that_begins_where_the_robot_does_is_in_order():
@@ -85,7 +88,7 @@ def test_too_heavy_a_load_is_foretold():
 
 def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are_told():
     found = findings({"pieces.load.mass": 60}, "irb120_kinematic")
-    assert "the joint will not hold" in text_of(found, "torque of joint_2").text
+    assert "the joint does not hold" in text_of(found, "torque of joint_2").text
     (payload,) = [
         finding
         for finding in found
@@ -102,7 +105,7 @@ def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are
 
 def test_gravity_that_pulls_up_and_a_centre_of_mass_in_millimetres_are_told():
     finding = text_of(findings({"gravity": -9.81}), "implausible number")
-    assert finding.text == "gravity: -9.81 m/s² pulls up: 9.81 pulls down, along -z"
+    assert finding.text == "gravity: -9.81 m/s² points up; write 9.81 for gravity along -z"
     with pytest.raises(
         SimrobError, match=r"pieces\.load\.com.*70 m is too far; were these millimetres"
     ):
@@ -165,7 +168,7 @@ def test_a_tool_that_sags_below_the_floor_is_foretold():
     found = findings({"servo.kp": 50})
     tool = text_of(found, "tool of robot")
     assert tool.level == "warning"
-    assert "once its joints sag, load is 112 mm below the floor (bound 5 mm)" in tool.text
+    assert "after the joints have sagged, load is 112 mm below the floor (bound 5 mm)" in tool.text
     assert not [
         one
         for one in findings({"servo.kp": 50, "servo.feedforward": "gravity"})
@@ -218,7 +221,7 @@ def test_bodies_that_penetrate_at_the_start_are_named():
     close = {"contact": {"model": "point"}, "robots.right.base": [0.05, 0.45, 0, 0, 0, 0]}
     finding = text_of(findings(close, "two_irb120"), "contact")
     assert finding.level == "warning"
-    assert "mm deep in each other at the start" in finding.text
+    assert "mm at the start" in finding.text
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
 
@@ -235,18 +238,19 @@ def test_a_check_builds_the_station_twice_with_and_without_shapes(monkeypatch):
 def test_a_check_lists_where_each_piece_hangs():
     found = findings(station="irb120_chess")
     assert (
-        text_of(found, "pieces.gripper").text == "hangs on robot, at tool0, its origin at 0 0 0 m"
+        text_of(found, "pieces.gripper").text
+        == "mounted on robot, at frame tool0, with its origin at 0 0 0 m"
     )
     assert (
         text_of(found, "pieces.pencil").text
-        == "hangs on gripper, at tcp, its origin at 0 0 0 m; robot carries it"
+        == "mounted on gripper, at frame tcp, with its origin at 0 0 0 m; robot carries it"
     )
     assert (
         text_of(found, "pieces.chess_board").text
-        == "hangs on world, its origin at 0.175 -0.2 0.15 m"
+        == "mounted on world, with its origin at 0.175 -0.2 0.15 m"
     )
     ball = text_of(findings(station="bouncing_ball"), "pieces.ball")
-    assert ball.text == "hangs on nothing: gravity and contact move it"
+    assert ball.text == "free: only gravity and contact move it"
     assert {finding.level for finding in found if finding.subject.startswith("pieces.")} == {"note"}
 
 
@@ -254,13 +258,13 @@ def test_a_check_lists_where_each_piece_hangs():
 def test_nothing_is_in_order_that_was_not_looked_at():
     found = findings(station="humanoid_walking")
     assert text_of(found, "controllers.walk").level == "note"
-    assert "is not looked at" in text_of(found, "controllers.walk").text
+    assert "not examined" in text_of(found, "controllers.walk").text
     assert text_of(findings(), "contact").level == "note"
     ok = text_of(findings(), "reference of robot")
     # 30 of 250 deg/s
     assert (
         ok.text
-        == "within the joints' limits at 501 times from 0 to 3 s, at most 12% of their speed"
+        == "within the joint limits at 501 samples from 0 to 3 s, at most 12% of their speed limits"
     )
 
 
@@ -341,5 +345,5 @@ def test_a_solver_that_knows_no_dissipation_says_so():
         if f.level == "warning"
     ]
     assert warnings == [
-        "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+        "the solver scheme sap ignores contact.dissipation; use solver.scheme lagged or similar"
     ]

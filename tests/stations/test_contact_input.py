@@ -53,9 +53,9 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         (
             "bouncing_ball",
             {"pieces.ball.mass": 0},
-            r"pieces\.ball\.free .* a piece with mass and inertia",
+            r"pieces\.ball\.free .* the piece must have mass and inertia",
         ),
-        ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
+        ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece has the parent world"),
         ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: must be greater than 0"),
         ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* at least 0"),
         (

@@ -142,7 +142,7 @@ def test_an_axis_without_a_motor_gives_way(tmp_path):
 def test_couplings_that_contradict_each_other_are_refused(tmp_path):
     couplings = {"one": gear(a=1, b=-1, total=0), "other": gear(a=1, b=-1, total=0.5)}
     with pytest.raises(
-        SimrobError, match=r"couplings\.other is in contradiction to couplings\.one"
+        SimrobError, match=r"couplings\.other is in contradiction with couplings\.one"
     ):
         station(tmp_path, "ab", couplings=couplings)
 

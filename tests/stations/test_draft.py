@@ -89,7 +89,7 @@ def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(
     (finding,) = [one for one in check_station(config) if one.subject.startswith("floor and")]
     assert (finding.level, finding.text) == (
         "note",
-        "not looked at: no link that moves has a shape to touch with",
+        "not examined: no moving link has a collision shape",
     )
 
 

@@ -26,7 +26,9 @@ def station(tmp_path_factory):
 
 def test_it_says_what_holds_by_friction_and_check_agrees(station):
     text = station.read_text()
-    assert "# Fingers (left_slide, right_slide) move together, as by one motor" in text
+    assert (
+        "# Couplings move the fingers (left_slide, right_slide) together, as one motor does" in text
+    )
     content = yaml.safe_load(text)
     assert content["solver"]["scheme"] == "lagged"
     assert content["contact"]["model"] == "hydroelastic"

@@ -238,7 +238,7 @@ WRONG = [
     ({"servo.kpp": 4}, r"servo\.kpp: unknown key; did you mean 'kp'\?"),
     ({"servo.kp": "abc"}, r"servo\.kp: .*number \(it is 'abc'\)"),
     ({"servo.kp": True}, r"servo\.kp: .*number"),
-    ({"servo.kp": -1}, r"servo\.kp: a gain is of 0 to 1e"),
+    ({"servo.kp": -1}, r"servo\.kp: a gain must be between 0 and 1e"),
     ({"servo.kp": float("nan")}, r"servo\.kp: .*finite"),
     ({"servo.kp": {"joint_22": 1}}, r"servo\.kp"),
     ({"servo.kd": [1, 2]}, r"servo\.kd is \[1\.0, 2\.0\]; it must be one number, or 6"),
@@ -287,9 +287,9 @@ WRONG = [
     ({"monitors.settled.hld": 1}, r"monitors\.settled\.hld: unknown key; did you mean 'hold'\?"),
     ({"monitors.settled.robot": "arm"}, r"no robot for monitors\.settled 'arm'"),
     ({"pieces.load.density": 0}, r"pieces\.load\.density: .*greater than 0"),
-    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either a mass or a density"),
-    ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
-    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*one of model and mesh, not several"),
+    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either mass or density"),
+    ({"pieces.load.scale": 2}, r"pieces\.load: .*scale needs the key mesh"),
+    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*only one of model and mesh"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
     (
         {"pieces.gripper.frame": "tcp"},
@@ -300,7 +300,7 @@ WRONG = [
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
     ({"servo.kp.joint_9": 1}, r"servo\.kp: is 1000, so it has no key 'joint_9'"),
     ({"servo.kp.6": 1}, r"servo\.kp\.6: has no place '6'; those there are 0 to 5"),
-    ({"robots": {"a": {"model": "irb120"}}}, r"either robot: or robots:"),
+    ({"robots": {"a": {"model": "irb120"}}}, r"either the section robot or the section robots"),
 ]
 
 
@@ -360,7 +360,9 @@ def test_a_bad_file_is_to_blame_whatever_is_overridden(tmp_path):
 
 
 def test_a_folder_is_no_station_but_may_hold_one(tmp_path):
-    with pytest.raises(SimrobError, match=r"is a folder, and a station is a name or a YAML file$"):
+    with pytest.raises(
+        SimrobError, match=r"is a folder, but a station is given by its name or a YAML file$"
+    ):
         load_station(tmp_path)
     (tmp_path / "station.yaml").write_text("robot: {model: irb120}")
     with pytest.raises(SimrobError, match=r"did you mean .*/station.yaml?"):
@@ -423,7 +425,7 @@ def test_an_unknown_station_is_named_with_the_nearest():
     ],
 )
 def test_a_piece_says_what_it_hangs_on(station, piece, choices):
-    match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}; or say free: true$"
+    match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}, or the piece must have free: true$"
     with pytest.raises(SimrobError, match=match):
         load_station(
             station,

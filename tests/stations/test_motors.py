@@ -176,7 +176,7 @@ def test_a_current_bounds_it_at_low_speed(
             {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "servo.kd": 1},
             "servo.kd of joint_1 is 1.*1.74",
         ),
-        ({**MOTOR, "servo.admittance_gain": 1}, "without a motor"),
+        ({**MOTOR, "servo.admittance_gain": 1}, "cannot be combined with motor"),
     ],
 )
 def test_what_no_motor_can_be_is_told(joint: Path, changes: dict[str, Any], message: str) -> None:

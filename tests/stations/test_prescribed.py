@@ -138,7 +138,7 @@ def test_a_run_begins_on_the_course(station):
             {"servo": {"realization": "implicit", "kp": 1}},
             "servo.realization.*a prescribed joint has no servo",
         ),
-        ({"servo.feedforward": "gravity"}, "knows the robot's model"),
+        ({"servo.feedforward": "gravity"}, "uses the robot's model"),
         ({"prescribed.joint_1": {"kind": "sine", "amplitude_deg": {"joint_2": 3}}}, "joint_2"),
         (
             {

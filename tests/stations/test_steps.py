@@ -69,7 +69,7 @@ def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted
     (text,) = warnings(load_station(file, CREEPING))
     assert "bend_second moves" in text
     assert "joint_stops.stiffness" in text
-    assert "take solver.kind discrete and servo.realization implicit" in text
+    assert "use solver.kind discrete and servo.realization implicit" in text
     assert warnings(load_station(file, {**CREEPING, "joint_stops.stiffness": 10.0})) == []
     assert (
         warnings(
@@ -97,7 +97,7 @@ def test_a_run_that_creeps_says_so_and_what_would_help(drafted, capsys):
     said = capsys.readouterr().err
     for text in (result.message, said):
         assert "it creeps in steps of " in text
-        assert " s with 3 s left; take solver.kind discrete and servo.realization implicit" in text
+        assert " s with 3 s left; use solver.kind discrete and servo.realization implicit" in text
     assert said.count("creeps") == 1
 
 
