@@ -103,34 +103,36 @@ class ServoConfig(Renamed):
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
     law: Law = "pid"
-    """PID; a cascade, whose position loop asks a velocity loop within it for at most speed_limit; or computed torque:
-    by the arm's model kp and kd are the same for every joint and in every posture."""
+    """`pid`; `cascade`: a position loop that commands a velocity loop with at most speed_limit; or `computed_torque`:
+    kp and kd act through the model of the arm, so that they are the same for every joint and in every posture."""
     feedforward: Feedforward = "none"
-    """What the model of the robot and all that it carries adds for the motion that is asked for: the torque against
-    gravity, or all that it takes; then the derivative acts on the error of the speed, too."""
+    """Torque that the model of the robot and its load adds for the desired motion: `gravity` against the weight, or
+    `inverse_dynamics` for the whole motion; the derivative part then acts on the error of the velocity, too."""
     kp: _Gain | None = None
-    """Proportional gain, per axis [N·m/rad, or N/m where it slides; 1/s² of a computed torque]."""
+    """Proportional gain, per axis [N·m/rad, or N/m of a prismatic axis; 1/s² of a computed torque]."""
     ki: _Gain | None = None
     """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: _Gain | None = None
     """Derivative gain, per axis [N·m·s/rad or N·s/m; 1/s of a computed torque]."""
     motor: Motors | None = None
-    """Motors that give the torque, by name (of `models/motors.yaml`, `urdf` or `none`) or by their figures, for all
-    axes or by axis; the robot's own unless given. What no other key says is theirs: the limit of torque and how it
-    falls with speed, rotors, gears and friction of `drives`, the resolution of `encoders`."""
+    """Motors of the axes, by name (of `models/motors.yaml`, `urdf` or `none`) or by their values, for all axes or by
+    axis; by default those of the robot's own file. A motor gives all values that no other key gives: the limit of the
+    torque and its fall with speed, the rotors, gears and friction of `drives`, the resolution of `encoders`."""
     passive: list[str] | None = None
-    """Axes without a motor, which move freely; those of the robot's own file unless given. With [] every axis has a
+    """Axes without a motor, which move freely; by default those of the robot's own file. With [] every axis has a
     motor: one that has none in the robot's file then needs a torque_limit."""
     bus: CommandBusConfig | None = None
-    """The bus that brings commands; they come at once, and as they are, without."""
+    """The bus that transmits commands to the servos; without a bus, commands arrive at once and unchanged."""
     torque_limit: _Limit | None = None
-    """Saturation, per axis [N·m or N]; of the motor or the URDF's effort unless given."""
+    """Saturation, per axis [N·m or N]; by default that of the motor or the effort limit of the URDF."""
     integral_limit: _Limit | None = None
-    """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
+    """Largest output of the integral part, per axis [N·m or N]; by default torque_limit."""
     speed_limit: _Speed | None = None
-    """What the position loop of a cascade may ask for, per axis [rad/s or m/s]; the URDF's speed unless given."""
+    """Largest speed that the position loop of a cascade commands, per axis [rad/s or m/s]; by default the velocity
+    limit of the URDF."""
     admittance_gain: Annotated[NotNegative, Field(le=LARGEST_GAIN)] = 0.0
-    """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
+    """Rate at which the servo gives way to forces that the model of the arm does not explain [1/s], for hand guiding; 0
+    if it never gives way."""
 
     @property
     def follows_motion(self) -> bool:
@@ -219,30 +221,29 @@ class RobotConfig(Renamed):
     }
 
     model: str | None = None
-    """A robot's name, of `simrob list`, or the path of a `robot.yaml`; relative paths start at the station's file."""
+    """Name of a robot of `simrob list`, or path of a `robot.yaml`; relative paths start at the station's file."""
     urdf: Path | None = None
-    """A URDF file instead of a model; relative paths start at the station's file. One with defects is imported."""
+    """A URDF file instead of a model; relative paths start at the station's file. A file with defects is imported."""
     import_options: ImportOptions | None = None
-    """Choices for the import of the URDF, which then takes place in any case."""
+    """Options of the import of the URDF. If they are given, the URDF is always imported."""
     base: Pose = ORIGIN
-    """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
-    feet of its own."""
+    """Pose of the root link in the world, [x y z Rz Ry Rx]. For a robot on its own feet, it is relative to the floor,
+    which may be inclined."""
     initial_deg: AxisValues | None = None
-    """Joint positions at the start, per axis; the robot's `home_deg` unless given. Axes that a mapping leaves out are
-    at 0, or at home if 0 is outside their ranges; coupled axes that are not named are where their couplings take
-    them."""
+    """Joint positions at the start, per axis; by default the robot's `home_deg`. Axes that a mapping leaves out are at
+    0, or at home if 0 is outside their ranges; coupled axes that are not named follow their couplings."""
     mimic: Boolean = True
-    """Whether axes that mimic others in the robot's file are coupled to them; each has a motor in any case."""
+    """Whether axes that mimic others in the robot's file are coupled to them; each of them has a motor in any case."""
     tcp: str | None = None
-    """Tool, or link, that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    """Tool, or link, whose pose is `tcp_pose`; by default the last piece of the robot's chain."""
     tcp_offset: Pose | None = None
-    """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
+    """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; the offset frame is then the tool `tcp`."""
     feet: str | None = None
-    """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    """Feet of a legged robot: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
     mass_factors: dict[str, Positive] = Field(default_factory=dict)
-    """By how much links are heavier than its URDF says, {chest: 1.05}; their moments of inertia grow likewise."""
+    """Factors on the masses of links in the URDF, {chest: 1.05}; moments of inertia grow by the same factor."""
     drives: Drives | None = None
-    """Motors, gears and friction; what is not given is as the robot's own file says."""
+    """Motors, gears and friction; values that are not given are those of the robot's own file."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
@@ -270,11 +271,11 @@ class FloorConfig(Strict):
     size: Positive = 3.0
     """Length of a side [m]."""
     incline_deg: Annotated[Number, Field(ge=0, le=45)] = 0.0
-    """How steep it is [deg]; robots on their own feet are put upright on it."""
+    """Inclination of the floor [deg]; robots on their own feet are put upright on it."""
     heading_deg: Number = 0.0
-    """Which way it rises, counterclockwise from the world's x [deg]."""
+    """Direction in which the floor rises, counterclockwise from the world's x [deg]."""
     terrain: Terrain | None = None
-    """A field of uneven ground on it; it is even unless given."""
+    """A field of uneven ground on the floor; by default the floor is even."""
 
 
 class StationConfig(Renamed):
@@ -310,66 +311,67 @@ class StationConfig(Renamed):
         return content
 
     name: FileName
-    """What results and pictures call it; the file's name unless given."""
+    """Name of the station in results and pictures; by default that of the file."""
     description: str = ""
-    """What it is, in a line, for lists."""
+    """Description of the station in one line, for lists."""
     extensions: tuple[str, ...] = ()
-    """Packages whose extensions the station needs, such as `simrob-playground`: one that is missing is then reported by
-    its name."""
+    """Packages whose extensions the station needs, such as `simrob-playground`; an error names a package that is
+    missing."""
     packages: dict[str, Path] = Field(default_factory=dict)
-    """Folders of packages of ROS by name, for paths such as `package://arm_description/urdf/arm.urdf`; further ones are
-    found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
+    """Folders of ROS packages by name, for paths such as `package://arm_description/urdf/arm.urdf`; further packages
+    are found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
     add_directives: tuple[Path, ...] = ()
-    """Files with model directives or scenarios of Drake, whose models the station has as robots and pieces; keys of the
-    station's own take the place of theirs. `FILE#NAME` is the scenario NAME of a file with several."""
+    """Files with model directives or scenarios of Drake, whose models become robots and pieces of the station; keys of
+    the station's own replace those of the files. `FILE#NAME` is the scenario NAME of a file with several."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
-    """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
+    """`dynamic`: forces and torques move the robots. `kinematic`: the motion is the input, and the torques are
+    computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
-    """The robots by name; a single one may stand under `robot` instead."""
+    """The robots by name; a single robot may be given under `robot` instead."""
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
-    """What robots carry, what stands around and what is free to move, by name."""
+    """Pieces by name: those that robots carry, those that are fixed, and those that are free to move."""
     servo: ServoConfig = default_of(ServoConfig)
     """The joint servos of all robots that have none of their own."""
     reference: ReferenceConfig = default_of(Hold, kind="hold")
-    """What all robots are asked to do that have no reference of their own."""
+    """Desired motion of all robots that have no reference of their own."""
     prescribed: dict[str, ReferenceConfig] = Field(default_factory=dict)
-    """Axes of a dynamic station whose motion is given while all else moves by forces, by name (<robot>.<axis> where
-    there are several robots): the torque that it takes is the axis' own."""
+    """Axes of a dynamic station that follow a given motion exactly, while forces move everything else, by name
+    (<robot>.<axis> if there are several robots). The torque of such an axis is computed."""
     inputs: tuple[Input, ...] = ()
-    """Input ports beside `reference`."""
+    """Input ports in addition to `reference`."""
     floor: FloorConfig | None = None
     """The floor; a station without this section has none."""
     contact: ContactConfig | None = None
-    """What happens where things touch; without this section they pass through each other."""
+    """Contact between bodies; without this section they pass through each other."""
     joint_stops: JointStops = default_of(JointStops)
-    """What holds joints at their limits, where the solver does not."""
+    """Springs that hold joints at their limits, if the solver does not."""
     gravity: Annotated[Number, Field(ge=-1e4, le=1e4)] = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = default_of(ContinuousSolver, kind="continuous")
-    """How time advances in a dynamic station."""
+    """Solver of a dynamic station."""
     couplings: Couplings = Field(default_factory=dict)
-    """What ties axes and bodies together beside the joints, by name: gears, rods, springs; one that is called as its
-    kind needs no `kind`."""
+    """Couplings between axes or bodies in addition to the joints, by name: gears, rods, springs; an entry named after
+    its kind needs no `kind`."""
     forces: Forces = Field(default_factory=dict)
-    """What acts on the robots from outside, by name; one that is called as its kind needs no `kind`."""
+    """External forces on the robots, by name; an entry named after its kind needs no `kind`."""
     sensors: Sensors = Field(default_factory=dict)
-    """What is measured, by name; one that is called as its kind needs no `kind`."""
+    """Sensors by name; an entry named after its kind needs no `kind`."""
     monitors: Monitors = Field(default_factory=dict)
-    """What may end the run, by name; one that is called as its kind needs no `kind`."""
+    """Conditions that end the run, by name; an entry named after its kind needs no `kind`."""
     controllers: Controllers = Field(default_factory=dict)
-    """Loops around the servos, by name."""
+    """Control loops around the servos, by name."""
     program: dict[str, Any] | None = None
-    """What its robots do when it is run as a whole, in place of its references: the content of a program's file, or the
-    path of one."""
+    """Program of the robots when the station is run as a whole, in place of their references: the content of a
+    program's file, or the path of one."""
     verdict: VerdictConfig = default_of(VerdictConfig)
-    """Bounds of what may become of a run; what passes one is a warning."""
+    """Bounds of the criteria by which a run is judged; a value beyond its bound is a warning."""
     start: Path | None = None
-    """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
+    """State at the start: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
     duration: Duration = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
-    """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
+    """Samples of the signals per second [Hz]; at most 10 kHz, and a million samples in all."""
 
     def __repr__(self) -> str:
         """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""

@@ -139,7 +139,7 @@ class PieceConfig(Strict):
     mesh: Path | None = None
     """A mesh file instead of a model: STL, OBJ, DAE or GLB; relative paths start at the station's file."""
     scale: Positive | None = None
-    """Scale of the mesh: 0.001 if it is in millimetres."""
+    """Scale of the mesh: 0.001 if the mesh is in millimetres."""
     box: tuple[Positive, Positive, Positive] | None = None
     """A box instead of a model: its sides [m]."""
     cylinder: tuple[Positive, Positive] | None = None
@@ -149,8 +149,8 @@ class PieceConfig(Strict):
     shapes: Annotated[tuple[PieceShape, ...], Field(min_length=1)] | None = None
     """Several boxes, cylinders and spheres as one piece, instead of a model."""
     parent: str | None = None
-    """On what the piece is mounted: `world`, a robot (on its first tool) or another piece (at its TCP). A piece that
-    is not free needs it."""
+    """Parent on which the piece is mounted: `world`, a robot (on its first tool) or another piece (at its TCP). A piece
+    that is not free needs a parent."""
     frame: str | None = None
     """Frame of the parent on which the piece is mounted. Of a piece: one of its frames, by default its TCP. Of a robot:
     a tool or a link, by default the first tool, or the root link if the first tool is a foot."""
@@ -159,7 +159,7 @@ class PieceConfig(Strict):
     density: Positive | None = None
     """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
     mass: NotNegative | None = None
-    """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
+    """Mass [kg]. A piece with shapes and without an inertia of its own has a uniform density."""
     com: Place | None = None
     """Centre of mass in the piece's frame [m]."""
     inertia: Inertia | None = None
@@ -167,13 +167,13 @@ class PieceConfig(Strict):
     tcp: Pose | None = None
     """Pose of the tool centre point in the piece's frame, [x y z Rz Ry Rx]."""
     frames: dict[str, Pose | FrameSeries] | None = None
-    """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
+    """Further frames by name, instead of the piece's own: poses in the frame of the piece, or series of poses."""
     colour: Colour | None = None
     """Red, green, blue, opacity."""
     free: Boolean = False
-    """Moved by gravity and contact alone; its pose is that at the start, in the world."""
+    """Whether only gravity and contact move the piece; its pose is then that at the start, in the world."""
     contact: PieceContact | None = None
-    """What its surface is made of and how it meets others, in place of the station's `contact`."""
+    """Material of the surface, and contact of the piece with others, in place of the station's `contact`."""
     scatter: Scatter | None = None
     """Makes several free copies of the piece, `<name>_1`, `<name>_2` ..., at random poses."""
 
