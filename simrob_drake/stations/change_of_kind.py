@@ -164,6 +164,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     kept = dict(settings)
     for key, value in changes.items():
         if isinstance(value, (int, float)):
+            # Over `settings`, since `kept` loses entries in this loop.
             for earlier_key in settings:
                 # `servo.kp.joint_2` of before would otherwise go on to overrule the new number of
                 # all axes.
@@ -173,6 +174,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
         # A setting that repeats the kind of the earlier settings drops nothing.
         if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:
             continue
+        # Keys that are set together with the new kind are meant for it, and stay.
         for earlier_key in settings:
             is_in_section = earlier_key.startswith(f"{change.section}.")
             if is_in_section and earlier_key not in changes:
@@ -201,6 +203,7 @@ def _change_of_kind(key: str, value: Any) -> _ChangeOfKind | None:
         key: dotted key of the setting.
         value: value of the setting.
     """
+    # `kind` without a section would be a key of the station itself, which has no kind.
     section, _, last = key.rpartition(".")
     if last == _KIND and section and isinstance(value, str):
         return _ChangeOfKind(section, value)

@@ -76,6 +76,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     if config.engine.moves_by_forces:
         findings += contact_findings(closed.diagram, ports)
         findings += _contact_model_findings(ports)
+    # Geometry alone, without forces: this check holds for kinematic stations, too.
     findings += clearance_findings(config, closed.references)
     # Signals without a part are those of the robots themselves, which every station has.
     return findings + [_signal_finding(signal) for signal in ports.outputs.signals if signal.part]
@@ -263,8 +264,10 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
     Limits and motors that the station gives are not checked.
     """
+    # Then the limits of the file have no effect, and the user has chosen the others.
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
+    # Some files have an effort of 1000 N·m for a light wrist, which only says that there is no limit.
     doubtful = doubtful_efforts(robot.model.element)
     axes = [
         message(
@@ -393,6 +396,8 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
             links=", ".join(kneeling),
         )
         findings.append(Finding("warning", f"{robot.prefix}base", text))
+    # Drake's point contact pushes two shapes apart at one point, so that a box on the floor jumps between its
+    # corners.
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = message(
             "stations.box_soles_rock",
@@ -453,6 +458,7 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
         margin=abs(found.margin) * 1e3,
         side=side,
     )
+    # At the tilt angle alpha the centre of mass shifts by height * tan(alpha).
     is_steady = found.margin > _STEADY * found.height
     if is_steady:
         return Finding("ok", f"{robot.prefix}base", text)
@@ -486,6 +492,7 @@ def _standing_torque(
     unit = robot.model.units[axis]
     if robot.gains.passive[axis]:
         return _standing_on_passive(robot, axis, torque)
+    # A motor gives less torque at speed. A robot that stands does not move, so the limit at rest counts.
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = message(
@@ -547,13 +554,14 @@ def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Findi
 
 
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:
-    """Describe the contact model of a station in one finding; none if it has no contact.
+    """Describe the contact model of a station in one finding. Returns no finding if the station has no contact.
 
     Contact points are small balls at the corners and edges of flat bodies, which the station adds in point contact.
     """
     config = ports.config
     if config.contact is None:
         return []
+    # Stations get contact points only in point contact, if a body with flat sides is free.
     if ports.plant.contact_points:
         text = message(
             "stations.points_at_corners",

@@ -218,13 +218,16 @@ class ClearStart:
 
         If no posture and move are clear, the start has the posture with the smallest faults that was found.
         """
+        # First with a distance from the floor. Many robots cannot keep it, and then links that just clear it will do.
         for height in (_OVER, 0.0):
             self._require_height(height)
             for postures in self._clear_postures():
+                # A move takes several collision queries for each posture, so that only the best ones are tried.
                 for posture in postures[:_MOVED]:
                     target = self._target(posture)
                     if target is not None:
                         return self._start(posture, target)
+        # Nothing is clear. The user gets the least faulty start, with remarks that name its faults.
         candidates = [self._home, self._reduced_home, *self._random_postures]
         best = self._with_less_faults(min(candidates, key=self._total_fault))
         is_clear = not any(self._faults(best))
@@ -296,6 +299,7 @@ class ClearStart:
         one, two or three axes differ from the latter, and random postures. Postures near a
         singularity are left out, so that a list may be empty.
         """
+        # The bound is relative to the robot itself: the dexterity of an arm depends on its proportions.
         random_dexterities = [self._dexterity(posture) for posture in self._random_postures]
         # One in five random postures exceeds the quantile 0.8.
         least = _DEXTERITY * float(np.quantile(random_dexterities, 0.8))
@@ -371,7 +375,9 @@ class ClearStart:
         is_within_limits = not self._robot.model.followers or self._is_within_limits(posture + step)
         if is_within_limits and self._is_clear(posture, step, _PARTS):
             return posture + step
+        # Some axis spoils the motion of all. The axes are added one at a time, so that only that axis stays.
         step = self._combined_step(posture, step)
+        # The combination was checked at few parts of the move: check it at all of them.
         if step.any() and self._is_clear(posture, step, _PARTS):
             return posture + step
         return None
@@ -388,6 +394,7 @@ class ClearStart:
         to_lower = lower - posture  # negative
         to_limit = np.where(to_upper >= -to_lower, to_upper, to_lower)
         by_range = _RANGE_SHARE * np.abs(to_limit)
+        # Infinite for an axis without a speed limit, so that the other bounds decide.
         by_speed = _SPEED_SHARE * model.speed_limits * self._duration
         by_size = model.bounds(_STEP_DEG, _STEP_METRES)
         largest = np.minimum(by_size, by_speed)
@@ -499,6 +506,7 @@ class ClearStart:
         """
         faults = list[Faults]()
         loads = list[float]()
+        # The whole move is measured again, as the remarks describe its worst posture, not its first one.
         for part in _PARTS:
             faults.append(self._faults(posture + part * (target - posture)))
             loads.append(self._load())  # of the posture that `_faults` has set

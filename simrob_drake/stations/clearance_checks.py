@@ -163,6 +163,7 @@ def _floor_findings(
     findings = []
 
     # A fixed link below the ground needs another remedy than a moving one: its base.
+    # The default is on the ground, so that a robot without fixed shapes has no finding.
     fixed_height = min(fixed_heights, default=0.0)
     if fixed_height < -allowed_depth:
         text = message(
@@ -310,6 +311,7 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     subject = message("stations.robots_and_pieces", "robots and pieces")
+    # Overlaps within one robot have a finding of their own, see `_self_findings`.
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
         remedy = message("stations.move_one_of_them", "move one of them")

@@ -81,6 +81,7 @@ class ClosedStation:
             # The name under which the station added the source of the force.
             source = f"force.{name}.source"
             trajectory = force.trajectory()
+            # Forces of other kinds have no trajectory, and a diagram may have been built without forces.
             if trajectory is not None and self.diagram.HasSubsystemNamed(source):
                 self.diagram.GetSubsystemByName(source).UpdateTrajectory(trajectory)
 
@@ -123,6 +124,7 @@ def closed_station(
         SimrobError: the blocks cannot be wired like this.
     """
     builder = DiagramBuilder()
+    # A caller that resumes a run has computed the references already, from the positions at which the run goes on.
     played = station_references(station) if references is None else references
     # A lean station has no blocks of its own at its inputs: the sources must exist before it. Blocks and controllers
     # may drive the inputs instead, which is known only after the station has been composed.
@@ -177,6 +179,7 @@ def closed_station(
 
 def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Connect every input that nothing drives to a constant source of zeros."""
+    # Drake refuses to evaluate a block with an open input. Zero is no feedforward, no force and no speed.
     for name, port in ports.inputs.items():
         if builder.IsConnectedOrExported(port):
             continue
@@ -400,6 +403,7 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
         InvalidParameter: a position is outside of its limits or not finite. Names the joint, the time, the value and
             the limits.
     """
+    # Sampled, as a reference is any function of time: limits between samples may be passed by a little.
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         # The first value that is not finite: comparisons with limits would be false for it.
@@ -452,6 +456,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
     Raises:
         InvalidParameter: the positions do not have one column for each axis.
     """
+    # Users pass lists as well as arrays.
     positions = np.asarray(samples[1], dtype=float)
     if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
         shape = " x ".join(str(size) for size in positions.shape)

@@ -1,7 +1,7 @@
-"""What a station file may say: the fields below are the YAML schema, their comments its documentation.
+"""The sections and keys of a station's file. The fields are the YAML schema, the texts below them its documentation.
 
-All values are SI units and radians, except where a name ends in ``_deg``: that is degrees, and metres for an axis that
-slides. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
+All values are in SI units and radians, except those of keys that end in ``_deg``: they are in degrees, or in metres for
+a prismatic axis. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
 """
 
 from collections.abc import Mapping
@@ -58,7 +58,7 @@ Law = Literal["pid", "cascade", "computed_torque"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
-MOST_LATE = 10_000  # by so many samples a sensor may be late
+MOST_LATE = 10_000  # largest delay of a sensor [samples]
 MOST_FREE_PIECES = 200
 """Pieces of ``free: true``. Drake's time to build a station grows with the third power of the pieces: 4 s for 200."""
 MOST_PIECES = 300
@@ -96,7 +96,7 @@ _Speed = Annotated[
 
 
 class ServoConfig(Renamed):
-    """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
+    """The joint servos: PID and saturation. Values that are not given come from the robot's own file."""
 
     renamed: ClassVar[Mapping[str, str]] = {"yield_gain": "admittance_gain"}
 
@@ -279,7 +279,7 @@ class FloorConfig(Strict):
 
 
 class StationConfig(Renamed):
-    """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
+    """Configuration of a whole station. Written to YAML and loaded again, it is equal."""
 
     renamed: ClassVar[Mapping[str, str]] = {
         "external_force": message(
@@ -394,6 +394,7 @@ class StationConfig(Renamed):
     )
     @classmethod
     def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+        # The names become parts of the names of ports, columns and files.
         for name in entries:
             check_plain(name)
         return entries
@@ -427,7 +428,7 @@ class StationConfig(Renamed):
 
     @property
     def free_pieces(self) -> list[str]:
-        """The names of the pieces that nothing holds."""
+        """Names of the free pieces, which only contact and gravity move."""
         return [name for name, piece in self.pieces.items() if piece.free]
 
     @property
@@ -445,7 +446,7 @@ class StationConfig(Renamed):
         return self.robots[robot].servo or self.servo
 
     def motors_are_dampers(self, robot: str) -> bool:
-        """Tell whether the lines of a robot's motors are dampers of Drake's joints, as its actuators need it."""
+        """Whether dampers of Drake's joints realize the torque lines of a robot's motors, as actuators require."""
         engine = self.engine
         # In a kinematic station no motor gives a torque.
         if not (engine.moves_by_forces and engine.allows_dampers_of_motors):
@@ -453,7 +454,7 @@ class StationConfig(Renamed):
         return self.servo_of(robot).realization == "implicit" or engine.limits_torques_in_actuators
 
     def follows_speed(self, robot: str) -> bool:
-        """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
+        """Whether the desired speed is an input of a robot, so that samples of positions must be joined smoothly."""
         # A kinematic station takes the speeds as inputs, as its inverse dynamics needs them.
         speed_is_input = not self.engine.moves_by_forces or "reference_velocity" in self.inputs
         return speed_is_input or self.servo_of(robot).follows_motion

@@ -93,8 +93,10 @@ def apply_materials(
     source = plant.get_source_id()
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
+    # Point contact uses the shapes as they are, without dividing them.
     if contact.model != "point":
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
+    # Shape by shape, since a piece may have a material of its own.
     for shape in shapes:
         piece = piece_of_shape(station, inspector, shape)
         contact_of_piece = config.pieces[piece].contact if piece else None
@@ -109,6 +111,7 @@ def apply_materials(
         if inspector.GetName(shape).startswith(f"{FLOOR}."):
             # Boxes of the terrain have a modulus already if the terrain is soft.
             material = material.model_copy(update={"hydroelastic_modulus": None})
+        # A copy of what the robot's file gives: values that the station does not give stay.
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write_material(properties, material)
         if contact.model != "point" and not touches_at_points:

@@ -158,6 +158,7 @@ def expected_position(
     """
     wrong = violation.axis
     in_condition = np.flatnonzero(np.abs(condition.ratios) > _ZERO_RATIO).tolist()
+    # Positions are shown in the units in which the user gave them.
     in_units = position / units.sizes
     others = [axis for axis in in_condition if axis != wrong]
     state = [

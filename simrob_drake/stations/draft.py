@@ -9,17 +9,15 @@ import shlex
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
-from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
@@ -29,16 +27,15 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
-from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import follower_key
+from simrob_drake.stations.draft_trials import gets_through, stands
 from simrob_drake.stations.import_findings import estimated_inertias, import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
-from simrob_drake.stations.steps import set_solver, step_findings
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
@@ -53,10 +50,6 @@ _TRIALS = 4  # count of stances that are tried
 # Monitor of a robot on its feet: it has fallen if its root is lower than this share of its first height, or leans more.
 _FALLEN_SHARE = 0.6
 _FALLEN_LEAN_DEG = 40.0  # [deg]
-# A robot that leans or sinks more than this during a trial does not stand.
-_LEANS_DEG = 10.0  # [deg]
-_SINKS_SHARE = 0.1  # as a share of the height of its root
-_LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
 
 # Options of the command line that may be given several times.
 _REPEATED_OPTIONS = ("mesh_path", "packages", "xacro_arg")
@@ -151,6 +144,7 @@ def draft_station(
     estimated = estimated_inertias(robot, file)
     if estimated is not None:
         remarks.append(compound("{text}.", text=estimated.as_sentence()))
+    # A robot without inertias can only be moved kinematically, whatever base and loops it has.
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
     elif robot.base == "floating":
@@ -450,6 +444,7 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     stances = Stances(clearance, clearance.station.robots[ONLY_ROBOT])
     first_stance: Stance | None = None
     first_outcome = ""
+    # The stances are computed one by one, so that no more of them are searched than are tried.
     for stance in islice(stances.find(), _TRIALS):
         _set_stance(robot, content, stance)
         trial = stands(_config(robot, content))
@@ -521,9 +516,11 @@ def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> N
 
     The monitor judges the height of the root only if the root is above the floor.
     """
+    # Rounded to micrometres: more would neither lift the feet off the floor nor press them into it.
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, stance.posture)
     fall = dict[str, float]()
+    # The frame of the root may be at the feet, and then its height says nothing about a fall.
     lowest_height = round(_FALLEN_SHARE * stance.height, 3)
     if lowest_height > 0:
         fall["height"] = lowest_height
@@ -540,6 +537,7 @@ def _set_initial_posture(
 
     Axes at 0 and followers are left out: they begin at 0, and where the couplings take them.
     """
+    # A stance that was tried before may have left its posture.
     content["robot"].pop("initial_deg", None)
     positions = _by_axis(robot, _in_user_units(robot, posture))
     initial = {
@@ -625,6 +623,7 @@ def _command_options(options: ImportOptions | None) -> list[str]:
     values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
     words = list[str]()
     for key, value in values.items():
+        # An option that may be repeated is written once for each of its values.
         occurrences = value if key in _REPEATED_OPTIONS else [value]
         for occurrence in occurrences:
             words.append(f"--{key.replace('_', '-')}")
@@ -678,100 +677,3 @@ def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, f
 def _by_axis(robot: RobotModel, values: Vector) -> dict[str, float]:
     """Map the names of a robot's axes to values (n,)."""
     return dict(zip(robot.axes, values.tolist(), strict=True))
-
-
-_MOST_EVALUATIONS = 10_000
-"""Count of evaluations of the dynamics that a trial may take: about the cost of 3 s in discrete steps of 1 ms."""
-
-
-def gets_through(config: StationConfig) -> bool:
-    """Whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
-
-    A station with a stop that is too stiff for the solver is not tried, and does not get through: the run might reach
-    its end with wrong results.
-    """
-    closed = closed_station(resolve(config), sensors=(), monitors=False)
-    findings = step_findings(config, closed.ports.plant, closed.references)
-    if any(finding.level == "warning" for finding in findings):
-        return False
-    simulator = Simulator(closed.diagram)
-    set_solver(simulator, config)
-    integrator = simulator.get_integrator()
-
-    def stop_if_expensive(_: Context) -> EventStatus:
-        if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
-            return EventStatus.ReachedTermination(
-                closed.diagram, message("stations.too_much_work", "too much work")
-            )
-        return EventStatus.DidNothing()
-
-    simulator.set_monitor(stop_if_expensive)
-    return (
-        _advances(simulator, config.duration)
-        and simulator.get_context().get_time() >= config.duration
-    )
-
-
-def _advances(simulator: Simulator, time: float) -> bool:
-    """Simulate up to a time [s], or to where a monitor stops the run. Returns False if the run diverges."""
-    try:
-        simulator.AdvanceTo(time)
-    except (RuntimeError, SystemExit):  # failed assertions come as SystemExit
-        return False
-    return True
-
-
-class StandingTrial(NamedTuple):
-    """Result of a trial of standing.
-
-    Attributes:
-        is_standing: whether the robot stood until the end.
-        outcome: what happened, as a part of a sentence.
-    """
-
-    is_standing: bool
-    outcome: str
-
-
-def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
-    """Simulate for a time [s] whether the only robot of a station stands on its own feet.
-
-    It does not if the run diverges, if the station's monitor detects a fall and ends the run, or if the robot leans or
-    has sunk too much at the end.
-    """
-    closed = closed_station(resolve(config), sensors=())
-    station = closed.ports.plant
-    (robot,) = station.robots.values()
-    simulator = Simulator(closed.diagram)
-    set_solver(simulator, config)
-    context = station.plant.GetMyContextFromRoot(simulator.get_context())
-    before = robot.root.CalcPoseInWorld(context)
-    if not _advances(simulator, duration):
-        return StandingTrial(False, message("stations.it_diverged", "the simulation diverged"))
-    time = simulator.get_context().get_time()
-    if time < duration:
-        return StandingTrial(
-            False, message("stations.it_fell", "the robot fell at {time:.2f} s", time=time)
-        )
-
-    after = robot.root.CalcPoseInWorld(context)
-    # The direction of the root that pointed up at the start, in the root's frame.
-    up = before.rotation().inverse().matrix()[:, 2].tolist()
-    quaternion = xyz_quaternion_from_transform(after)[3:].tolist()
-    leaning_deg = float(np.rad2deg(lean(up, *quaternion)))
-    position = before.translation()
-    sunk = float((position - after.translation())[2])
-    height = float(position[2] - station.ground.beneath(position[np.newaxis])[0])
-    is_upright = leaning_deg < _LEANS_DEG and sunk < _SINKS_SHARE * max(height, _LEAST_HEIGHT)
-
-    side = message("stations.lower", "lower") if sunk >= 0 else message("stations.higher", "higher")
-    outcome = message(
-        "stations.stood_after",
-        "after {duration:g} s the robot leans by {lean:.1f} deg, and its root is {height:.0f} mm "
-        "{side} than at the start",
-        duration=duration,
-        lean=leaning_deg,
-        height=abs(sunk) * 1e3,
-        side=side,
-    )
-    return StandingTrial(is_upright, outcome)

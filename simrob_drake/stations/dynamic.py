@@ -189,6 +189,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
         # The axis that needs the shortest steps decides.
         worst = int(np.argmin(steps))
         step = config.engine.time_step
+        # An explicit damper is unstable if kd h / M exceeds 2, see `_STABLE`; servos in actuators are implicit.
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
             why = message(
                 "stations.blocks_damp",
@@ -281,6 +282,7 @@ def _add_signals(
     for name in (*_DERIVATIVES, "feedforward"):
         if name in names:
             optional[name] = ports.add_input(builder, robot, name)
+    # Last, since the bus delays all commands together, and what is behind it is what the servos see.
     if servo.bus is not None:
         reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)
@@ -467,6 +469,7 @@ def _add_servo_blocks(
         )
 
     if servo.law == "computed_torque":
+        # One block for all joints: the mass matrix couples them.
         name = f"{prefix}computed_torque"
         command = add_computed_torque(
             builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name

@@ -222,6 +222,7 @@ def _paths_at(node: Any, pattern: list[str], prefix: str = "") -> Iterator[Named
     """
     if not isinstance(node, dict):
         return
+    # A list of its own, since callers remove keys of the section while they go through the paths.
     keys = list(node) if pattern[0] == "*" else pattern[:1]
     for key in keys:
         value = node.get(key)

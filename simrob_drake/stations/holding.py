@@ -43,6 +43,7 @@ def holding_findings(
         positions: samples of its reference, shape (m, n) [rad or m].
     """
     config = ports.config
+    # Torques change slowly along a reference, and each posture takes a solution of the dynamics.
     step = max(len(positions) // POSTURES, 1)
     postures = positions[::step]
     dynamics = Dynamics(
@@ -74,7 +75,7 @@ def holding_findings(
 
 
 def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
-    """Say that torques and payload of a robot are not predicted, since its links have no inertia.
+    """Make the note that torques and payload of a robot are not predicted, since its links have no inertia.
 
     Args:
         robot: the robot.

@@ -42,6 +42,7 @@ def import_findings(
     findings = []
     for follower, leader in unheld_mimics(config, robot.name, robot.model):
         findings.append(_unheld_mimic_finding(config, follower, leader))
+    # The report is a file next to the converted URDF. Files that need no conversion have none.
     report = read_report(robot.model.folder)
     if report is None:  # the robot was not imported
         return findings
@@ -90,7 +91,7 @@ def _loss_text(group: WordGroup) -> str:
 
 
 def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
-    """Name of the axis whose joint an entry of a report is about; None if it is about something else.
+    """Find the axis whose joint an entry of a report describes. Returns None if the entry describes something else.
 
     Args:
         robot: the imported robot.
@@ -170,6 +171,7 @@ def _friction_finding(
         for axis, friction in frictions.items()
     ]
     section = "robot" if config.only_robot else f"robots.{robot.name}"
+    # One axis is set by its own key, several by one mapping, so that the user copies a single option.
     if len(frictions) == 1:
         ((axis, friction),) = frictions.items()
         setting = f"{section}.drives.friction.{axis}={friction:g}"
@@ -196,7 +198,7 @@ _LINK_OF_ENTRY = re.compile(r"link '(.*)'")
 
 
 def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message | None:
-    """Say which links of a robot have an inertia that its import estimated. Returns None if there is no such link.
+    """Name the links of a robot whose inertias its import estimated. Returns None if there is no such link.
 
     Args:
         model: the robot, whether it was imported or not.

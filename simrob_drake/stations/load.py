@@ -159,6 +159,7 @@ def _culprits(
     matching = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong_key)]
     if matching:
         return matching[-1:]
+    # The error names no key of an override: try each override alone.
     for key, value in overrides.items():
         if not is_valid({key: value}):
             return [key]
@@ -339,6 +340,7 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     Raises:
         InvalidConfig: an extension is not installed, or is left out.
     """
+    # Without the extension, its kinds of sensors and moves are unknown, and that error would name no package.
     entries = content.get("extensions", ())
     # If the value has a wrong type, the validation reports it later.
     are_names = isinstance(entries, list | tuple) and all(
@@ -419,6 +421,7 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
     entries = content["add_directives"]
     added: Content = {}
     for entry in entries if isinstance(entries, list) else [entries]:
+        # FILE#NAME selects one scenario of a file with several.
         name, _, scenario = str(entry).partition("#")
         file = Path(name)
         if not isfile(file):
@@ -445,16 +448,17 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
                     )
                     raise InvalidConfig(where, "add_directives", problem)
                 known[key] = value
-    return _merged(added, rest)
+    # The station's own keys win, so that a user can change a robot of a scene without editing the scene.
+    return _merge(added, rest)
 
 
-def _merged(lower: Content, upper: Content) -> Content:
+def _merge(lower: Content, upper: Content) -> Content:
     """Merge two nested mappings. Where both have a value, that of `upper` counts."""
     result = dict(lower)
     for key, value in upper.items():
         below = result.get(key)
         result[key] = (
-            _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+            _merge(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
         )
     return result
 
@@ -614,6 +618,7 @@ def _override(
         section[int(key)] = value
         return
     is_entry = len(path) == 2 and path[0] in ENTRIES
+    # None is a value of other keys, such as `floor`, but an entry that is None could only be a mistake.
     if value is None and is_entry and key in section:
         del section[key]
         return
@@ -626,6 +631,7 @@ def _override(
     if not _changes_keys_only(value, section.get(key), path):
         section[key] = _copy(value, path, where)
         return
+    # YAML turns a key such as 1 or on into a number or a truth value, which no key of a station is.
     text_keys = message("stations.section_of_texts", "a section whose keys are texts")
     for inner_key in value:
         instance(inner_key, ".".join(path), str, text_keys)

@@ -48,6 +48,7 @@ def check_inputs(
     if not found:
         return
     listed = ", ".join(found[:_MOST_NAMES]) + (" ..." if len(found) > _MOST_NAMES else "")
+    # The remedy names a port that the user can copy: the station's ports are known by name.
     own = next((name for name in found if name in inputs), None)
     port = "port" if own is None else f'ports.inputs["{own}"]'
     size = "n" if own is None else inputs[own].size()

@@ -255,6 +255,7 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
                     problem=problem,
                 )
             ) from problem
+        # Copies without the section, or loading a saved station would scatter each copy again.
         changes: dict[str, Any] = {"scatter": None, "free": True}
         if not entry.sources:
             # The name of a piece without a source is its model, but that of a copy is not.

@@ -150,6 +150,7 @@ def add_plant(
     """
     hooks = PlantHooks() if hooks is None else hooks
     config = resolved.config
+    # Bodies of the user's own would stand still in a plant that nothing steps.
     if hooks.is_used:
         check_steps_plant(config)
     # The engine that steps the station in place of Drake's plant, or None.

@@ -231,6 +231,7 @@ def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
             radians=np.deg2rad(angle),
         )
         yield Doubt(found.key, text)
+    # The largest one suffices: a pose in millimetres is wrong in all of them.
     coordinate = max(found.pose[:3], key=abs)
     if abs(coordinate) > _FARTHEST:
         text = message(

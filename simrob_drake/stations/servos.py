@@ -131,6 +131,7 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
         Unsuitable: the torque at rest or the speed without load is missing.
     """
     stated = Motor(model=choice) if isinstance(choice, str) else choice
+    # The user may remove a motor that the robot's own file names.
     if stated.model == NO_MOTOR:
         return None
     if stated.model == OF_URDF:

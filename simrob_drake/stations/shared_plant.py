@@ -161,6 +161,7 @@ def check_plant(
                 example=f"{name}_2" if name else "second",
             )
         )
+    # One plant is stepped by one solver, so that all stations in it must agree.
     for other in contents.stations.values():
         _check_same_solver(config, other.config)
     _check_floor(contents, station, scene_graph)

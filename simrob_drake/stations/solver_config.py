@@ -1,4 +1,4 @@
-"""How a station's time advances, what happens where things touch, and what bounds its verdict has."""
+"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file."""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -231,7 +231,7 @@ class Friction(Strict):
 
 
 class ContactMaterial(Strict):
-    """A surface. What is not given comes from the shape's own file, or from Drake."""
+    """Material of a surface. Values that are not given come from the shape's own file, or from Drake."""
 
     stiffness: Positive | None = None
     """Stiffness of a point contact [N/m]. That of two surfaces is the harmonic mean, 2 k1 k2 / (k1 + k2), so that two
@@ -255,9 +255,9 @@ class PieceContact(ContactMaterial):
 
 
 class ContactConfig(ContactMaterial):
-    """Contact between robots, pieces and floor. A station without this section has none.
+    """Contact between robots, pieces and floor. A station without this section has no contact.
 
-    What surfaces are made of holds for all of them, floor included; a piece's own `contact` section replaces it.
+    The material is that of all surfaces, also of the floor; a piece's own section `contact` replaces it.
     """
 
     model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"

@@ -144,6 +144,8 @@ class Stances:
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
             if not groups:
                 feet.add(self._robot.root.body().name())
+            # The length 0 asks for no distance of the other links from the ground: home stands as the file describes
+            # it.
             yield from self._good(home, [], feet, 0.0)
         for legs in groups:
             yield from self.bent_stances(legs)
@@ -173,6 +175,7 @@ class Stances:
         feet = np.array([self._feet(legs, posture) for posture in postures])
         # The full length of the legs is how far their feet reach below their hips in any of these postures.
         full_length = float((hips - feet.min(axis=0))[:, 2].min())
+        # The feet are never below the hips: these chains cannot carry the robot.
         if full_length <= 0:
             return
         below_feet = feet[0][:, :2]  # below the feet of straight legs
@@ -544,6 +547,7 @@ class Stances:
         inner_lower = lower + _INNER_MARGIN * scale
         inner_upper = upper - _INNER_MARGIN * scale
         first_guess = np.clip(seed, inner_lower, inner_upper)
+        # Few evaluations: a guess that has not come close by then is a bad one, and others follow.
         near_home = least_squares(foot_and_home_error, first_guess, bounds=bounds, max_nfev=40).x
         second_guess = np.clip(near_home, inner_lower, inner_upper)
         # Without the pull to home, which would leave the foot a little off its target.

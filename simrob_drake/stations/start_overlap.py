@@ -72,6 +72,7 @@ def deepest_overlap(
         root = ports.plant.with_whole_shapes(root)
     pieces = ports.config.pieces
     deepest = None
+    # Penetration of the shapes, whatever the contact model: hydroelastic contact reports no depth.
     for pair in ports.plant.query(root).ComputePointPairPenetration():
         names = []
         for shape in (pair.id_A, pair.id_B):

@@ -86,6 +86,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
+    # The axis with the least inertia for its damping decides over the steps of all.
     worst = int(np.argmin(steps))
     largest = steps[worst]
     unit = robot.model.units[worst]
@@ -336,6 +337,7 @@ def _creeping_findings(
     The list is empty for other solvers, and for a scheme that holds joint limits by itself.
     """
     engine = config.engine
+    # Only error control can make steps tiny, and an engine that holds joint limits needs no stiff stops.
     if not engine.moves_by_forces or engine.has_fixed_steps or engine.holds_joint_limits:
         return []
     findings = []
@@ -485,6 +487,7 @@ def bound_steps(
         accuracy: accuracy, if it is finer (a smaller number) than that of the settings.
     """
     integrator = simulator.get_mutable_integrator()
+    # A phase of a run, such as a flight, may need shorter steps, but never longer ones than the user allows.
     step = min(longest, solver.max_step)
     integrator.set_maximum_step_size(step)
     if integrator.get_initial_step_size_target() > step:

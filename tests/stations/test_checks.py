@@ -1,4 +1,4 @@
-"""What `simrob check` foretells, against what the runs then show."""
+"""Predictions of `simrob check`, compared with the runs that follow."""
 
 import json
 
@@ -136,7 +136,7 @@ def warnings_of(found):
 
 
 def test_a_flat_body_on_a_single_point_is_reported(two_dice):
-    """Without balls at the corners, one warning names a body and the remedy."""
+    """If flat bodies have no balls at their corners, one warning names a body and the remedy."""
     (warning,) = warnings_of(findings({"contact.corners": False}, two_dice))
 
     assert warning.startswith("a lies on one point that jumps about")
@@ -151,7 +151,7 @@ def test_a_flat_body_on_several_points_or_a_surface_is_in_order(two_dice, change
 
 @pytest.mark.parametrize(("kp", "level"), [(500, "ok"), (50, "warning")])
 def test_the_sag_is_foretold_and_judged_by_the_bound_of_the_verdict(kp, level):
-    """The predicted sag is that at the end of a run; at kp = 50 the arm still swings a little after 1.5 s of rest."""
+    """The predicted sag is that at the end of a run. At kp = 50 the arm still swings a little after 1.5 s of rest."""
     changes = {"servo.kp": kp, "reference.duration": 0.5, "duration": 2.0}
 
     finding = text_of(findings(changes), "torque of joint_2")
@@ -289,7 +289,7 @@ def test_a_motion_through_the_floor_is_foretold():
 
 
 def test_a_motion_through_the_floor_is_only_a_note_with_contact():
-    """With contact the run itself shows that the floor holds the arm back."""
+    """If the station has contact, the finding is a note: the run itself shows that the floor stops the arm."""
     finding = text_of(findings({"pieces": {}, "contact": {}, **LOW}), "floor and robot")
 
     assert finding.level == "note"

@@ -1,4 +1,4 @@
-"""How a robot that is held begins: clear of the floor and of itself, held by its motors, by geometry worked by hand."""
+"""The start of a robot that is held by its root: clear of the floor and of itself, and within its motors' torques."""
 
 import numpy as np
 import pytest
@@ -133,7 +133,7 @@ FINGERS = [link(name, "0.02 0.02 0.2", "0 0 0.1") for name in ("one", "two")]
 
 
 def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
-    """Their joints are 15 mm apart, and they are 20 mm thick: 5 mm deep in each other unless one is turned away."""
+    """Fingers of 20 mm, whose joints are 15 mm apart, overlap by 5 mm unless one turns away."""
     hinges = [
         joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in (("one", 0.0), ("two", 0.013))
     ]

@@ -259,7 +259,7 @@ def chain_of_axes():
 
 
 def test_the_axes_that_are_asked_least_give_way(chain_of_axes):
-    """If only c is named, a and b follow it: c = 0.3 asks for b = 0.5 - 0.3 and a = b / 2."""
+    """If only c is named, a and b follow it: c = 0.3 demands b = 0.5 - 0.3 and a = b / 2."""
     firmness = [Firmness.UNNAMED, Firmness.UNNAMED, Firmness.NAMED, Firmness.UNNAMED]
 
     solution = chain_of_axes.solve(firmness, chain_of_axes.totals(np.zeros(4)))

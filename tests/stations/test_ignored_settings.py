@@ -20,7 +20,7 @@ def warnings_of_check(config):
 
 
 def test_a_ball_that_cannot_bounce_is_reported_by_the_result(tmp_path):
-    """sap ignores dissipation; with it, the ball stays 9 mm deep in the floor instead of bouncing."""
+    """sap ignores dissipation: the ball stays 9 mm deep in the floor instead of bouncing."""
     config = load_station("bouncing_ball", {"solver": DISCRETE})
     assert SAP_WARNING in warnings_of_check(config)
     result = simulate(config, duration=0.3, progress=False)

@@ -1,4 +1,4 @@
-"""Station files: what is accepted, what is refused, and in which words."""
+"""Station files: the accepted and the refused ones, with the messages of the refusals."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_a_new_kind_begins_from_its_defaults_and_names_what_was_given_for_the_ol
 
 
 def test_the_arm_with_force_control_holds_its_start():
-    """So does the header of its file advise."""
+    """The header of the station's file advises these settings."""
     with pytest.warns(KeysLeftOut, match="target_deg, start, duration, blend"):
         station = load_station("irb120_force_control", {"reference.kind": "hold"})
     result = simulate(station, duration=0.3, progress=False)
@@ -122,7 +122,7 @@ def test_the_arm_with_force_control_holds_its_start():
 def test_no_section_keeps_keys_of_another_kind(
     station, sections, key, changes, left, kept, tmp_path
 ):
-    """Neither from a station's file nor from a configuration that is there already."""
+    """Keys of the old kind are dropped from a station's file, and from a configuration that is loaded already."""
     if "mujoco" in f"{sections} {changes}":
         pytest.importorskip("simrob_drake.extensions.mujoco")
     before = load_station(station, sections)
@@ -159,7 +159,7 @@ def test_a_kind_that_stays_keeps_all_keys(recwarn):
 
 
 def test_settings_that_come_later_take_back_those_of_another_kind():
-    """As in the pendant, and in the changes of a program."""
+    """Later settings replace earlier ones in the pendant, and in the changes of a program."""
     before = {"reference.kind": "move", "reference.target_deg": 30, "servo.kp": 500}
     assert settings_with(before, {"reference.kind": "hold"}) == {
         "reference.kind": "hold",

@@ -1,4 +1,4 @@
-"""Stations of many pieces: each piece costs the same memory, and there is a stated number of them."""
+"""Stations of many pieces: each piece costs the same memory, and the count of pieces is limited."""
 
 import numpy as np
 import pytest

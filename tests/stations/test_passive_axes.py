@@ -1,4 +1,4 @@
-"""Axes without a motor: they move freely, have no torque, and nothing takes them for driven ones."""
+"""Axes without a motor move freely and have no torque, and no part of the package treats them as driven."""
 
 from collections.abc import Callable
 from pathlib import Path

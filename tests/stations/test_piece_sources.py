@@ -42,7 +42,7 @@ def box_file(folder: Path, name: str, scale: float = 1.0) -> Path:
 
 
 def station(folder: Path, pieces: str, overrides: dict[str, Any] | None = None) -> StationConfig:
-    """Return a station whose robot carries a piece, unless that says otherwise."""
+    """Load a station whose robot carries a piece, unless the entry of the piece has another parent."""
     hung = (
         pieces
         if "parent" in pieces or "free" in pieces

@@ -1,4 +1,4 @@
-"""Numbers that are hardly meant are doubted, in robots of every format and in a station's keys; real ones are not."""
+"""Doubts about implausible numbers in robots of every format and in a station's keys; published robots raise none."""
 
 import re
 
@@ -43,7 +43,7 @@ GOOD = {"com": 0.1, "moment": 0.01, "effort": 100}
 
 
 def doubts(file):
-    """Return what an import or a description says of its numbers."""
+    """Collect the doubts about the numbers of a robot that is imported or described."""
     if file.suffix == ".yaml":
         content = {"robot": {"model": str(file)}, "duration": 0.01}
         (file.parent / "station.yaml").write_text(yaml.safe_dump(content))

@@ -1,4 +1,4 @@
-"""What a robot's file lacks or an import leaves out, said once and with the setting that helps: friction, inertia."""
+"""Defects of a robot's file and losses of its import: each is reported once, with the setting that helps."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Pieces at places of chance: as many as asked, apart, within their box, and the same ones for the same seed."""
+"""Pieces at random poses: the requested count, apart from each other, within their box, and equal for equal seeds."""
 
 from itertools import combinations
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How a robot with a free base is put on its feet, against its geometry and statics; what a trial says of it."""
+"""Stances of robots with a free base, compared with geometry and statics, and the results of trials."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.clearance import Clearance
-from simrob_drake.stations.draft import draft_station, stands
+from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.draft_trials import StandingTrial, stands
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.stances import Stance, Stances
 from tests.stations.conftest import joint, link
@@ -85,7 +86,7 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
 
 
 def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearance_of):
-    """The hand of an arm whose elbow is folded lies in the trunk."""
+    """The hand of an arm with a folded elbow overlaps the trunk."""
     parts = (
         link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0),
         link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1),
@@ -133,7 +134,7 @@ def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypat
 
     def fell(config):
         tried.append(config.robots["robot"].initial_deg)
-        return draft.StandingTrial(is_standing=False, outcome=f"it fell at {len(tried)} s")
+        return StandingTrial(is_standing=False, outcome=f"it fell at {len(tried)} s")
 
     monkeypatch.setattr(draft, "stands", fell)
     text = draft_station(quadruped(knees_deg=-60.0), folder=tmp_path)

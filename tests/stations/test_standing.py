@@ -1,4 +1,4 @@
-"""What is foretold of robots that stand on their own feet, against statics by hand."""
+"""Predictions about robots that stand on their own feet, compared with statics by hand."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def test_the_humanoids_balance_is_that_of_its_figures() -> None:
 
 
 def test_the_quadrupeds_knees_carry_the_weight() -> None:
-    """Rear and front feet share it by the place of the centre of mass; a knee holds it at its arm."""
+    """The centre of mass divides the weight between rear and front feet; each knee holds it at its lever."""
     found = stands("yobotics_dynamic")
     knee_to_foot = 0.23039 * np.sin(0.8) - 0.025 * np.sin(0.8)  # the ball touches under its middle
     assert found.contacts == 4

@@ -1,4 +1,4 @@
-"""Links so light that a continuous scheme creeps: foretold by the check, found by the draft, told by the run."""
+"""Links so light that a continuous scheme creeps: reported by the check and the run, and avoided by the draft."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
-from simrob_drake.stations.draft import draft_station, gets_through
+from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.draft_trials import gets_through
 
 LINK = """
   <link name="{name}"><inertial><origin xyz="0.01 0 0"/><mass value="0.0002"/>
@@ -22,7 +23,7 @@ CREEPING = {
 
 
 def finger(lower: float) -> str:
-    """Return a finger of two links of 0.2 g that lies level: its weight leans on stops at 0."""
+    """A finger of two links of 0.2 g that lies level: its weight presses on stops at 0."""
     first = LINK.format(name="first", parent="palm", x=0, lower=lower)
     second = LINK.format(name="second", parent="first", x=0.02, lower=lower)
     return f'<robot name="finger"><link name="palm"/>{first}{second}</robot>'
@@ -30,7 +31,7 @@ def finger(lower: float) -> str:
 
 @pytest.fixture
 def drafted(tmp_path, monkeypatch):
-    """Give a function that drafts a station of a finger, and returns its file."""
+    """A function that drafts a station of a finger, and returns its file."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
     def draft(lower: float):
