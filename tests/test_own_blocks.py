@@ -480,7 +480,7 @@ class TestWrong:
 
     def test_a_loop_without_a_state_in_it(self):
         blocks = {"back": Mirror("forth.there", "here"), "forth": Mirror("back.here", "there")}
-        with pytest.raises(SimrobError, match=r"blocks back, forth.*circle.*loop"):
+        with pytest.raises(SimrobError, match=r"blocks back, forth.*algebraic loop"):
             simulate(arm(), blocks=blocks, duration=0.1)
 
     def test_a_block_of_another_run(self):

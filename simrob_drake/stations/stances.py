@@ -131,7 +131,7 @@ class Stances:
         _, _, reasons_of_best = min(failed)
         return message(
             "stations.best_of_tried",
-            "In the best of {count} stances that were tried, {lacks}.",
+            "In the best of {count} tried {count:stance|stances}, {lacks}.",
             count=len(failed),
             lacks=reasons_of_best,
         )

@@ -66,5 +66,5 @@ def test_without_play_the_link_is_where_its_motor_is(rod: Path) -> None:
 
 
 def test_a_motor_without_a_rotor_cannot_have_play(rod: Path) -> None:
-    with pytest.raises(InvalidParameter, match="joint_1 have a rotor_inertia"):
+    with pytest.raises(InvalidParameter, match="joint_1 must have a rotor_inertia"):
         simulate(load_station(rod, {"robot.drives.rotor_inertia": 0}))

@@ -126,7 +126,7 @@ def test_what_hangs_is_held_over_the_floor(robot_of, clearance_of):
     )
     start = start_of(clearance_of(urdf))
     assert start.height > 0.6
-    assert any(remark.startswith("Held ") for remark in start.remarks)
+    assert any(remark.startswith("The root is held ") for remark in start.remarks)
 
 
 FINGERS = [link(name, "0.02 0.02 0.2", "0 0 0.1") for name in ("one", "two")]

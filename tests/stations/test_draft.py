@@ -77,7 +77,8 @@ def test_a_description_with_a_floating_base_needs_shapes(one_joint_urdf, write_u
     )
 
     with pytest.raises(
-        Unsuitable, match=r"floating\.yaml: base: it is floating, but no link has a collision shape"
+        Unsuitable,
+        match=r"floating\.yaml: base: the base is floating, but no link has a collision shape",
     ):
         draft_station(description)
 

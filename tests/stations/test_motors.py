@@ -254,7 +254,7 @@ def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
         "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously ("
         in found
     )
-    assert "its motor gets too warm: it may give 0.62 N·m continuously" in found
+    assert "the motor overheats, since its continuous torque is 0.62 N·m" in found
 
 
 @pytest.mark.parametrize(
@@ -368,7 +368,7 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
     with pytest.raises(
-        SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"
+        SimrobError, match=r"servo\.bus: a bus transmits only .*, not reference_acceleration"
     ):
         simulate(
             load_station(
@@ -379,4 +379,4 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
 
 def test_a_bus_is_drawn(joint: Path) -> None:
     station = load_station(joint, {"servo.bus": {"latency": 0.02}, "servo.realization": "implicit"})
-    assert "20 ms late" in station_dot(station)
+    assert "delay 20 ms" in station_dot(station)

@@ -278,7 +278,7 @@ WRONG = [
     ("{mesh: box.stl, scale: -1}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, scale: 0}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*either mass or density"),
-    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*one of model and mesh, not several"),
+    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*only one of model and mesh"),
     ("{model: rook, scale: 2}", r"pieces\.part: .*scale needs the key mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
     (

@@ -55,7 +55,7 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
 def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
     _, stance = first_of(clearance_of(quadruped(knees_deg=0.0, most_deg=10.0), **DYNAMIC))
     assert stance is not None
-    assert stance.how == "at home"
+    assert stance.how == "in the home posture"
     assert stance.height == pytest.approx(0.4)
 
 
@@ -71,7 +71,7 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
     found = list(stances.find())
     if effort > 2.0:
         assert [(stance.how, list(stance.standing.ends)) for stance in found] == [
-            ("at home", ["trunk"])
+            ("in the home posture", ["trunk"])
         ]
         assert stances.lacking == ""
         texts = [finding.text for finding in check_station(clearance.config)]
@@ -81,7 +81,7 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
         assert found == []
         assert (
             stances.lacking
-            == "In the best of 1 that were tried bar_joint takes 1.96 N·m and has 1 N·m."
+            == "In the best of 1 tried stance, bar_joint requires 1.96 N·m, but its limit is 1 N·m."
         )
 
 
@@ -121,7 +121,7 @@ def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tm
     (file := tmp_path / "first.yaml").write_text(text)
     config = load_station(file)
     assert "# It stands with its legs bent to 90% of their length, on shank" in text
-    assert "# It was tried: after 2 s it leans by 0.0 deg" in text
+    assert "# In a trial run, after 2 s the robot leans by 0.0 deg" in text
     fall = config.monitors["fall"]
     assert fall.height == pytest.approx(0.6 * config.robots["robot"].base[2], abs=1e-3)
     assert fall.tilt_deg == 40
@@ -168,9 +168,9 @@ TOP = [link("trunk", "0.1 0.1 0.5", "0 0 0.25", 2.0), link("arm", "0.02 0.02 0.1
 @pytest.mark.parametrize(
     ("tilt", "monitors", "held", "told"),
     [
-        (0.0, {}, True, "after 2 s it leans by 0.0 deg, and its root is 0 mm lower"),
-        (20.0, {}, False, "after 2 s it leans by 70.0 deg"),
-        (20.0, {"fall": {"tilt_deg": 40.0}}, False, "it fell at 0."),
+        (0.0, {}, True, "after 2 s the robot leans by 0.0 deg, and its root is 0 mm lower"),
+        (20.0, {}, False, "after 2 s the robot leans by 70.0 deg"),
+        (20.0, {"fall": {"tilt_deg": 40.0}}, False, "the robot fell at 0."),
     ],
 )
 def test_a_trial_tells_what_stands_from_what_falls(
