@@ -62,7 +62,7 @@ class ResolvedStation(StationContents):
     mimics: tuple[str, ...] = ()
 
     @cached_property
-    def coupled(self) -> CoupledAxes:
+    def couplings_of_axes(self) -> CoupledAxes:
         """The couplings between axes, of all robots in order, by their full names."""
         axes = [f"{robot.prefix}{axis}" for robot in self.robots.values() for axis in robot.axes]
         return coupled_axes(self.config, self.unheld_gears, axes)
