@@ -228,8 +228,8 @@ def _jump_findings(
     """
     if reference is None or config.start is not None or not config.engine.moves_by_forces:
         return []
-    # Index 1 are the positions; their first row is at the start of the run.
-    first_positions = reference_samples(reference, config.duration)[1][0]
+    _, positions = reference_samples(reference, config.duration)
+    first_positions = positions[0]
     axes = axes_off_reference(robot, robot.initial, first_positions)
     if not axes.size:
         return []
@@ -264,7 +264,7 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
     Limits and motors that the station gives are not checked.
     """
-    # Then the limits of the file have no effect, and the user has chosen the others.
+    # With limits or motors of the station, the limits of the file have no effect.
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     # Some files have an effort of 1000 N·m for a light wrist, which only says that there is no limit.
@@ -358,7 +358,7 @@ def _holding_findings(
                 "note", message("stations.torques_of", "torques of {robot}", robot=robot.name), text
             )
         ]
-    positions = reference_samples(reference, ports.config.duration)[1]
+    _, positions = reference_samples(reference, ports.config.duration)
     return holding_findings(ports, robot, positions)
 
 

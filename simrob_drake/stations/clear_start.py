@@ -218,7 +218,7 @@ class ClearStart:
 
         If no posture and move are clear, the start has the posture with the smallest faults that was found.
         """
-        # First with a distance from the floor. Many robots cannot keep it, and then links that just clear it will do.
+        # First with a distance from the floor. Some robots cannot keep it: then links may be just above the floor.
         for height in (_OVER, 0.0):
             self._require_height(height)
             for postures in self._clear_postures():
@@ -375,7 +375,7 @@ class ClearStart:
         is_within_limits = not self._robot.model.followers or self._is_within_limits(posture + step)
         if is_within_limits and self._is_clear(posture, step, _PARTS):
             return posture + step
-        # Some axis spoils the motion of all. The axes are added one at a time, so that only that axis stays.
+        # A fault of one axis rules out the motion of all axes. They are added one at a time, so that only it stays.
         step = self._combined_step(posture, step)
         # The combination was checked at few parts of the move: check it at all of them.
         if step.any() and self._is_clear(posture, step, _PARTS):

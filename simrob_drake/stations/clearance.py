@@ -128,10 +128,10 @@ def standing(
     candidates = _support_points(station, robot, context)
     if not candidates:
         return None
-    # Heights are measured from the ground below each point, since a terrain or an incline is not level.
     # Only the lowest points carry.
     points = np.vstack([support.points for support in candidates])
     frames = [support.frame for support in candidates for _ in support.points]
+    # Heights are measured from the ground below each point, since a terrain or an incline is not level.
     heights = points[:, 2] - station.ground.beneath(points)
     gap = float(heights.min())
     carrying = np.flatnonzero(heights <= gap + _TOUCHING).tolist()

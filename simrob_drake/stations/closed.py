@@ -403,7 +403,7 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
         InvalidParameter: a position is outside of its limits or not finite. Names the joint, the time, the value and
             the limits.
     """
-    # Sampled, as a reference is any function of time: limits between samples may be passed by a little.
+    # A reference is any function of time, so that it is sampled: between samples it may exceed a limit slightly.
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         # The first value that is not finite: comparisons with limits would be false for it.

@@ -268,7 +268,7 @@ class CollisionPolicy:
         for name, robot in self._posed.station.robots.items():
             # A robot's file may give a home posture beyond the limits: only the start of a station is checked.
             homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
-        # All robots at once: only pairs within one robot are looked at, so that they may be in each other's way.
+        # All robots at once: only pairs within one robot count, so that overlaps of two robots do not matter.
         self._posed.place_robots(homes)
         touching = self.touching(own_only=True)
         self._posed.place(before)

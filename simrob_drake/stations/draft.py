@@ -516,7 +516,7 @@ def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> N
 
     The monitor judges the height of the root only if the root is above the floor.
     """
-    # Rounded to micrometres: more would neither lift the feet off the floor nor press them into it.
+    # Rounding to micrometres neither lifts the feet off the floor nor presses them into it.
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, stance.posture)
     fall = dict[str, float]()

@@ -242,12 +242,15 @@ def add_motion(
     """
     count = len(robot.axes)
     rows = robot.axis_map.state_matrix
+    # The state of the axes has n positions, then n velocities.
+    positions_of_state = FromState(rows[:count])
+    velocities_of_state = FromState(rows[count:])
     desired = axis_signal(robot, "q_ref", "reference", "reference")
     site.outputs.add(f"{robot.prefix}reference", reference, desired)
     motion = axis_signal(robot, "q", "position", "motion")
-    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
+    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=positions_of_state)
     speed = axis_signal(robot, "v", "velocity", "motion")
-    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
+    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=velocities_of_state)
 
 
 def _add_signals(

@@ -618,7 +618,7 @@ def _override(
         section[int(key)] = value
         return
     is_entry = len(path) == 2 and path[0] in ENTRIES
-    # None is a value of other keys, such as `floor`, but an entry that is None could only be a mistake.
+    # None removes an entry. For other keys, such as `floor`, None is a value.
     if value is None and is_entry and key in section:
         del section[key]
         return

@@ -342,9 +342,11 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
     # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
     stall, fastest = np.array(lines).T
-    # The torque falls by the slope [N·m·s/rad or N·s/m]: 0 without a motor.
-    # D = tau_s / omega_0; 0 / 1 instead of inf / inf for an axis without a motor.
-    slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
+    # The torque falls along a line, tau = tau_s - D omega, with the slope D = tau_s / omega_0 [N·m·s/rad or N·s/m].
+    # For an axis without a motor the quotient is 0 / 1, so that its slope is 0 and not inf / inf.
+    stall_or_zero = np.where(np.isfinite(stall), stall, 0.0)
+    speed_or_one = np.where(np.isfinite(fastest), fastest, 1.0)
+    slope = stall_or_zero / speed_or_one
     # A limit below the stall torque cuts the line, which a damper cannot represent.
     damping = np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope)
     return MotorLine(stall=stall, slope=slope, damping=damping)
