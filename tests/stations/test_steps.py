@@ -5,7 +5,7 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.folders import CACHE_VARIABLE
-from simrob_drake.stations import draft
+from simrob_drake.stations import draft_trials
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.draft_trials import gets_through
@@ -111,7 +111,7 @@ def test_a_trial_ends_when_its_work_is_done(monkeypatch):
     """Twenty evaluations of the dynamics are no move of three seconds."""
     config = load_station("irb120_dynamic")
     assert gets_through(config)
-    monkeypatch.setattr(draft, "_MOST_EVALUATIONS", 20)
+    monkeypatch.setattr(draft_trials, "_MOST_EVALUATIONS", 20)
     assert not gets_through(config)
 
 
