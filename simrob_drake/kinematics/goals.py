@@ -334,6 +334,7 @@ def _bounds(
     Raises:
         InvalidParameter: bounds of another size, or with NaN, or a lower bound above an upper one.
     """
+    # Infinite bounds are allowed: they mean that there is no bound. NaN is not, as every comparison with it is false.
     low = np.asarray(lower, dtype=float)
     high = np.asarray(upper, dtype=float)
     if low.shape != (size,) or high.shape != (size,) or np.isnan(low).any() or np.isnan(high).any():

@@ -79,14 +79,14 @@ def test_a_centre_of_mass_in_millimetres_is_told_by_every_command(tmp_path, shap
     file = tmp_path / "flap.urdf"
     file.write_text(URDF.format(**{**GOOD, "com": 200}, shape=shape))
     text = draft_station(file, folder=tmp_path)
-    assert "link 'rod' <inertial>: its centre of mass lies 200 m from" in text
+    assert "link 'rod' <inertial>: its centre of mass is 200 m from" in text
     (tmp_path / "first.yaml").write_text(text)
     config = load_station(
         tmp_path / "first.yaml", {"duration": 0.01, "solver": {"kind": "discrete"}}
     )
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
     for told in (checked, simulate(config, progress=False).warnings):
-        assert any("its centre of mass lies 200 m from" in each for each in told), told
+        assert any("its centre of mass is 200 m from" in each for each in told), told
 
 
 def test_bodies_against_their_shapes():

@@ -50,12 +50,12 @@ PROBLEMS = {
     ),
     "weld of a missing frame": (
         f"directives:\n{MODEL}- add_weld: {{parent: world, child: arm::nose}}\n",
-        "Drake cannot read it: GetFrameByName(): There is no Frame named 'nose'",
+        "Drake cannot read this file: GetFrameByName(): There is no Frame named 'nose'",
         "Drake no puede leerlo",
     ),
     "wrong type": (
         f"directives:\n{MODEL}plant_config: {{time_step: soon}}\n",
-        "Drake cannot read it",
+        "Drake cannot read this file",
         "Drake no puede leerlo",
     ),
 }
