@@ -321,7 +321,7 @@ class PieceModel(Strict):
         # A mass of 0 that the file states contradicts a density as well; the default mass does not.
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError(
-                message("robots.mass_or_density", "a piece can have a mass or a density, not both")
+                message("robots.mass_or_density", "a piece has either a mass or a density")
             )
         # Counted before the frames are computed: a slip in a count must not fill the memory.
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]

@@ -170,7 +170,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
             message(
                 "robots.odd_density",
                 "a mass of {mass:g} kg in {volume:.3g} m³ is a density of {density:.3g} kg/m³; "
-                "are the values in grams or millimetres?",
+                "were grams or millimetres meant?",
                 mass=own.mass,
                 volume=shapes.mass,
                 density=density,
@@ -185,7 +185,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
         texts.append(
             message(
                 "robots.far_from_shapes",
-                "its centre of mass is {distance:.3g} m from the middle of its shapes; is it in millimetres?",
+                "its centre of mass is {distance:.3g} m from the middle of its shapes; were millimetres meant?",
                 distance=apart,
             )
         )
@@ -218,7 +218,7 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
             message(
                 "robots.far_from_joint",
                 "its centre of mass is {distance:.3g} m from its joint, but its joints are only {size:.3g} m apart; "
-                "is it in millimetres?",
+                "were millimetres meant?",
                 distance=apart,
                 size=size,
             )
@@ -236,7 +236,7 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
         texts.append(
             message(
                 "robots.moments_and_joints",
-                "{moments}, but its joints are only {size:.3g} m apart; are they in kg mm² or g m²?",
+                "{moments}, but its joints are only {size:.3g} m apart; were kg mm² or g m² meant?",
                 moments=moments,
                 size=size,
             )
@@ -285,7 +285,7 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
         if offset > _LONGEST:
             question = message(
                 "robots.were_millimetres_meant",
-                "is it in millimetres? Lengths of a URDF are in metres",
+                "were millimetres meant? lengths of a URDF are in metres",
             )
             text = message(
                 "robots.far_from_last_joint",
@@ -316,7 +316,7 @@ def _limit_doubt(joint: ET.Element) -> str:
     if joint.get("type") == "prismatic" and largest > _LONGEST:
         return message(
             "robots.limits_in_millimetres",
-            "lower {lower:g}, upper {upper:g} m; are they in millimetres?",
+            "lower {lower:g}, upper {upper:g} m; were millimetres meant?",
             lower=lower,
             upper=upper,
         )
@@ -326,7 +326,7 @@ def _limit_doubt(joint: ET.Element) -> str:
     if joint.get("type") == "revolute" and largest > _MOST_TURNS and not is_whole:
         return message(
             "robots.limits_in_degrees",
-            "lower {lower:g}, upper {upper:g} rad are {turns:.1f} turns; are they in degrees?",
+            "lower {lower:g}, upper {upper:g} rad are {turns:.1f} turns; were degrees meant?",
             lower=lower,
             upper=upper,
             turns=largest / math.tau,

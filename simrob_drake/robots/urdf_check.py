@@ -319,7 +319,7 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
             where,
             message(
                 "robots.type_of_joint",
-                "its type is '{kind}'; the types {known} are supported",
+                "its type is '{kind}'; a station's robot has joints of the types {known}",
                 kind=kind,
                 known=known,
             ),

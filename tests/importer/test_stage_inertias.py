@@ -35,7 +35,7 @@ UNUSABLE = [
     pytest.param(
         INERTIA,
         moments(0.01, 0.01, 0.03),
-        "principal moments 0.01, 0.01, 0.03 kg m²: none is",
+        "principal moments 0.01, 0.01, 0.03 kg m²: each must be",
         1,
         id="tri",
     ),
@@ -212,7 +212,7 @@ def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
 @pytest.mark.parametrize(
     ("good", "bad", "words"),
     [
-        (MASS, '<mass value="1000"/>', "in 0.003 m³ is 3.33e+05 kg/m³; grams, or mm?"),
+        (MASS, '<mass value="1000"/>', "in 0.003 m³ is a density of 3.33e+05 kg/m³; were grams"),
         (
             '<origin xyz="0 0 0.1"/><mass',
             '<origin xyz="0 0 100"/><mass',

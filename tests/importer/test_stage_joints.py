@@ -67,7 +67,7 @@ RANGES = [
         id="endless",
     ),
     pytest.param(
-        "revolute", limit(-170, 170), (-170, 170), "read", "are they in degrees?", id="degrees"
+        "revolute", limit(-170, 170), (-170, 170), "read", "were degrees meant?", id="degrees"
     ),
     pytest.param(
         "continuous",
@@ -272,7 +272,7 @@ def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_pa
         (
             REVOLUTE,
             'type="ball"',
-            "joint 'shoulder': its type is 'ball'; the types",
+            "joint 'shoulder': its type is 'ball'; a station's robot has joints of",
         ),
         (REVOLUTE, 'type="revolute2"', "its type is 'revolute2'"),
         (REVOLUTE, "", "joint 'shoulder': it has no type"),

@@ -83,7 +83,7 @@ MENDED = [
         END,
         joint("more", "tip", "none") + END,
         "dropped",
-        "joint 'more': its child 'none' is not a link of the robot",
+        "joint 'more': its child 'none' is no link",
         id="dangling child",
     ),
     pytest.param(

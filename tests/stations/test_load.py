@@ -287,7 +287,7 @@ WRONG = [
     ({"monitors.settled.hld": 1}, r"monitors\.settled\.hld: unknown key; did you mean 'hold'\?"),
     ({"monitors.settled.robot": "arm"}, r"no robot for monitors\.settled 'arm'"),
     ({"pieces.load.density": 0}, r"pieces\.load\.density: .*greater than 0"),
-    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*a mass or a density, not both"),
+    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either a mass or a density"),
     ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
     ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*one of model and mesh, not several"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),

@@ -277,7 +277,7 @@ WRONG = [
     ("{mesh: box.stl, scale: 1e-6}", r"pieces\.part\.scale is 1e-06"),
     ("{mesh: box.stl, scale: -1}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, scale: 0}", r"pieces\.part\.scale: .*greater than 0"),
-    ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*a mass or a density, not both"),
+    ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*either a mass or a density"),
     ("{mesh: box.stl, model: rook}", r"pieces\.part: .*one of model and mesh, not several"),
     ("{model: rook, scale: 2}", r"pieces\.part: .*a scale goes with a mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
