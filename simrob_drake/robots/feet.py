@@ -179,7 +179,7 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
         if name in feet.boxes:
             sole = feet.boxes[name]
             shape: Box | Sphere = Box(*sole.size)
-            centres = (sole.centre,)
+            centres: tuple[Triple, ...] = (sole.centre,)
         else:
             shape = Sphere(surface.radius)
             centres = feet.points[name]
