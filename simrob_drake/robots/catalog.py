@@ -199,7 +199,7 @@ class RobotModel(Strict):
                     file=self.urdf_path,
                 ),
             )
-        # Motors first: rotor inertia and gear ratio are written into the actuators of the motors that there are then.
+        # Motors first, since rotor inertia and gear ratio are written into the actuators of motors.
         self._apply_passive_axes(root)
         # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]

@@ -252,7 +252,7 @@ class _DrumSize(NamedTuple):
     length: float
 
 
-# Chosen by eye: a joint is thicker than its tubes, the foot is wide and flat, and the flange is thinner than its link.
+# Sizes for the look alone: a joint is thicker than its tubes, the foot is wide and flat, and the flange is thin.
 _JOINT_DRUM = _DrumSize(radius=1.25, length=2.6)
 _FOOT_DRUM = _DrumSize(radius=1.8, length=0.3)
 _FLANGE_DRUM = _DrumSize(radius=0.8, length=0.4)

@@ -57,7 +57,7 @@ def followers_among(
         follows = joint.find(FOLLOWS)
         if follows is None:
             continue
-        # A description may leave out the axis of the leading joint. Nothing in a station moves that joint then.
+        # A description may have no axis for the leading joint. Its position is then unknown, and nothing is coupled.
         leader = axis_of_joint.get(follows.get("joint", ""))
         if leader is None:
             continue

@@ -321,7 +321,7 @@ class _Hand:
 
     def _tips(self) -> list[_Tip]:
         """Tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
-        # Of three fingers or more, two are enough for the frame: hands are symmetric.
+        # Of three fingers or more, two are enough to define the frame.
         reaches = self._reaches()
         farthest = sorted(reaches, key=lambda joint: -reaches[joint].distance)[:2]
         return [reaches[joint].tip for joint in sorted(farthest)]
@@ -401,7 +401,7 @@ class _Hand:
         Returns:
             the meeting, or None if no line along the direction hits both tips.
         """
-        # The best case: closed fingers touch, or leave a gap, and the search is not needed.
+        # If the closed fingers only touch, or leave a gap, no search is needed.
         measured = self._measure_gaps(tips, direction, rotation, 0.0)
         opening = 0.0
         if measured is not None and measured.gaps.min() < -_SMALLEST:

@@ -96,7 +96,7 @@ def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector
             points = centres - shape.radius() * up
         case Cylinder():
             # Angles about the axis. The first one points down, so that the lowest point of a rim is exact. The others
-            # show contacts of the rim that is level or almost level.
+            # represent the rest of a rim, all of which touches the ground if it is level.
             first_angle = np.arctan2(-up[1], -up[0])
             angles = first_angle + _RIM_ANGLES
             circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])

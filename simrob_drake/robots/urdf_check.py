@@ -290,8 +290,8 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
                 ),
             )
         holders[child] = joint
-    # Each link now has one parent at most, so that anything but a tree must have a loop. The sorter finds it, in the
-    # order of the file so that the message is always the same.
+    # Each link now has one parent at most, so that only a cycle of parents can be left as a loop. Links in the order of
+    # the file make the message the same every time.
     parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
     child_links = [name for name in map(name_of, root.iterfind("link")) if name in parents]
     try:
