@@ -5,6 +5,7 @@ slides. A value "per axis" is one number for all axes, a list in axis order, or 
 """
 
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -374,6 +375,20 @@ class StationConfig(Renamed):
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
 
     __str__ = __repr__
+
+    def to_yaml(self) -> str:
+        """Write the whole configuration as the text of a station's file, which :func:`load_station` reads again."""
+        # Imported here, since that module imports this one.
+        from simrob_drake.stations.load import station_yaml
+
+        return station_yaml(self)
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: the summary, and the whole configuration as YAML to unfold."""
+        return (
+            f"<details><summary>{escape(repr(self))}</summary>"
+            f"<pre>{escape(self.to_yaml())}</pre></details>"
+        )
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "StationConfig":
