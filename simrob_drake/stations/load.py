@@ -105,8 +105,12 @@ def load_station(
         UnknownName: there is no such station, robot or piece.
         InvalidConfig: an entry is invalid; the message names file or override, key and what would be right.
     """
-    is_mapping = isinstance(station, Mapping)
-    source = Path.cwd() / _FILE_OF_MAPPING if is_mapping else _station_file(station)
+    where: Path | str
+    if isinstance(station, Mapping):
+        source = Path.cwd() / _FILE_OF_MAPPING
+        where = message("stations.the_mapping", "station")
+    else:
+        source = where = _station_file(station)
     changes = {} if overrides is None else overrides
     folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
     # Checked here, since a wrong type would only show as an unclear error of the code below.
@@ -117,18 +121,18 @@ def load_station(
     for key in instance(changes, "overrides", Mapping, mapping):
         instance(key, "overrides", str, text_keys)
 
-    def load(some_changes: Mapping[str, Any], where: Path | str) -> StationConfig:
-        """Load the station with some of the overrides."""
+    def load(some_changes: Mapping[str, Any], cause: Path | str) -> StationConfig:
+        """Load the station with some of the overrides; errors begin with the cause."""
         if isinstance(station, Mapping):
             # The overrides change the content, and the user's mapping is to stay.
             content = _plain_content(station)
             return _make_station(
-                source, content, some_changes, where, allow_code=allow_code, mesh_path=folders
+                source, content, some_changes, cause, allow_code=allow_code, mesh_path=folders
             )
-        return _read_station(source, some_changes, where, allow_code=allow_code, mesh_path=folders)
+        return _read_station(source, some_changes, cause, allow_code=allow_code, mesh_path=folders)
 
     try:
-        return load(changes, message("stations.the_mapping", "station") if is_mapping else source)
+        return load(changes, where)
     except SimrobError as problem:
         culprits = _culprits(load, changes, wrong_key=getattr(problem, "key", ""))
         if not culprits:
