@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import (
@@ -41,11 +40,11 @@ from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.importer import SceneRequest, find_station_importer
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT, StationConfig
 from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
-ONLY_ROBOT = "robot"
+ONLY_ROBOT = NAME_OF_ONLY_ROBOT
 """Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""
 
 ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
@@ -542,11 +541,7 @@ def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = N
         config: the configuration.
         only: keys to convert, as pydantic's ``include``; all by default.
     """
-    content = config.model_dump(mode="json", exclude_none=True, include=only)
-    # The short form, as most users write it.
-    if only is None and list(config.robots) == [ONLY_ROBOT]:
-        content["robot"] = content.pop("robots")[ONLY_ROBOT]
-    return content
+    return config.to_content(only=only)
 
 
 def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> str:
@@ -556,10 +551,7 @@ def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None
         config: the configuration.
         only: keys to write, as pydantic's ``include``; all by default.
     """
-    content = station_content(config, only=only)
-    return yaml.safe_dump(
-        content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
-    )
+    return config.to_yaml(only=only)
 
 
 def _station_file(name_or_path: str | Path) -> Path:
