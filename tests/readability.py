@@ -110,7 +110,6 @@ BOUNDS = {
 
 LOOSER: dict[str, dict[str, float]] = {
     "parts": {"comments": 7.4},
-    "stations": {"comments": 7.5},
     "programs": {"comments": 5.1},
     "results": {"comments": 5.3, "riddles": 1.3, "participles": 1.4},
     "simulation": {"comments": 4.7},
