@@ -34,8 +34,9 @@ from simrob_drake.programs.gaits.whole_body import WholeBody
 FEET = ("right_foot", "left_foot")
 """Names of the two feet, in the order in which they step."""
 
-_AXES_WITHOUT_YAW = 4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
-_ALL_AXES = 6  # a leg with so many axes can place its foot in any pose
+# Kinds of legs by the count of their axes.
+_AXES_WITHOUT_YAW = 4  # no yaw at the hip and no roll at the ankle
+_ALL_AXES = 6  # the foot can have any pose
 
 
 class BipedWalk(EvenSteps, SolvedGait):
@@ -101,6 +102,7 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
     for name, foot in feet.items():
         left = foot.home[1] + foot.side * gait.widen
         start[name] = np.array([0.0, left, 0.0])  # x, y, turn
+    # At the start the weight is on both feet, so the zero-moment point is half-way between them.
     plan = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _walk_phases(steps, gait, start))
     motion, zmp = WholeBody(walker, gait, plan).solve()
     return PlannedWalk(motion, plan.zmp, zmp)
@@ -130,6 +132,7 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
     for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
         swinging = FEET[number % 2]
         standing = FEET[(number + 1) % 2]
+        # The middle of the feet goes ahead by one step, and the swinging foot lands at its own side of it.
         pose = pose_after(pose, *(share * full_step))
         landing = pose_after(pose, left=start[swinging][1])
         # Before the first step the weight is on the standing foot already.
@@ -145,8 +148,10 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
         )
         phases.append(step)
         footholds[swinging] = landing
+    # The last step has brought the feet side by side: now the weight goes to both of them.
     middle = pose_after(pose, gait.zmp_ahead)[:2]
     phases.append(Phase(duration=gait.settle, zmp=middle, transfer=gait.settle, heading=pose[2]))
+    # A phase without duration is an error.
     if gait.rest > 0:
         phases.append(Phase(duration=gait.rest, zmp=middle, transfer=0.0, heading=pose[2]))
     return phases
@@ -166,6 +171,7 @@ def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> No
             gait.double_support,
             message("programs.part_of_step", "a part of the step, less than 1"),
         )
+    # Such a leg keeps its sole flat only as long as the foot moves straight ahead, see the module `legs`.
     has_leg_without_yaw = any(len(foot.axes) == _AXES_WITHOUT_YAW for foot in feet.values())
     if has_leg_without_yaw and (gait.turn_deg or gait.sideways):
         expected = message(
@@ -225,6 +231,7 @@ class Kick(SolvedGait):
         standing_zmp = np.array([self.zmp_ahead, -roles.standing.side * self.zmp_inward])
         over_standing = start[roles.standing.name][:2] + standing_zmp
         between_feet = np.array([self.zmp_ahead, 0.0])
+        # Three phases: the weight goes to the standing foot, the other foot kicks, and the weight goes to both feet.
         times = self._knot_times()
         phases = [
             Phase(duration=self.settle, zmp=over_standing, transfer=self.settle),
@@ -287,6 +294,7 @@ class Kick(SolvedGait):
             "toward_deg": float(np.rad2deg(turn)),
             "point": point.tolist(),
         }
+        # The middle of the foot is `over` above its sole. A higher ball is hit in its middle if the sole is lifted.
         if radius > roles.kicking.over:
             aim["lift"] = radius - roles.kicking.over
         return aim
@@ -307,6 +315,7 @@ class Kick(SolvedGait):
                 self.foot,
                 feet,
             )
+        # A kick to the side turns the foot about the vertical, for which a leg needs a yaw axis.
         can_turn = all(len(foot.axes) >= _ALL_AXES for foot in feet.values())
         if self.toward_deg and not can_turn:
             expected = message(
@@ -351,11 +360,14 @@ class Kick(SolvedGait):
         if self.point is not None:
             # The tip is half the foot's length ahead of its middle.
             hit[:2] = self.point - foot.half[0] * direction[:2]
-        knots = np.zeros((5, 3, 4))
-        knots[[0, 4], 0] = [*home[:2], 0.0, home[2]]
-        knots[1:4, 0] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
-        knots[2, 1] = self.speed * direction
-        return list(knots)
+        positions = np.zeros((5, 4))
+        positions[[0, 4]] = [*home[:2], 0.0, home[2]]
+        positions[1:4] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
+        # The foot moves in the middle knot only. The acceleration is zero in all knots, so that it has no jumps.
+        velocities = np.zeros((5, 4))
+        velocities[2] = self.speed * direction
+        accelerations = np.zeros((5, 4))
+        return list(np.stack([positions, velocities, accelerations], axis=1))
 
 
 def _seen_from(foot_pose: Vector, position: Vector) -> Vector:

@@ -69,6 +69,7 @@ def gaits_model() -> type[Strict]:
     A section contains the gaits of its kind by name.
     """
     sections: dict[str, Any] = {}
+    # Sections of extensions become keys of the model, so that their files are checked as strictly as the others.
     for kind in gait_kinds():
         described: Any = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
         sections[kind.section] = (dict[str, kind], described)  # type: ignore[valid-type]
@@ -135,10 +136,12 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
         worn: kind of feet that the robot has in its station, or None if it has no feet.
         made: kind of feet for which the gait is made, or None if it needs no feet.
     """
+    # A robot without feet can use only gaits that need none.
     if worn == made or worn is None or made is None:
         return worn == made
     worn_sizes = _foot_sizes(model, worn)
     made_sizes = _foot_sizes(model, made)
+    # Sizes of feet on different links cannot be compared.
     if worn_sizes.keys() != made_sizes.keys():
         return False
     return all((worn_sizes[link] >= _LEAST_SIZE * made_sizes[link]).all() for link in worn_sizes)
@@ -192,6 +195,7 @@ def _no_walk(model: RobotModel) -> Unsuitable:
     station = model.folder / _WALKING
     if not station.is_file():
         return Unsuitable(subject, problem, message("programs.use_go", "use {go}", go=go))
+    # The command in the message shall work as it is typed, and be as short as possible.
     here = Path.cwd()
     shown = station.relative_to(here) if station.is_relative_to(here) else station
     remedy = message(

@@ -76,15 +76,18 @@ class March(Gait):
         check_steps(steps)
         positive(amplitude, "amplitude", "1")
         model = walker.model
+        # A file describes the left step only. The right one mirrors it, so that the walk is symmetric.
         start = _posture(model, self.start_deg, np.zeros(len(model.axes)))
         left_step = [_posture(model, posture, start) for posture in self.left]
         right_step = [exchange_sides(model, posture) for posture in left_step]
         postures = [start]
         for number in range(steps + 1):
             step = right_step if number % 2 else left_step
+            # The feet are side by side at both ends. So the first step is half as long, and the last one ends in the
+            # posture at the start.
             if number == steps:
-                step = [*step[:-1], start]  # the last step ends in the posture at the start
-            share = amplitude * (0.5 if number == 0 else 1.0)  # the first step is half as long
+                step = [*step[:-1], start]
+            share = amplitude * (0.5 if number == 0 else 1.0)
             postures += [start + share * (posture - start) for posture in step]
         times = [float(time) for time in np.arange(len(postures)) * self.move_time]
         motion = _join_postures(walker, self.feet, _Knots(times, postures), "linear", self.rest)
@@ -126,6 +129,7 @@ class Posing(Gait):
             amplitude: not used.
         """
         knots = self._knots(walker.model)
+        # Times of all repetitions, so that a first target at the time 0 is refused as well.
         if (np.diff(knots.times) <= 0).any():
             raise InvalidParameter(
                 "targets",
@@ -141,12 +145,14 @@ class Posing(Gait):
 
     def _knots(self, model: RobotModel) -> _Knots:
         """Compute the postures of all repetitions, and their times."""
+        # The start is the posture at the time 0. A repetition continues from the last target, not from the start.
         times = [0.0]
         postures = [_posture(model, self.start_deg, np.zeros(len(model.axes)))]
         for repetition in range(self.repeat):
             start_time = repetition * self.targets[-1].time
             for target in self.targets:
                 times.append(start_time + target.time)
+                # Axes that a target leaves out stay where the target before has put them.
                 postures.append(_posture(model, target.target_deg, postures[-1]))
         return _Knots(times, postures)
 
@@ -175,6 +181,7 @@ def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None)
         return 0.0
     frames = skeleton.frames(angles[np.newaxis])  # with the root at the height 0
     contact = skeleton.model.feet.kind(feet)
+    # Feet are below the root, so their heights are negative while the root is at the height 0.
     lowest = 0.0
     for link in contact.links:
         points = contact.lowest_points(link, skeleton.link_poses(link, frames))[0]
@@ -221,9 +228,11 @@ def _join_postures(
     starts = times[before]
     ends = times[before + 1]
     share = np.clip((sample_times - starts) / (ends - starts), 0.0, 1.0)
+    # Without this the speed jumps at each posture, as in the thesis.
     if ramps == "smooth":
         share = smooth(share)
     positions = postures[before] + share[:, np.newaxis] * (postures[before + 1] - postures[before])
+    # The root stays over one position at the height of the first posture: how it moves then depends on the contacts.
     height = standing_height(walker.skeleton, postures[0], feet)
     root = stacked(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
     return JointMotion(walker.model, feet, sample_times, positions, root)

@@ -60,7 +60,8 @@ class ToolMove(Move):
 _SHORTEST = 0.5  # shortest default duration of a move [s]
 # Default duration over the time at full speed [1]. The peak of a smooth move is at most 1.9 times its mean speed.
 _EASY = 2.2
-_ALIKE = 1e-6  # relative difference of two efforts that are the same [1]
+# Relative difference of two efforts that are the same [1]. A new limit changes the station, so it is set only if needed.
+_ALIKE = 1e-6
 # Default of the largest force of a finger [N]. Many files have no limit for a gripper's motors, or one that would crush
 # what the fingers hold.
 _USUAL_FORCE = 100.0
@@ -96,6 +97,7 @@ class FingerMove(Move):
         if not model.fingers:
             return None
         keys = set(cls.model_fields)
+        # A width and a force need the geometry of the fingers: where their faces meet.
         if stroke_of(model) is None:
             keys -= {"width", "force"}
         if not config.engine.moves_by_forces:
@@ -124,6 +126,7 @@ class FingerMove(Move):
                     advice=gripper_advice(robot),
                 ),
             )
+        # Without a width, fingers close or open as far as they can: opening 0 or 1.
         opening = float(self.opens) if self.width is None else self._opening_at(robot, self.width)
         for axis, (closed, opened) in robot.fingers.items():
             posture[axis] = closed + opening * (opened - closed)
@@ -135,7 +138,7 @@ class FingerMove(Move):
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
         plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
-        # also if the file leaves the robot out
+        # The recorded move names its robot even if the file leaves it out: the file may have another default robot.
         named_move = self.model_copy(update={"robot": planning.robot})
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
@@ -171,6 +174,7 @@ class FingerMove(Move):
         model = planning.model
         plan = self.plan(planning)
         stroke = stroke_of(model)
+        # No torque moves a kinematic station, so that there is nothing to limit.
         force = self._force(model, stroke) if cell.config.engine.moves_by_forces else None
         if force is None:
             return run([plan], None)
@@ -178,6 +182,7 @@ class FingerMove(Move):
         effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
         self._limit_efforts(cell, planning, effort)
         result = run([plan], None)
+        # The fingers have moved: the same force may need another torque now.
         last_effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
         if not np.isclose(last_effort, effort, rtol=_ALIKE):
             self._limit_efforts(cell, planning, last_effort)
@@ -223,6 +228,7 @@ class GripMove(FingerMove):
             )
         robot = planning.model
         stroke = _require_stroke(stroke_of(robot), robot, "force")
+        # The gripper's own force counts before that of its motors, which may be larger than the gripper bears.
         most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
         if force > most:
             raise InvalidParameter(

@@ -51,10 +51,12 @@ class JointMove(Move):
             planning.model, self.target_deg, message("programs.the_target", "the target")
         )
         check_motors_of(cell, planning.robot, targets)
+        # Axes without a target stay where the arm's reference is.
         for index, position in targets.items():
             posture[index] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
         plan = plan_move_abs_j(planning, posture, duration=self.duration, check=self.check)
+        # The plan is recorded in a program as this move, in degrees by axis name, not as `move_abs_j`.
         return run([replace(plan, written_as=self.key)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -64,6 +66,7 @@ class JointMove(Move):
             Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
             SimrobError: a target that the robot cannot reach.
         """
+        # Everything that can be wrong is found now, before any move of the program runs.
         self.refuse_check(name)
         targets = targets_on(robot.model, self.target_deg, name, self.duration)
         check_motors_of(robot.cell, robot.name, targets)
@@ -100,6 +103,7 @@ def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int])
         Unsuitable: an axis is passive.
     """
     own = cell.robot(robot)
+    # In a kinematic station positions are set, not reached by torques.
     if not cell.config.engine.moves_by_forces:
         return
     for index in targets:
@@ -142,6 +146,7 @@ def targets_on(
     names = list(model.axes)
     units = model.user_units
     targets: dict[int, float] = {}
+    # An axis may be named by an alias: two keys may mean the same axis.
     for axis, value in target_deg.items():
         index = model.axis_index(axis, where)
         if index in targets:
@@ -154,6 +159,7 @@ def targets_on(
             )
         targets[index] = float(value * units[index])
 
+    # Limits are checked for the axes with targets only: other axes of the robot stay where they are.
     indices = list(targets)
     positions = np.array(list(targets.values()))
     limits = model.limits.of_axes(indices)

@@ -57,9 +57,11 @@ class KickMove(Move):
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks."""
+        # Where the ball will be is not known yet: only a swing through the air can be checked.
         self.swing(robot, outlook.station, {})
+        # The radius itself is not needed yet: the call checks that the ball is a free sphere.
         if self.ball is not None:
-            self._radius(outlook.station)  # a check only
+            self._radius(outlook.station)
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult:
             """Kick the ball where it is now."""
@@ -86,10 +88,11 @@ class KickMove(Move):
         motion = self._plan(robot, station, aim, self.speed)
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
-        # index of the axis nearest to its limit, or furthest beyond
+        # Index of the axis nearest to its limit, or furthest beyond.
         worst = int((fastest / limits).argmax())
         if fastest[worst] <= limits[worst]:
             return motion
+        # For the message: search the fastest kick that the joints can do.
         speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed
 
         def is_too_fast(hundredths: int) -> bool:
@@ -126,11 +129,17 @@ class KickMove(Move):
         )
 
     def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
-        """Parameters that replace those of the gait, with a speed of the foot [m/s]; None means the gait's own."""
+        """Collect the parameters that replace those of the gait.
+
+        Args:
+            aim: parameters that aim the kick, see :meth:`aim`.
+            speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
+        """
         changes = dict(aim)
         if speed is not None:
             changes["speed"] = speed
-        changes.update(self.model_extra or {})  # keys that the user sets replace those of the aim
+        # Keys that the user sets replace those of the aim.
+        changes.update(self.model_extra or {})
         return changes
 
     def _plan(
@@ -140,7 +149,14 @@ class KickMove(Move):
         aim: Mapping[str, Any],
         speed: float | None,
     ) -> JointMotion:
-        """Plan the kick at a speed of the foot [m/s]; None means the gait's own."""
+        """Plan the kick at a speed of the foot.
+
+        Args:
+            robot: the robot.
+            station: the station as it will be before the move.
+            aim: parameters that aim the kick, see :meth:`aim`.
+            speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
+        """
         return planned_gait(robot, self.gait, self._changes(aim, speed), station=station)
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:

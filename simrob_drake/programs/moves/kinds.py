@@ -71,6 +71,7 @@ class MoveKinds(Mapping[str, type[Move]]):
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
         """Kinds by their key."""
+        # A kind of an extension cannot replace one of the core: `classes_of_extensions` leaves out such names.
         return {kind.key: kind for kind in _CORE} | classes_of_extensions(
             _POINT, Move, named_by="key"
         )

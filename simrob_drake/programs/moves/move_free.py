@@ -100,7 +100,8 @@ class MoveFree(ArmMotion):
         """Names of the pieces that the move refers to: its target, or else its work object."""
         if self.piece is None:
             return super().pieces()
-        name, _, _ = self.piece.partition(".")  # without the name of a frame
+        # A frame of a piece is written as `piece.frame`.
+        name, _, _ = self.piece.partition(".")
         return (name,)
 
     def goals(self, planning: Planning) -> Vector:
@@ -195,6 +196,7 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     first = moves[0]
     robots = {planning.robot for planning in plannings}
     have_equal_options = all(move.how == first.how for move in moves)
+    # All robots share one path over time, so its options are those of all moves.
     if not have_equal_options or len(robots) < len(plannings):
         raise InvalidParameter(
             message("programs.moves_around_together", "moves around obstacles together"),
@@ -209,7 +211,7 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     )
     recorded_plans = []
     for move, plan in zip(moves, plans, strict=True):
-        # also if the file leaves the robot out
+        # The recorded move names its robot even if the file leaves it out: the moves are of different robots.
         named_move = move.model_copy(update={"robot": plan.robot})
         recorded_plans.append(replace(plan, entry=named_move.entry()))
     return recorded_plans
@@ -260,7 +262,7 @@ def goals_of(
         else np.zeros(1)
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    # transforms without translation, (k, 4, 4)
+    # Transforms without translation, shape (k, 4, 4): the tool turns about its own z axis before it is placed.
     turns = stacked(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
@@ -269,6 +271,7 @@ def goals_of(
         if not solutions.reached.all():
             raise solutions.unreachable(0, message("programs.the_target", "the target"))
         goals = solutions.positions
+    # A search uses the first goals that are free of collisions. The nearest ones move the arm least.
     distances = np.abs((goals - start) * metres_per_radian(chain)).sum(axis=1)
     return np.asarray(goals[np.argsort(distances, kind="stable")])
 
@@ -354,6 +357,7 @@ def plan_around(
         faster_path = find_faster_path(search, round_path.postures, len(corners), limits)
         if faster_path is not None:
             paths.insert(0, faster_path)  # of plans with the same duration the first one is taken
+    # Which path is faster is known only with its timing: both get one.
     joint_plans = [_timed_path(plannings, space, path, limits, how, points) for path in paths]
     joint_plan = min(joint_plans, key=lambda plan: plan.duration)
 

@@ -71,6 +71,7 @@ def plan_move_abs_j(
         rows = planning.chain.limits.clamp(rows, message("programs.the_targets", "the targets"))
     points = points_of(how, POINTS)
     zone = zone_of(how, len(rows))
+    # With a zone the joints pass by the targets, so that they cannot stop there.
     if truth(stop, "stop") and zone:
         raise Unsuitable(
             "stop",
@@ -80,6 +81,7 @@ def plan_move_abs_j(
             ),
             message("programs.give_one_of_two", "give one of the two"),
         )
+    # Without stops and zones a spline leads through all targets. It has no constant speed that a profile could reach.
     passes_smoothly = not stop and len(rows) > 1 and "zone" not in how
     if passes_smoothly and ("profile" in how or "acceleration" in how):
         raise InvalidParameter(
@@ -143,6 +145,7 @@ def plan_move_j(
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
+    # Only the targets are solved. Between them the joints go straight, so that singular postures do no harm.
     inverse = planning.inverse(solver)
     poses = planning.poses(targets, wobj)
     solutions = inverse.solve(poses, planning.start)
@@ -150,4 +153,5 @@ def plan_move_j(
         missed = solutions.first_missed
         raise solutions.unreachable(missed, target_name(missed, len(poses)))
     plan = plan_move_abs_j(planning, solutions.positions, stop=stop, **how)
+    # The plan has an entry of `move_abs_j` so far. The file gets the poses that the user gave instead.
     return with_entry(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)

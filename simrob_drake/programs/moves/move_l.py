@@ -67,6 +67,7 @@ def plan_move_l(
     points = points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
     ways = []
+    # The first line begins at the tool's present pose. Each following one begins at the target before.
     for begin, end in pairwise([planning.pose, *poses]):
         length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
         ways.append(Way(partial(poses_between, begin, end), length))
@@ -119,6 +120,7 @@ def plan_move_c(
     points = points_of(how, ARC_POINTS)
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
+    # Three points determine a circle: the present position, the one on the way, and the end.
     if len(middles) != len(poses):
         raise InvalidParameter(
             "via",
@@ -137,6 +139,7 @@ def plan_move_c(
         )
         arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
         ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
+        # The next arc begins where this one ends.
         begin = end
     plan = planning.along(ways, inverse, how, points)
     return with_entry(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
