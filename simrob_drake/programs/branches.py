@@ -158,7 +158,7 @@ class Branches:
         postures = []
         for positions in product(*choices):
             held_positions = dict(zip(held, positions, strict=True))
-            # those of the only target
+            # The search takes several targets and gives a list for each: here there is one.
             postures.append(branches(chain, target, start, held_positions)[0])
         found = [evaluate(posture) for posture in np.concatenate(postures)]
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
@@ -185,6 +185,7 @@ class Branches:
             message("programs.would_be_in", "would be in"),
         ]
         rows = [header, *(self._row(branch) for branch in self.found)]
+        # Each column is as wide as its widest cell.
         widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
         lines = []
         for row in rows:

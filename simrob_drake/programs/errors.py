@@ -81,12 +81,14 @@ class _TooFast(SimrobError):
 class SpeedLimitExceeded(_TooFast):
     """Raised when a joint would move faster than it can."""
 
+    # The message continues with the speed: "waist would move at 120.0 deg/s".
     _word = message("programs.move_at", "move at")
 
 
 class AccelerationLimitExceeded(_TooFast):
     """Raised when a joint would speed up or slow down more than it can."""
 
+    # The message continues with the acceleration.
     _word = message("programs.be_sped_up_by", "be sped up by")
 
 
@@ -192,6 +194,7 @@ class PathCollision(SimrobError):
             piece=piece,
             move=move,
         )
+        # `str()` of an exception and its traceback show the arguments, not the attribute.
         self.args = (self.message,)
 
 
@@ -245,6 +248,7 @@ class GoalInCollision(NoFreePath):
             bodies: names of the two bodies, the moving one first.
         """
         has_several = count > 1
+        # One posture has one collision. Of several postures, the message describes the collision that is least deep.
         which = message("programs.the_only_posture", "the only posture")
         if has_several:
             which = message("programs.all_postures", "all {count} postures", count=count)

@@ -113,6 +113,7 @@ def all_exporters() -> dict[str, Exporter | SimrobError]:
     project's own extensions if such an extension is missing.
     """
     found: dict[str, Exporter | SimrobError] = {}
+    # Names of this project's own formats are listed even if their extension is not installed: the help then says so.
     for name in dict.fromkeys((*additions("exporters"), *known_names("exporters"))):
         try:
             found[name] = load_exporter(name)
@@ -131,6 +132,7 @@ def load_exporter(name: str) -> Exporter:
     """
     addition = additions("exporters").get(name)
     if addition is None:
+        # A format of this project whose extension is missing has its own error, with the command that installs it.
         check_provided(
             "exporters", name, message("programs.the_format", "the format {name}", name=name)
         )
@@ -141,6 +143,7 @@ def load_exporter(name: str) -> Exporter:
             "format", name, message("programs.one_of", "one of: {known}", known=known)
         )
     exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
+    # The common base class has no method that exports.
     if not issubclass(exporter_class, StationExporter | ProgramExporter):
         expected = message(
             "programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter"
@@ -154,6 +157,7 @@ def load_exporter(name: str) -> Exporter:
                 expected=expected,
             )
         )
+    # A format `my-csv` would become an option that Python cannot take as a keyword.
     if not name.isidentifier():
         raise BrokenExtension(
             message(

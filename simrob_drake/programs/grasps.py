@@ -56,6 +56,7 @@ def take_piece(
     """
     changed = reparent_piece(model, piece, parent, frame=frame)
     is_piece = parent in model.resolved.pieces
+    # Only robots have to be near: a piece that is put on another piece or into the world stays where it is.
     carrier = model.resolved.pieces[parent].carrier if is_piece else parent
     if carrier not in model.robots:
         return changed
@@ -70,6 +71,7 @@ def take_piece(
     # ... and from the shapes of a link that is no tool.
     if parent in model.robots and frame in model.links(parent):
         holders += _boxes_on(model, mount)
+    # Any point of the piece may be taken: its shapes count, and so do its origin and its tool centre point.
     distance = min(
         _distance(holder, box) for holder, box in product(holders, _boxes_of(model, piece))
     )
@@ -123,6 +125,7 @@ def release_piece(
             message("programs.piece_that_hangs", "a piece that hangs on a robot or a piece"),
         )
     changed = reparent_piece(model, piece, parent, frame=frame)
+    # A piece that does not fall needs neither mass nor ground.
     falls = parent == WORLD and not fixed and changed.engine.moves_by_forces
     if not falls:
         return changed
@@ -172,6 +175,7 @@ def _boxes_of(model: StationModel, piece: str) -> Iterator[_Box]:
     """Yield boxes around the shapes of a piece, and its origin and its tool centre point."""
     yield _point_box(model.pose(model.piece_origin(piece)))
     yield _point_box(model.pose(model.piece_frame(piece)))
+    # Shapes are named by their piece and a number. Without the names, shapes of pieces on the same body would count.
     shapes = {
         f"{piece}_{number}" for number in range(len(model.resolved.pieces[piece].model.shapes))
     }
@@ -221,7 +225,8 @@ def with_efforts(
         efforts: largest torque or force of the motors, by axis [N·m or N]. The other motors keep their limits.
     """
     own = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
-    driven = {axis: limit for axis, limit in own.items() if limit > 0}  # passive axes have no limit
+    # Passive axes have no motor, and so no limit.
+    driven = {axis: limit for axis, limit in own.items() if limit > 0}
     limits = {**driven, **efforts}
     servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
     entry = config.robots[robot.name].model_copy(update={"servo": servo})

@@ -88,12 +88,12 @@ class LeggedRobot(LeggedGeometry):
         """
         super().__init__(workcell_of(station, overrides), robot)
         self.program = Program()
+        # The station at the start, to which `reset` and `simulate` return: attached pieces change the present one.
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
         self.move_spans: list[MoveSpan] = []
-        self._past: list[
-            Snapshot
-        ] = []  # states to which `undo` returns, the most recent one at the end
+        # States to which `undo` returns, the most recent one at the end.
+        self._past: list[Snapshot] = []
 
     def _description(self) -> list[str]:
         """Parts of the text that `repr` returns, with the feet and the length of the program."""
@@ -159,9 +159,8 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`walk`; or the time is not positive.
         """
-        return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[
-            -1
-        ]
+        moves = step_moves(self.model, self.worn_feet, move_time)
+        return self._perform_moves(moves, store=True)[-1]
 
     def walk(
         self,
@@ -272,6 +271,7 @@ class LeggedRobot(LeggedGeometry):
             UnknownName: there is no such piece or tool. The message proposes the nearest name.
             InvalidParameter: the piece is more than 30 mm away, and no pose is given.
         """
+        # A move stores numbers, as a program's file does, so that the pose can be saved.
         pose_numbers = None if pose is None else pose_from_transform(as_transform(pose))
         self.do(make_move(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
 
@@ -300,6 +300,7 @@ class LeggedRobot(LeggedGeometry):
             message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
         )
         loaded = program if isinstance(program, Program) else Program.load(program)
+        # Messages name the file only if the program was read from one.
         file = "" if loaded is program else str(program)
         with following(self.cell, loaded.grid, loaded.changes):
             return self._perform(program_stages(self, loaded, self.cell.config, file))[-1]
@@ -343,6 +344,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the program is empty, or a move cannot be done from the start. The message names it.
         """
+        # The argument overrides what the program itself has under `automatic`.
         program = self.program if automatic is None else self.program.with_automatic(automatic)
         with following(self.cell, program.grid, program.changes, strict=truth(strict, "strict")):
             return self._perform(program_stages(self, program, self._start), from_start=True)[-1]
@@ -385,10 +387,13 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`insert`; or the index is out of range.
         """
-        self.program.removed(index)  # checks the index
+        # Called for its check of the index only; the copy is not used.
+        self.program.removed(index)
         old = leg_moves(self.program)[index]
         content: Move | Mapping[str, Any] = old
         old_duration = MOVE_TIME
+        # A move of joints may get new targets or another duration, and keeps the other. Other moves are replaced as a
+        # whole.
         if isinstance(old, JointMove):
             content = old.target_deg
             old_duration = old.duration
@@ -494,10 +499,12 @@ class LeggedRobot(LeggedGeometry):
         spans: list[MoveSpan] = []
         now = 0.0
         try:
+            # The snapshot is taken before, so that an error also undoes the return to the start.
             if from_start:
                 self._back_to_start()
             for stage in stages:
                 result = stage.run(self)
+                # An attached piece takes no time: its span begins and ends at the same moment.
                 end = now if result is None else now + result.stop_time
                 spans += stage.spans(now, end)
                 now = end
@@ -505,12 +512,15 @@ class LeggedRobot(LeggedGeometry):
                     runs.append(result)
                     if result.ending != "completed":
                         break
+        # Ctrl+C counts, too: a robot must not stay half-way through a program.
         except BaseException:
             self._restore(snapshot)
             raise
+        # Attaching a piece has no run: `film` and `result` keep those of the last motion.
         if runs:
             self.runs = runs
             self.move_spans = spans
+        # No next move can begin where the robot has fallen, or where the simulation has diverged.
         if runs and (runs[-1].ending not in GOES_ON or robot_that_fell(runs[-1]) is not None):
             self._restore(snapshot)
             return runs
@@ -531,6 +541,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the robot cannot perform the program. The message names the move, and the file if there is one.
         """
+        # The check comes first: a program that fails leaves the present one, and no step for `undo`.
         check_program(self, program, self._start, file)
         self._remember()
         self.program = program
@@ -548,4 +559,5 @@ class LeggedRobot(LeggedGeometry):
         self.program = snapshot.program
         self.cell.state = snapshot.state
         self.cell.timeline.now = snapshot.now
+        # The configuration comes last, because a change draws the station in its present state.
         self.cell.change(snapshot.config)

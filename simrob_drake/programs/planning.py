@@ -92,6 +92,7 @@ def world_poses(
         InvalidParameter: the targets have another shape, are not finite, or seem to be in other units.
     """
     check_units(targets, name)
+    # A place has no orientation: the tool keeps the one that it has in the world.
     if is_place(targets):
         points = places(targets, wobj, name)
         return stacked(points, np.broadcast_to(turn, (len(points), 3, 3)))
@@ -141,6 +142,7 @@ def check_units(targets: Any, name: str) -> None:
     Raises:
         InvalidParameter: a length or an angle is too large.
     """
+    # Only vectors are checked: people write them by hand. Matrices and transforms are computed.
     rows = np.atleast_2d(numbers_or_nothing(targets))
     _check_unit(
         rows[:, :3],
@@ -199,6 +201,7 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
     """Whether targets are places [x y z], not poses."""
     if isinstance(targets, RigidTransform):
         return False
+    # NumPy takes transforms for objects: a list of three of them has the shape of a place.
     if isinstance(targets, Sequence) and any(
         isinstance(target, RigidTransform) for target in targets
     ):
@@ -310,6 +313,7 @@ class Planning:
         if not fingers:
             return self.chain.postures(targets, name)
         rows = numbers(targets)
+        # A posture without fingers moves the arm and leaves the grip as it is.
         others = [axis for axis in range(len(self.start)) if axis not in fingers]
         if rows.ndim in (1, 2) and rows.shape[-1] == len(others):
             all_axes = np.broadcast_to(self.start, (*rows.shape[:-1], len(self.start))).copy()
@@ -340,6 +344,7 @@ class Planning:
             name = target_name(index, len(ways))
             segment = pose_segment(inverse, way, start, points=count, target=name)
             segments.append(segment)
+            # Each segment begins where the solver ended, so that the same branch of postures is followed.
             start = segment.end
         return self.plan_segments(segments, how, points)
 
@@ -378,8 +383,9 @@ class Planning:
                 self.rate_limits,
                 lambda: self.motors([self.robot]),
             )
+        # Targets are checked before the way to them: their message is the clearest.
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        # not validated yet: the user may have given a value of any type
+        # Not validated yet: the user may have given a value of any type, for which `in` and `==` may fail.
         check = how.get("check", CHECKED)
         is_unchecked = isinstance(check, str) and check == "nothing"
         # If the user left the timing to the planner, the move may take as long as the motors need.
@@ -406,6 +412,7 @@ class Planning:
             UnknownName: the option `check` has an unknown value.
             SimrobError: the plan exceeds a limit. The message names the first such point.
         """
+        # None in a program's file, `check:` without a value, means limits without collisions.
         requested = how.get("check", CHECKED)
         check: Check = "limits" if requested is None else requested
         one_of(message("programs.check", "check"), check, get_args(Check))
@@ -422,10 +429,12 @@ class Planning:
         end_times = plan.arrivals[-len(ends) :]
         check_limits(self.chain, end_times, ends, target_at, hint)
         times = plan.looks
+        # Between targets a spline may swing out beyond a limit that both ends respect.
         check_limits(self.chain, times, plan.postures(times), plan.point_at)
         for order, limits in enumerate(self.rate_limits, start=1):
             advice = partial(remedy, how, order)
             check_rates(self.chain, plan.trajectory, times, limits, order, plan.point_at, advice)
+        # Some arms have a rated speed of the tool in addition to the limits of their joints.
         if self.model.tcp_speed is not None:
             check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
         check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))
@@ -444,6 +453,7 @@ def zone_of(how: How, count: int) -> float:
         Unsuitable: a move with zones has times of its targets.
     """
     zone = zone_size(how.get("zone", "fine"))
+    # A zone rounds the corner between two paths: a single path has none.
     if zone and count < 2:
         expected = message(
             "programs.several_targets",
@@ -479,6 +489,7 @@ def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]
     if not zone:
         return [SampledWay(way, points) for way in ways]
     joined = through_zones(ways, zone)
+    # Small zones bend the path sharply: the points have to be close enough to follow them.
     enough = min(int(_POINTS_PER_ZONE * joined.length / zone), _ENOUGH_POINTS)
     return [SampledWay(joined, max(points * len(ways), enough))]
 

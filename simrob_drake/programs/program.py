@@ -84,6 +84,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         )
     config = robot.cell.config
     others = {}
+    # A second sequencer of the same robot would set the same references.
     for name, controller in config.controllers.items():
         is_own_sequencer = (
             isinstance(controller, Sequencer)
@@ -110,7 +111,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
     station = config.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    # the next sequence begins at its first cell
+    # The sequencer's state is deleted afterwards, so that the next sequence begins at its first cell.
     return robot.cell.follow_as(station, {}, longest, forget=NAME)
 
 
@@ -154,6 +155,7 @@ class Program(Strict):
     @model_validator(mode="after")
     def _something_automatic(self) -> Self:
         """Check that an automatic program has references."""
+        # Without references a sequencer has nothing to do: moves alone make no automatic program.
         if self.automatic and not self.references:
             raise ValueError(
                 message(
@@ -198,6 +200,7 @@ class Program(Strict):
             InvalidParameter: the index is out of range.
         """
         _check_moves(move)
+        # The end of the program is a valid index here, unlike for moves that exist.
         from_start = self._check_index(index, len(self.moves))
         return self.model_copy(
             update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])}
@@ -209,6 +212,7 @@ class Program(Strict):
         Raises:
             InvalidParameter: the index is out of range.
         """
+        # Counted from the start, because a slice from -1 + 1 on would be the whole program.
         from_start = self._check_index(index, len(self.moves) - 1)
         return self.model_copy(
             update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])}
@@ -240,6 +244,7 @@ class Program(Strict):
 
     def with_reference(self, cell: JointMove) -> "Program":
         """Make a copy with a further cell at the end."""
+        # An arm and a robot with legs share this method, so the cell is checked once, here.
         instance(
             cell,
             "cell",
@@ -266,7 +271,9 @@ class Program(Strict):
 
     def text(self) -> str:
         """Program as YAML. Keys without a value are left out."""
+        # A file should have only what its author has set.
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
+        # Lists of numbers stay on one line, and the keys in the order of the class, as people write them.
         how: dict[str, Any] = {
             "sort_keys": False,
             "allow_unicode": True,
@@ -285,6 +292,7 @@ class Program(Strict):
         """
         source = as_path(file, "file")
         program = cls.of_content(read_yaml(source), source)
+        # Only changes of the station can name files.
         if not program.changes:
             return program
         # Files that changes of the station name are relative to the folder of the program. The border checks that a
@@ -333,6 +341,7 @@ class Program(Strict):
         Raises:
             InvalidConfig: an entry is wrong. The message names the move and the key.
         """
+        # Each move is checked by itself first: its message names the move. That of the whole program could not.
         for index, entry in enumerate(_entries(content, "moves")):
             check_move(entry, move_name(index, len(content["moves"]), str(source)))
         for index, entry in enumerate(_entries(content, "references")):

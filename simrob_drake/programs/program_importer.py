@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from simrob_drake.importer.importer import Importer
 
-if TYPE_CHECKING:  # options of commands need this module, and programs load scipy
+# The options of commands need this module. Importing programs here would load scipy for every command.
+if TYPE_CHECKING:
     from simrob_drake.programs.plan import Check
     from simrob_drake.programs.program import Program
     from simrob_drake.stations.config import StationConfig

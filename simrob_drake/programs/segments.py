@@ -164,9 +164,8 @@ def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
 PATH_TOLERANCE = 2e-5
 """Largest distance of the tool from its line or arc between two points [m]."""
 
-_LEAST_POINTS = (
-    6  # least count of points of a path, and of a motion: a spline of degree five needs six
-)
+# Least count of points of a path, and of a motion: a spline of degree five needs six.
+_LEAST_POINTS = 6
 _MOST_POINTS = 5000  # largest count of points that are added to a path
 _SMALL_TURN = 0.2  # turn from one point to the next that the incremental solver follows whatever its limit is [rad]
 _JUMP = 0.5  # motion between two points that may be a jump [rad or m]
@@ -256,10 +255,12 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
     while follows_path:
         last_jump = jump
         jump = float(np.abs(np.diff(postures, axis=0)).max())
+        # A continuous motion between two points halves when the points double. A jump stays as large.
         is_jump = jump > _JUMP and jump > _SHRINKS * last_jump
         if is_jump or len(parts) > _MOST_POINTS:
             raise _broken_path(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
+        # The spline predicts the posture half-way. If the tool is on the path there, no more points are needed.
         guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
         desired = poses(between)
         if _largest_distance(chain, guesses, desired) < PATH_TOLERANCE:
@@ -503,6 +504,7 @@ def until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[
         posture: posture of the rest if there are no motions, shape (n,) [rad or m].
         end: time at which the rest ends [s]. If it is not after the motions, these are returned unchanged.
     """
+    # Without motions the robot rests in the given posture from the start.
     begin = 0.0
     if stretches:
         begin = float(stretches[-1].times[-1])

@@ -130,8 +130,9 @@ class Tape:
         Args:
             change: entry of the change. It is None if no file can say it.
         """
+        # The first run has the station with all changes before it.
         if not self.entries:
-            return  # the first run has the station with all changes before it
+            return
         if self.running and change is not None:
             self.entries.append(change)
         else:
@@ -177,6 +178,7 @@ class Tape:
         for earlier, later in pairwise(takes):
             _check_joined(earlier, later)
         stages: list[Stage | Entry] = []
+        # Runs are joined only up to a change of the station, which needs a station of its own.
         for are_takes, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
             if are_takes:
@@ -195,6 +197,7 @@ def _check_joined(earlier: Take, later: Take) -> None:
     """
     if earlier.stretches is None or later.stretches is None:
         raise _not_joined(message("programs.with_own_references", "with references of its own"))
+    # One motion of the joined run must begin where the one before ended: otherwise the axes would jump.
     for robot, stretches in earlier.stretches.items():
         gap = np.abs(stretches[-1].postures[-1] - later.stretches[robot][0].postures[0])
         if gap.max() > _JOINS:
@@ -224,6 +227,7 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     first = takes[0]
     if any(take.config != first.config for take in takes):
         raise _not_joined(message("programs.of_changed_station", "of a station that changed"))
+    # A single run of any reference can be repeated as it is, but not stretched in time.
     if len(takes) == 1 and first.stretches is None:
         if factor != 1.0:
             raise Unsuitable(
@@ -267,6 +271,7 @@ def with_entry(
         The plan with its entry and the pose of its work object. The entry is None if no file can say the move, because
         its solver has no name.
     """
+    # A solver of the user's own is an object without a name. A file cannot say it.
     solver_name = planning.solver if solver is None else solver
     wobj_pose = None if wobj is None else planning.frame(wobj)
     if not isinstance(solver_name, str):
@@ -285,6 +290,7 @@ def with_entry(
     # A file without the key checks collisions, so that None has to be written.
     if "check" in content and content["check"] is None:
         content["check"] = "limits"
+    # Arrays become lists, as YAML and JSON need them.
     entry = {name: plain(value) for name, value in content.items() if value is not None}
     return replace(plan, entry={key: entry}, frame=wobj_pose)
 
@@ -322,11 +328,13 @@ def run_entry(
     for plan in plans:
         if plan.entry is None:
             return None
+        # An entry has exactly one key: the kind of its move.
         ((key, content),) = plan.entry.items()
         if _has_wobj_moved(plan, content.get("wobj"), frame):
             # Its name would mean another pose now.
             assert plan.frame is not None
             content = {**content, "wobj": pose_numbers(plan.frame)}
+        # A file for the only robot of a station stays valid for other stations, whose robot has another name.
         if not several:
             content = {name: value for name, value in content.items() if name != "robot"}
         moves.append({key: content})
@@ -366,6 +374,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
         duration=plan.duration,
         end=plan.end,
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
+        # A function, because distances along the whole run take long, and are needed only for reports.
         approaches=lambda rows, times: approaches(model.colliding, plan, rows, times),
         speed=content.get("speed"),
         search=plan.search,
@@ -384,6 +393,7 @@ def plans_caption(plans: Sequence[Plan], *, several: bool) -> str:
     """
     if not plans:
         return "wait"
+    # A list that leaves out one of the moves would be wrong.
     if not all(plan.kind for plan in plans):
         return ""
     if not several:

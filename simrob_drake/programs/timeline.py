@@ -41,11 +41,8 @@ from simrob_drake.stations.resolve import resolve
 GRID = 0.05  # default time between two moments of the grid [s]
 _SERVO = "servo."  # prefix of the keys of the servos' settings
 _GRID_ROUNDING = 1e-6  # part of a step of the grid that is due to rounding
-_DRIVE_NUMBERS = (
-    "ahead",
-    "left",
-    "turn",
-)  # numbers of a command that a change `drive` sets [m/s, m/s, rad/s]
+# Numbers of a command that a change `drive` sets [m/s, m/s, rad/s].
+_DRIVE_NUMBERS = ("ahead", "left", "turn")
 _TIME_ROUNDING = 1e-9  # times that differ by less are equal [s]
 
 Drive = tuple[float, ...]
@@ -137,7 +134,7 @@ class Timeline:
     """
 
     def __init__(self, grid: float | None = None, changes: Sequence[Change] = ()) -> None:
-        """Begin a timeline; changes without a grid get the default grid."""
+        """Begin a timeline. If there are changes but no grid, the grid has the default step :data:`GRID`."""
         self.grid = GRID if grid is None and changes else grid
         self.changes = sorted(changes, key=lambda change: change.time)
         self.now = 0.0
@@ -153,6 +150,7 @@ class Timeline:
 
     def time_of(self, number: int) -> float:
         """Time of a moment of the grid [s]."""
+        # Multiples of a step such as 0.05 have rounding errors, which would show in times of signals.
         return round(number * self._step, 12)
 
     def time_to_next_change(self, end: float) -> float:
@@ -224,7 +222,9 @@ class Timeline:
                     config.robots,
                 )
             if change.set is not None:
+                # Called for its errors: the changed station is not used.
                 with_settings(config, _for_robots(change.set, config), where)
+        # A time after the last begin, so that every push and drag is among the forces.
         until_all_begin = self.changes[-1].time + 1.0 if self.changes else 0.0
         forces = self.forces(until_all_begin)
         if forces:
@@ -243,9 +243,10 @@ class Timeline:
         forces = dict[str, ForceConfig]()
         for number, change in enumerate(self.changes):
             begin = self.steps(change.time)
-            if begin >= last:  # after the run
+            # The change comes after this run.
+            if begin >= last:
                 continue
-            # since the run began; negative for an earlier change
+            # Time since the run began. It is negative for an earlier change, which may still act.
             begin_time = self.time_of(begin - first)
             start = max(begin_time, 0.0)
             if change.push is not None:
@@ -315,6 +316,8 @@ class Timeline:
             if change.drive is None or (change.drive.at or only_robot) != robot:
                 continue
             for since, ahead, left, turn_deg in change.drive.commands:
+                # A command holds from the sample after its time on. Rounding must not decide whether it holds at its
+                # own time.
                 if change.time + since < begin + time - _TIME_ROUNDING:
                     values = {"ahead": ahead, "left": left, "turn": radians(turn_deg)}
                     drive = tuple(values[number] for number in numbers)
@@ -417,6 +420,7 @@ def run_timed(
     """
     line = cell.timeline
     begin = line.now
+    # Begin and end are moments of the grid, so that a later run can continue from there.
     end = line.rounded_up(line.rounded_up(begin) + duration)
     state = cell.state
     runs = list[SimulationResult]()
@@ -455,6 +459,7 @@ def run_timed(
                 made_references = runner.references(references, state)
                 reference_settings = settings
                 reference_begin = line.now
+            # References go on over a cut: the next run begins in their middle.
             elapsed = line.now - reference_begin
             run = runner.run(
                 reference={
@@ -469,6 +474,7 @@ def run_timed(
             # The callback may have added targets to drags during the run.
             forces = {**run.config.forces, **line.forces(run.stop_time)}
             run = replace(run, config=run.config.model_copy(update={"forces": forces}))
+            # Back to a moment of the grid exactly: sums of times would drift.
             line.now = line.time_of(line.steps(line.now + run.stop_time))
             if run.ending == "completed" and is_ended_by_timeline:
                 text = message(

@@ -42,12 +42,14 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     Raises:
         InvalidParameter: a limit of an axis is not known, or the path is not straight in the axes.
     """
+    # Ruckig is an optional dependency: without it, the error names the extra that installs it.
     with needed(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
     start = postures[0]
     end = postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     distances = np.abs(start + parts * (end - start) - postures)
+    # Ruckig knows only the start and the end: it cannot follow a path that bends between them.
     if distances.max() > _STRAIGHT:
         expected = message(
             "programs.straight_without_zones",
@@ -90,7 +92,8 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
                 message("programs.limited_by", "limited by {where}", where=where),
             )
         setattr(task, f"max_{key}", limits.tolist())
-    task.synchronization = Synchronization.Phase  # on the line, where possible
+    # Phase synchronization keeps all axes on the line, where possible.
+    task.synchronization = Synchronization.Phase
     motion = Trajectory(len(names))
     result = Ruckig(len(names)).calculate(task, motion)
     if result.value < 0:
@@ -106,6 +109,7 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     # The jerk of some axis changes at these times. Between two of them the motion is a polynomial.
     changes = np.cumsum([[0.0, *profile.t] for profile in motion.profiles[0]], axis=1).ravel()
     breaks = np.unique(np.clip(changes, 0.0, motion.duration))
+    # Axes change their jerk at nearly the same times. A spline over such a short part would be ill-conditioned.
     is_long_enough = np.diff(breaks) > _SHORTEST_PART
     breaks = np.append(breaks[:-1][is_long_enough], motion.duration)
     return tuple(
@@ -137,9 +141,8 @@ joints allow; `jerk_limited`, for moves that are straight in the joints, as limi
 """
 _LEAST_TIME_PROFILES: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
 
-_TURN_LENGTH = (
-    0.1  # length that counts as much as a radian of a joint, where moves are compared [m]
-)
+# Length that counts as much as a radian of a joint, where moves are compared [m].
+_TURN_LENGTH = 0.1
 _FASTEST = 20.0  # largest speed of a tool; no arm is faster [m/s]
 _LEAST_LENGTH = 1e-6  # least length of the path to a target, so that nothing is divided by 0 [m]
 _LEAST_TIME = 0.01  # least time to a target [s]
@@ -264,6 +267,7 @@ def plan_timed(
     acceleration = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
     laws, is_time_free = _laws(segments, how, points, acceleration)
     plan = _plan_by_laws(robot, segments, laws, points)
+    # The usual time was only a first guess: a plan that is too fast takes longer, one that could be faster does not.
     if is_time_free:
         slowdown = _needed_slowdown(plan, limits)
         if slowdown <= 1:
@@ -278,6 +282,8 @@ def plan_timed(
         reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _speed_lengths(segments).max())
         least = min(acceleration, reaching)
     for _ in range(_TRIES):
+        # The acceleration of the tool and those of the joints are not proportional, since the postures change: try
+        # again.
         excess = rate_ratio(plan.trajectory, plan.looks, limits.accelerations, 2) / _USED_PART
         if excess <= 1:
             break
@@ -302,6 +308,7 @@ def through_all(
     Raises:
         InvalidParameter: an option has an invalid value, see :func:`arrivals`.
     """
+    # One spline leads through all targets. Its ends are at rest, its targets are not.
     times, is_time_free = arrivals(segments, how, points)
     postures = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 
@@ -324,6 +331,7 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
         slower: factor by which the move would have to take longer.
         duration: duration that it would then have [s].
     """
+    # Accelerations grow with the square of the speed, and the user has set this one.
     if order == 2 and "acceleration" in how:
         return message(
             "programs.give_acceleration",
@@ -353,7 +361,7 @@ def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
     factors = []
     for order, limit in enumerate(limits, start=1):
         ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
-        # speeds fall with the factor, accelerations with its square
+        # Speeds fall with the factor, accelerations with its square.
         factors.append(ratio ** (1 / order))
     return float(max(factors) / _USED_PART)
 
@@ -399,6 +407,7 @@ def _plan_in_least_time(
     for segment in segments:
         # The motion of this segment, and the times at which it passes its targets.
         own: tuple[Stretch, ...]
+        # A segment without motion has no fastest law of time. It takes the least time to a target.
         if np.ptp(segment.postures, axis=0).max() < _STAYS:
             own = (rest(segment.end, 0.0, _LEAST_TIME),)
             passes = np.full(len(segment.passes), _LEAST_TIME)
@@ -449,6 +458,7 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
     speed = speed_of(how)
     laws = []
     for length in np.maximum(_speed_lengths(segments), _LEAST_LENGTH):
+        # A path that is shorter than the ramps never reaches the speed: the law only speeds up and slows down.
         law = cruise(1.0, speed / length, acceleration / length, jerk)
         laws.append(law.slower(max(1.0, _LEAST_TIME / law.duration)))
     return _SegmentLaws(laws, False)
@@ -556,6 +566,7 @@ def _check_times(times: Vector, name: str, value: object) -> Vector:
     Raises:
         InvalidParameter: two times are too close or in the wrong order, or the last one is too large.
     """
+    # The first time is measured from 0, so that it has to be positive.
     is_ascending = (np.diff(times, prepend=0.0) >= SHORTEST).all()
     if not (is_ascending and times[-1] <= LONGEST):
         raise InvalidParameter(

@@ -18,9 +18,8 @@ from simrob_drake.programs.plan import MARGIN, Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
 
 _FULL = 1.0 + 1e-6  # share of its limit up to which a motor gives a torque, rounding included
-_MOST_TRIES = (
-    8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
-)
+# Largest count of steps in which a move is slowed down; each step comes nearer to the limits.
+_MOST_TRIES = 8
 
 
 class TorqueShortage(UserWarning):

@@ -23,6 +23,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     Raises:
         SimrobError: a move cannot be done. The message names it and the file.
     """
+    # With the file's name, the program is read again, so that its messages name the file and the move.
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)

@@ -60,7 +60,7 @@ class ToolMove(Move):
 _SHORTEST = 0.5  # shortest default duration of a move [s]
 # Default duration over the time at full speed [1]. The peak of a smooth move is at most 1.9 times its mean speed.
 _EASY = 2.2
-# Relative difference of two efforts that are the same [1]. A new limit changes the station, so it is set only if needed.
+# Relative difference of two efforts that are the same [1]. A new limit needs another plant: it is set only if needed.
 _ALIKE = 1e-6
 # Default of the largest force of a finger [N]. Many files have no limit for a gripper's motors, or one that would crush
 # what the fingers hold.

@@ -317,8 +317,7 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
     try:
         return kind.model_validate(plain(content))
     except ValidationError as problem:
-        # Pydantic reports every wrong value. Its texts speak of types, so that the user gets the words of this
-        # package.
+        # Pydantic's texts name Python types. The user gets the words of this package, for the first finding.
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
         default = message("programs.a_text", "a text")
