@@ -12,6 +12,7 @@ from simrob_drake.base.arguments import instance, truth
 from simrob_drake.base.errors import InvalidParameter, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell, workcell_of
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -305,7 +306,7 @@ class LeggedRobot(LeggedGeometry):
         with following(self.cell, loaded.grid, loaded.changes):
             return self._perform(program_stages(self, loaded, self.cell.config, file))[-1]
 
-    def planned(self, program: Program) -> tuple[ReferenceLike, float]:
+    def reference_of(self, program: Program) -> tuple[ReferenceLike, float]:
         """Make the reference for a program of moves of joints from where the robot is. Nothing moves.
 
         ``cell.follow({robot.name: reference, ...}, duration)`` runs the references of several robots at the same time.
@@ -367,7 +368,7 @@ class LeggedRobot(LeggedGeometry):
 
     def remove(self, index: int = -1) -> None:
         """Remove a stored move from the program, by default the last one. The robot stays where it is."""
-        program = self.program.removed(index)
+        program = self.program.without_move(index)
         self._remember()
         self.program = program
 
@@ -388,7 +389,7 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: see :meth:`insert`; or the index is out of range.
         """
         # Called for its check of the index only; the copy is not used.
-        self.program.removed(index)
+        self.program.without_move(index)
         old = leg_moves(self.program)[index]
         content: Move | Mapping[str, Any] = old
         old_duration = MOVE_TIME
@@ -400,7 +401,9 @@ class LeggedRobot(LeggedGeometry):
         if move is not None:
             content = move
         self._replace(
-            self.program.edited(index, move_from(content, duration, otherwise=old_duration))
+            self.program.with_replaced_move(
+                index, move_from(content, duration, otherwise=old_duration)
+            )
         )
 
     def insert(
@@ -418,7 +421,7 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: the index is out of range, the move has a wrong key or value, or the robot cannot perform the
                 new program from its start.
         """
-        self._replace(self.program.inserted(index, move_from(move, duration)))
+        self._replace(self.program.with_inserted_move(index, move_from(move, duration)))
 
     def undo(self) -> None:
         """Undo the last run or change of the program: robot and program return to the state before.
@@ -526,7 +529,7 @@ class LeggedRobot(LeggedGeometry):
             return runs
         self._remember(snapshot)
         if store:
-            self.program = self.program.added(*store)
+            self.program = self.program.with_added_moves(*store)
         return runs
 
     def _back_to_start(self) -> None:
@@ -561,3 +564,6 @@ class LeggedRobot(LeggedGeometry):
         self.cell.timeline.now = snapshot.now
         # The configuration comes last, because a change draws the station in its present state.
         self.cell.change(snapshot.config)
+
+
+keep_former_attributes(LeggedRobot, planned="reference_of")

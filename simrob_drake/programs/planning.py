@@ -30,6 +30,7 @@ from simrob_drake.base.frames import (
 )
 from simrob_drake.base.interpolation import stacked
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import FARTHEST, MOST_TURN
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
@@ -325,7 +326,7 @@ class Planning:
         """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4)."""
         return world_poses(targets, self.frame(wobj), self.pose[:3, :3])
 
-    def along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
+    def plan_along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
         """Plan a move of the tool along paths.
 
         Args:
@@ -530,3 +531,6 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
             "; angles are in radians: were these degrees? np.deg2rad(...) turns them",
         )
     return ""
+
+
+keep_former_attributes(Planning, along="plan_along")

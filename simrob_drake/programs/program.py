@@ -17,6 +17,7 @@ from simrob_drake.base.errors import InvalidParameter, counted, shortened
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import Duration, Positive, Strict, validated
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 from simrob_drake.parts.controllers import loops_of
@@ -183,12 +184,12 @@ class Program(Strict):
         """Whether the only move is to play the references of the station, so that messages need not name the move."""
         return len(self.moves) == 1 and isinstance(self.moves[0], PlayMove)
 
-    def added(self, *moves: Move) -> "Program":
+    def with_added_moves(self, *moves: Move) -> "Program":
         """Make a copy with further moves at the end."""
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
-    def inserted(self, index: int, move: Move) -> "Program":
+    def with_inserted_move(self, index: int, move: Move) -> "Program":
         """Make a copy with another move.
 
         Args:
@@ -206,7 +207,7 @@ class Program(Strict):
             update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])}
         )
 
-    def removed(self, index: int) -> "Program":
+    def without_move(self, index: int) -> "Program":
         """Make a copy without the move of an index, which counts from the end if it is negative.
 
         Raises:
@@ -218,7 +219,7 @@ class Program(Strict):
             update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])}
         )
 
-    def edited(self, index: int, move: Move) -> "Program":
+    def with_replaced_move(self, index: int, move: Move) -> "Program":
         """Make a copy in which another move replaces that of an index, which counts from the end if it is negative.
 
         Raises:
@@ -396,3 +397,12 @@ def _check_moves(*moves: object) -> None:
             Move,
             message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})"),
         )
+
+
+keep_former_attributes(
+    Program,
+    added="with_added_moves",
+    inserted="with_inserted_move",
+    removed="without_move",
+    edited="with_replaced_move",
+)

@@ -71,12 +71,12 @@ def find_faster_path(
     model = search.space.model
     try:
         station = PosedStation(model.frozen_station())
-    except SimrobError:  # a link without mass cannot be moved by forces, which this station assumes
+    except SimrobError:
+        # A link without mass cannot be moved by forces, which this station assumes.
         return None
     # Positions that belong to no axis are those of bases that are not fixed.
-    if station.plant.num_positions() != sum(
-        len(robot.axes) for robot in station.station.robots.values()
-    ):
+    axis_count = sum(len(robot.axes) for robot in station.station.robots.values())
+    if station.plant.num_positions() != axis_count:
         return None
     now = model.plant.GetPositions(model.context)
     station.place_robots(
@@ -224,9 +224,8 @@ class _Problem:
 
     def _postures(self, trajectory: BsplineTrajectory, times: Vector) -> Vector:
         """Postures (k, n) of the robots that move, at times (k,) [s] of a trajectory of the plant."""
-        positions = np.array(
-            trajectory.vector_values(times.tolist())
-        ).T  # of the whole plant, (k, nq)
+        # Positions of the whole plant, shape (k, nq), of which only those of the moving robots are needed.
+        positions = np.array(trajectory.vector_values(times.tolist())).T
         robots = self._station.station.robots
         return np.hstack(
             [robots[robot].axis_map.positions(positions) for robot in self._search.space.start]

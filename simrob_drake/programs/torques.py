@@ -116,6 +116,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                     maximum=maximum,
                 ),
             )
+        # The motion itself is possible, only not in the time that the user wants: a warning is enough.
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
         subject = compound("{point}: {axes}", point=point.name, axes=own.axes[axis])

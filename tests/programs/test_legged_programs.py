@@ -338,7 +338,7 @@ class TestErrors:
         robot = LeggedRobot(Workcell("three_humanoids"), "humanoid")
         program = Program.model_validate({"moves": [{"target_deg": ARM}, {"act": "wave"}]})
         with pytest.raises(InvalidParameter, match="move 2 is act; it must be a move of joints"):
-            robot.planned(program)
+            robot.reference_of(program)
 
     @pytest.mark.parametrize(
         ("entry", "message"),

@@ -71,7 +71,7 @@ def plan_move_l(
     for begin, end in pairwise([planning.pose, *poses]):
         length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
         ways.append(Way(partial(poses_between, begin, end), length))
-    plan = planning.along(ways, inverse, how, points)
+    plan = planning.plan_along(ways, inverse, how, points)
     return with_entry(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
 
 
@@ -141,7 +141,7 @@ def plan_move_c(
         ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
         # The next arc begins where this one ends.
         begin = end
-    plan = planning.along(ways, inverse, how, points)
+    plan = planning.plan_along(ways, inverse, how, points)
     return with_entry(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
 
 
