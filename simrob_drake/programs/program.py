@@ -147,7 +147,8 @@ class Program(Strict):
     references: tuple[Reference, ...] = ()
     """Cells (SimRob's ``joint{k}``) to which a sequencer leads the robot, each for as long as it takes."""
     grid: Duration | None = None
-    """Time between the points at which runs are divided, and from which they can be repeated [s]; 0.05 with changes."""
+    """Time between the moments at which runs are divided, and from which they can be repeated [s]. If it is not set, it
+    is 0.05 for a program with changes."""
     changes: tuple[Annotated[Change, PlainSerializer(Change.entry)], ...] = ()
     """Changes of the station while the moves run: settings, pushes, drags."""
     automatic: Annotated[Automatic | None, BeforeValidator(_expand_bool)] = None

@@ -55,7 +55,7 @@ class PushNow(Strict):
     """A constant force for a while; see :class:`~simrob_drake.parts.forces.Push`."""
 
     at: str | None = None
-    """The body that is pushed: a robot, link, tool or piece; the only robot unless given."""
+    """Body that is pushed: a robot, link, tool or piece. If it is not set, the only robot."""
     force: Triple
     """Force along x, y and z of that body [N]."""
     duration: Duration = 0.1
@@ -66,36 +66,36 @@ class DragNow(Strict):
     """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.Drag`."""
 
     at: str | None = None
-    """The body that is pulled: a robot, link, tool or piece; the only robot unless given."""
+    """Body that is pulled: a robot, link, tool or piece. If it is not set, the only robot."""
     point: Triple = (0.0, 0.0, 0.0)
     """Point of the body that is pulled, in the body's frame [m]."""
     targets: Annotated[tuple[Triple, ...], Field(min_length=1)]
-    """Positions in the world that the point is pulled to, one for each step of the program's grid [m]."""
+    """Positions in the world to which the point is pulled, one for each step of the program's grid [m]."""
     stiffness: Positive | None = None
-    """Stiffness of the spring [N/m]. Unless given, a spring of a quarter of a metre pulls with the weight of the robot
-    or piece."""
+    """Stiffness of the spring [N/m]. If it is not set, a spring that is longer by a quarter of a metre pulls with the
+    weight of the robot or piece."""
 
 
 class DriveNow(Strict):
-    """Commands to a walk in place of those of its section; without effect if no robot walks.
+    """Commands to a walk in place of those of its section. They have no effect if no robot walks.
 
-    Other controllers that take commands of ``ahead``, ``left`` or ``turn`` are driven as well.
+    Other controllers that take commands of ``ahead``, ``left`` or ``turn`` get them as well.
     """
 
     at: str | None = None
-    """The robot that walks; the only robot unless given."""
+    """Robot that walks. If it is not set, the only robot."""
     commands: Annotated[tuple[tuple[NotNegative, Number, Number, Number], ...], Field(min_length=1)]
-    """Each command: the time since the change from which on it holds [s], the speeds ahead and to the left [m/s], and
-    the turn to the left [deg/s]."""
+    """Commands of four numbers: the time since the change from which the command holds [s], the speeds ahead and to the
+    left [m/s], and the turning speed to the left [deg/s]."""
 
 
 class Change(Strict):
     """A change that happens while a program runs."""
 
     time: Instant
-    """Time of the change since the start of the program [s]; moved to the program's grid."""
+    """Time of the change since the start of the program [s]. It is rounded to the program's grid."""
     set: Annotated[dict[str, Any], Field(min_length=1)] | None = None
-    """Keys of the station and their new values, such as `{servo.kp: 500}`; they hold from then on."""
+    """Keys of the station and their new values, such as `{servo.kp: 500}`. They hold from the change on."""
     push: PushNow | None = None
     """A push."""
     drag: DragNow | None = None

@@ -46,9 +46,9 @@ class BipedWalk(EvenSteps, SolvedGait):
     usual: ClassVar[str] = "walk"
 
     lift: Positive = 0.03
-    """Height of the swinging foot [m]."""
+    """Largest height of the swinging foot [m]."""
     double_support: Positive = 0.2
-    """Part of a step in which both feet stand."""
+    """Part of a step in which both feet stand [1]."""
     zmp_inward: Number = 0.0
     """Distance of the zero-moment point from the middle of each foot towards the other foot [m]."""
     zmp_ahead: Number = 0.0
@@ -196,7 +196,8 @@ class Kick(SolvedGait):
     usual: ClassVar[str] = "kick"
 
     foot: str | None = None
-    """Name of the foot that kicks. If it is not set, the foot nearer to the ball, or the right one without a ball."""
+    """Name of the foot that kicks. If it is not set, the foot that has the ball most straight ahead, or the right foot
+    without a ball."""
     speed: Positive = 0.6
     """Speed of the foot's tip at the point that it hits [m/s]."""
     point: tuple[Number, Number] | None = None
@@ -205,7 +206,7 @@ class Kick(SolvedGait):
     toward_deg: Number = 0.0
     """Direction of the kick, counterclockwise from ahead [deg]."""
     swing: Positive = 0.08
-    """Distance over which the foot gathers its speed, and loses it [m]."""
+    """Distance over which the foot speeds up before the hit, and over which it slows down after the hit [m]."""
     lift: Positive = 0.03
     """Height of the sole during the kick [m]."""
     zmp_inward: Number = 0.0
@@ -213,9 +214,9 @@ class Kick(SolvedGait):
     zmp_ahead: Number = 0.0
     """Distance of the zero-moment point ahead of the middle of the standing foot [m]."""
     settle: Pace = 1.0
-    """Time to shift the weight to one foot, and to both again [s]."""
+    """Time of each of the two weight transfers: to one foot before the kick, and to both feet after it [s]."""
     raising: Pace = 0.6
-    """Time to bring the foot up and back, and down again [s]."""
+    """Time to raise the foot and bring it back, and again to lower it after the kick [s]."""
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
         """Plan the kick, see :meth:`Gait.plan`.

@@ -383,7 +383,7 @@ class SolvedGait(Gait):
     bearing: ArmBearing
     """Posture of the trunk and of the arms."""
     widen: Number = 0.0
-    """Distance of each foot, to its own side, from where it is with straight legs, or from below its hip [m]."""
+    """Distance by which each foot stands further out than with straight legs, or than below its hip [m]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
     """Gains of the servos that replace those of the station: kp, kd."""
 
@@ -405,6 +405,6 @@ class EvenSteps(Strict):
     turn_deg: Number = 0.0
     """Angle by which each step turns the robot to the left [deg]."""
     ramp_steps: Integer = Field(default=3, ge=0)
-    """Count of steps at the start in which the step length grows, and of steps at the end in which it shrinks."""
+    """Count of steps at the start in which the step length grows. At the end it shrinks in as many steps."""
     settle: Pace = 0.6
-    """Time to shift the weight at the start and at the end [s]."""
+    """Time of each of the two weight transfers, at the start and at the end [s]."""

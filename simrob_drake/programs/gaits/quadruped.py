@@ -49,13 +49,13 @@ class Trot(EvenSteps, SolvedGait):
     usual: ClassVar[str] = "trot"
 
     ramp_steps: Integer = Field(default=4, ge=0)
-    """Count of steps at the start in which the step length grows, and of steps at the end in which it shrinks."""
+    """Count of steps at the start in which the step length grows. At the end it shrinks in as many steps."""
     lift: Positive = 0.05
-    """Height of the swinging feet [m]."""
+    """Largest height of the swinging feet [m]."""
     lead: Number = 0.0
-    """Distance of the trunk ahead of the middle of its feet, as a part of the step."""
+    """Distance of the trunk ahead of the middle of its feet, as a part of the step [1]."""
     all_stand: Positive = 0.1
-    """Part of a step in which all feet stand."""
+    """Part of a step in which all feet stand [1]."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
         """Plan the trot, see :meth:`Gait.plan`.
@@ -116,9 +116,9 @@ class Crawl(SolvedGait):
     stride: Number = 0.0
     """Distance that each leg swings ahead [m]."""
     lift: Positive = 0.04
-    """Height of the swinging foot [m]."""
+    """Largest height of the swinging foot [m]."""
     shift: Positive = 0.6
-    """Part of the leg's time in which all feet stand, while the trunk moves over the next three standing feet."""
+    """Part of the leg's time in which all feet stand, while the trunk moves over the next three standing feet [1]."""
     settle: Pace = 0.8
     """Time to stand before the first leg and after the last one [s]."""
 

@@ -60,8 +60,8 @@ class March(Gait):
     start_deg: AxisValues
     """Posture at the start and at the end [deg]."""
     left: Annotated[tuple[AxisValues, ...], Field(min_length=2)]
-    """Postures of a step with the left foot [deg]. Axes that are left out are as at the start. The right one mirrors
-    them."""
+    """Postures of a step with the left foot [deg]. Axes that are left out are as at the start. The step with the right
+    foot is the mirror image."""
     feed_velocity: Boolean = False
     """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
 
@@ -107,13 +107,13 @@ class Posing(Gait):
     repeat: Integer = Field(default=1, ge=1, le=1000)
     """Count of times that the targets are repeated."""
     held: Boolean = False
-    """Whether the sequence is for a robot that is held by its trunk."""
+    """Whether the sequence is for a robot whose trunk is held."""
     ramps: Ramps = "smooth"
     """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
     feed_velocity: Boolean = True
     """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
     falls: Boolean = False
-    """Whether the robot ends on the floor. Monitors of a fall do not watch it then."""
+    """Whether the sequence ends with the robot on the floor. If so, monitors of a fall ignore the robot."""
 
     @property
     def hangs(self) -> bool:

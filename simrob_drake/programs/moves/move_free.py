@@ -58,8 +58,8 @@ class MoveFree(ArmMotion):
     key: ClassVar[str] = "move_free"
 
     wobj: str | Pose | None = None
-    """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world unless
-    given."""
+    """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose. If it is not set, the
+    world."""
     piece: str | None = None
     """Target instead of a pose: a piece, or one of its frames as `piece.frame`, to which the tool is moved."""
     joints: Row | str | None = None

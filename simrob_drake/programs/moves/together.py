@@ -29,7 +29,7 @@ class TogetherMove(Move):
     of_legs: ClassVar[bool] = False
 
     together: "Annotated[tuple[AnyMotion, ...], Field(min_length=1)]"
-    """The moves, of one robot each."""
+    """The moves, one for each robot."""
     duration: Duration | None = None
     """Duration of all moves [s]. If it is not set, until the last one ends."""
 
