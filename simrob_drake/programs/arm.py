@@ -145,7 +145,7 @@ class Arm(ArmGeometry):
                 model.name,
                 message(
                     "programs.robot_on_fixed_base",
-                    "one on a fixed base; LeggedRobot programs those with legs",
+                    "a robot with a fixed base; LeggedRobot programs robots with legs",
                 ),
             )
         if not self.cell.model.robots[self.name].tcp:
@@ -154,7 +154,7 @@ class Arm(ArmGeometry):
                 model.name,
                 message(
                     "programs.robot_with_tool",
-                    "one with a tool frame, under tools: in its robot.yaml",
+                    "a robot with a tool frame, listed under tools in its robot.yaml",
                 ),
             )
         if tool is not None:
@@ -330,7 +330,7 @@ class Arm(ArmGeometry):
                 "duration",
                 message(
                     "programs.automatic_robot_times",
-                    "an automatic robot takes the time of its own references",
+                    "an automatic program lasts as long as its references",
                 ),
             )
         # Another workcell runs the cells, so that this arm stays where it is.
@@ -371,10 +371,12 @@ def workcell_of(
     if overrides:
         raise Unsuitable(
             "overrides",
-            message("programs.given_with_workcell", "given with a workcell"),
+            message(
+                "programs.given_with_workcell", "the workcell is loaded already, without overrides"
+            ),
             message(
                 "programs.overrides_of_workcell",
-                "given to the workcell: Workcell(station, overrides)",
+                "give them to the workcell: Workcell(station, overrides)",
             ),
         )
     return station
@@ -424,7 +426,7 @@ class Workcell(RecordedStation):
             program,
             "program",
             (Program, Path, str),
-            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+            message("programs.a_program_or_yaml", "a Program or the path of its YAML file"),
         )
         if isinstance(program, Program):
             loaded = program
@@ -474,7 +476,7 @@ class Workcell(RecordedStation):
         check_takes_time(
             program.moves,
             file or message("programs.the_program", "the program"),
-            message("programs.program_with_moves", "one with moves, such as move_abs_j"),
+            message("programs.program_with_moves", "add one, such as move_abs_j"),
         )
         released: set[str] = set()  # free pieces whose place the moves before have changed
         dropped: set[str] = set()  # free pieces that fingers released in the air

@@ -179,10 +179,10 @@ class Branches:
         header = [
             "",
             *self.chain.names,
-            message("programs.of_torque_limit", "of the torque limit"),
-            message("programs.room_to_limit", "room to a limit"),
+            message("programs.of_torque_limit", "share of the torque limit"),
+            message("programs.room_to_limit", "distance to a limit"),
             "gap",
-            message("programs.would_be_in", "would be in"),
+            message("programs.would_be_in", "collision"),
         ]
         rows = [header, *(self._row(branch) for branch in self.found)]
         # Each column is as wide as its widest cell.
@@ -209,7 +209,7 @@ class Branches:
         gap = (
             message(
                 "programs.gap_to_other",
-                "{distance:.0f} mm {body} to {other}",
+                "{distance:.0f} mm from {body} to {other}",
                 distance=1e3 * branch.gap.distance,
                 body=branch.gap.body,
                 other=branch.gap.other,

@@ -89,7 +89,7 @@ class AccelerationLimitExceeded(_TooFast):
     """Raised when a joint would speed up or slow down more than it can."""
 
     # The message continues with the acceleration.
-    _word = message("programs.be_sped_up_by", "be sped up by")
+    _word = message("programs.be_sped_up_by", "accelerate at")
 
 
 class TorqueLimitExceeded(SimrobError):
@@ -134,7 +134,7 @@ class BrokenPath(SimrobError):
         """Make the error. The argument `shown` is the jump with its unit."""
         advice = message(
             "programs.singular_path",
-            "the path leads through a singular posture; go there by move_j, or take another way",
+            "the path passes through a singular posture; use move_j, or another path",
         )
         super().__init__(
             message(
@@ -168,7 +168,8 @@ class PathCollision(SimrobError):
         super().__init__(
             message(
                 "programs.would_run_into",
-                "{where}: {body} would run into {other}, {depth:.1f} mm deep; `check: limits` in the move allows it",
+                "{where}: {body} would collide with {other}, {depth:.1f} mm deep; "
+                "`check: limits` in the move leaves out this check",
                 where=where,
                 body=bodies[0],
                 other=bodies[1],
@@ -214,12 +215,12 @@ class StartInCollision(NoFreePath):
         """Make the error; see the attributes of the class."""
         remedy = message(
             "programs.go_out_with_limits",
-            "go out of it by move_l or move_abs_j with `check: limits`",
+            "leave the collision by move_l or move_abs_j with `check: limits`",
         )
         super().__init__(
             message(
                 "programs.start_in_collision",
-                "the start: {body} is {depth:.1f} mm deep in {other}; {remedy}",
+                "the start is in collision: {body} overlaps {other} by {depth:.1f} mm; {remedy}",
                 body=bodies[0],
                 depth=1e3 * depth,
                 other=bodies[1],
@@ -249,12 +250,14 @@ class GoalInCollision(NoFreePath):
         """
         has_several = count > 1
         # One posture has one collision. Of several postures, the message describes the collision that is least deep.
-        which = message("programs.the_only_posture", "the only posture")
+        which = message("programs.the_only_posture", "the only posture that reaches it")
         if has_several:
-            which = message("programs.all_postures", "all {count} postures", count=count)
+            which = message(
+                "programs.all_postures", "all {count} postures that reach it", count=count
+            )
         overlap = message(
             "programs.would_be_deep_in",
-            "{body} would be {depth:.1f} mm deep in {other}",
+            "{body} would overlap {other} by {depth:.1f} mm",
             body=bodies[0],
             depth=1e3 * depth,
             other=bodies[1],
@@ -262,11 +265,11 @@ class GoalInCollision(NoFreePath):
         super().__init__(
             message(
                 "programs.target_in_collision",
-                "{target} is in collision with {which} there: {found}{at_best}",
+                "{target} is in collision in {which}: {found}{at_best}",
                 target=target,
                 which=which,
                 found=overlap,
-                at_best=message("programs.at_best", " at best") if has_several else "",
+                at_best=message("programs.at_best", " in the best of them") if has_several else "",
             )
         )
         self.bodies = bodies

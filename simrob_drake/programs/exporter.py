@@ -136,16 +136,17 @@ def load_exporter(name: str) -> Exporter:
         check_provided(
             "exporters", name, message("programs.the_format", "the format {name}", name=name)
         )
-        known = ", ".join(additions("exporters")) or message(
-            "programs.no_format", "none, since no extension adds one"
+        known = ", ".join(additions("exporters"))
+        expected = message(
+            "programs.no_format", "a format of an installed extension, and none is installed"
         )
-        raise InvalidParameter(
-            "format", name, message("programs.one_of", "one of: {known}", known=known)
-        )
+        if known:
+            expected = message("programs.one_of", "one of: {known}", known=known)
+        raise InvalidParameter("format", name, expected)
     exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
     # The common base class has no method that exports.
     if not issubclass(exporter_class, StationExporter | ProgramExporter):
-        expected = message(
+        expected_class = message(
             "programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter"
         )
         raise BrokenExtension(
@@ -154,7 +155,7 @@ def load_exporter(name: str) -> Exporter:
                 "{owner}: {target} must be {expected}",
                 owner=addition.owner,
                 target=addition.target,
-                expected=expected,
+                expected=expected_class,
             )
         )
     # A format `my-csv` would become an option that Python cannot take as a keyword.
@@ -162,7 +163,7 @@ def load_exporter(name: str) -> Exporter:
         raise BrokenExtension(
             message(
                 "programs.format_must_be_word",
-                "{owner}: the format {name} must be a word, which becomes an option",
+                "{owner}: the format {name} must be a Python identifier, because it becomes an option",
                 owner=addition.owner,
                 name=repr(name),
             )

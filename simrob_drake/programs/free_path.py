@@ -300,7 +300,7 @@ class Search:
         raise NoFreePath(
             message(
                 "programs.way_leads_into",
-                "the way that was found leads {one} {depth:.1f} mm into {other}: try another seed",
+                "on the path that was found, {one} overlaps {other} by {depth:.1f} mm; try another seed",
                 one=one,
                 depth=1e3 * hit.depth,
                 other=other,
@@ -463,7 +463,7 @@ class Search:
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
         nearest = message(
             "programs.nearest_goal",
-            "{goal} of {count} is nearest, with a motion of {gap:.2g} m left",
+            "{goal} of {count}, with {gap:.2g} m of motion left",
             goal=goal + 1,
             count=len(goals),
             gap=gaps[row, goal],
@@ -475,7 +475,7 @@ class Search:
         return NoFreePath(
             message(
                 "programs.no_free_way",
-                "no free way was found in {seconds:g} s: of the goals number {nearest}; in the way: {obstacles}",
+                "no free path was found in {seconds:g} s; the nearest goal is number {nearest}; obstacles: {obstacles}",
                 seconds=self.seconds,
                 nearest=nearest,
                 obstacles=obstacles,

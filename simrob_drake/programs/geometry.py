@@ -410,9 +410,7 @@ class LeggedGeometry(CellRobot):
             raise InvalidParameter(
                 "robot",
                 self.model.name,
-                message(
-                    "programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"
-                ),
+                message("programs.robot_on_own_feet", "a robot that stands on its own feet"),
             )
         # From the world to the frame of the trunk at its new pose.
         to_trunk = as_transform(trunk).inverse()

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -76,20 +76,18 @@ def take_piece(
         _distance(holder, box) for holder, box in product(holders, _boxes_of(model, piece))
     )
     if distance > REACH:
-        where = message(
+        problem = message(
             "programs.away_from_frame",
-            "{distance:.0f} mm away from {frame}",
+            "it is {distance:.0f} mm away from {frame}, which takes pieces within {reach:g} mm",
             distance=1e3 * distance,
             frame=frame or parent,
+            reach=1e3 * REACH,
         )
         remedy = message(
             "programs.within_reach",
-            "within {reach:g} mm: move there first, or give its pose there, to which it then jumps",
-            reach=1e3 * REACH,
+            "move there first, or set pose, the pose of the piece after it is attached",
         )
-        raise InvalidParameter(
-            message("programs.piece_to_take", "{piece}, to be taken,", piece=piece), where, remedy
-        )
+        raise Unsuitable(piece, problem, remedy)
     return changed
 
 
@@ -117,52 +115,52 @@ def release_piece(
         InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without a mass.
         SimrobError: see :func:`reparent_piece`.
     """
-    subject = message("programs.piece_to_release", "{piece}, to be let go,", piece=piece)
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
-        raise InvalidParameter(
-            subject,
-            message("programs.held_by_nothing", "held by nothing"),
-            message("programs.piece_that_hangs", "a piece that hangs on a robot or a piece"),
+        raise Unsuitable(
+            piece,
+            message("programs.held_by_nothing", "it is attached to no robot and to no piece"),
+            message("programs.piece_that_hangs", "release a piece that is attached"),
         )
     changed = reparent_piece(model, piece, parent, frame=frame)
     # A piece that does not fall needs neither mass nor ground.
     falls = parent == WORLD and not fixed and changed.engine.moves_by_forces
     if not falls:
         return changed
+    remedy = message(
+        "programs.piece_that_can_fall", "set fixed, with which the piece stays where it is"
+    )
     missing = _missing_to_fall(model, changed, piece)
     if missing:
-        expected = message(
-            "programs.piece_that_can_fall",
-            "a piece that can fall and come to rest; with fixed it stays in the air, where it is",
-        )
-        raise InvalidParameter(subject, missing, expected)
+        raise Unsuitable(piece, missing, remedy)
     free = changed.pieces[piece].model_copy(update={"free": True})
     changed = changed.model_copy(update={"pieces": {**changed.pieces, piece: free}})
     # It comes to rest if there is ground, at any depth, below a part of it.
     middles = np.array([box.pose.translation() for box in _boxes_of(model, piece)])
     ground = resolve(changed).ground
     if not any(ground.carries(middle[np.newaxis], np.inf) for middle in middles):
-        expected = message(
-            "programs.over_a_floor",
-            "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is",
+        problem = message(
+            "programs.over_nothing",
+            "it would fall forever, because no floor and no fixed box is below it",
         )
-        raise InvalidParameter(subject, message("programs.over_nothing", "over nothing"), expected)
+        raise Unsuitable(piece, problem, remedy)
     return changed
 
 
 def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> str:
-    """Description of what a station or a piece lacks, so that the piece cannot fall and come to rest.
-
-    It is empty if nothing is missing.
-    """
+    """Explain why a piece cannot fall and come to rest. The explanation is empty if nothing is missing."""
     piece_model = model.resolved.pieces[piece].model
     if config.contact is None:
-        return message("programs.station_without_contact", "in a station without contact")
+        return message(
+            "programs.station_without_contact",
+            "it would fall forever, because the station has no contact",
+        )
     if not any(shape.collides for shape in piece_model.shapes):
-        return message("programs.without_shape", "without a shape that collides")
+        return message(
+            "programs.without_shape", "it would fall forever, because none of its shapes collides"
+        )
     has_inertia = piece_model.mass > 0 and min(piece_model.inertia[:3]) > 0
     if not has_inertia:
-        return message("programs.without_inertia", "without mass and inertia")
+        return message("programs.without_inertia", "it cannot fall without mass and inertia")
     return ""
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from simrob_drake.base.arguments import instance, truth
-from simrob_drake.base.errors import InvalidParameter, counted
+from simrob_drake.base.errors import Unsuitable, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import keep_former_attributes
@@ -298,7 +298,7 @@ class LeggedRobot(LeggedGeometry):
             program,
             "program",
             (Program, Path, str),
-            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+            message("programs.a_program_or_yaml", "a Program or the path of its YAML file"),
         )
         loaded = program if isinstance(program, Program) else Program.load(program)
         # Messages name the file only if the program was read from one.
@@ -430,10 +430,10 @@ class LeggedRobot(LeggedGeometry):
             InvalidParameter: nothing has been done.
         """
         if not self._past:
-            raise InvalidParameter(
+            raise Unsuitable(
                 "undo",
-                message("programs.asked_before_moves", "asked for before anything was done"),
-                message("programs.called_after_move", "called after a move or a change"),
+                message("programs.asked_before_moves", "nothing has been done yet"),
+                message("programs.called_after_move", "call it after a move or a change"),
             )
         self._restore(self._past.pop())
 

@@ -480,7 +480,9 @@ def _check_no_loop(model: StationModel, piece: str, parent: str) -> None:
     while ancestor in model.config.pieces:
         if ancestor == piece:
             expected = message(
-                "programs.parent_of_piece", "world, a robot, or a piece that does not hang on it"
+                "programs.parent_of_piece",
+                "the world, a robot, or a piece that is not attached to {piece}",
+                piece=piece,
             )
             raise InvalidParameter(
                 message("programs.parent_of", "parent of {piece}", piece=piece),
@@ -555,7 +557,9 @@ def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
             name,
             values,
             message(
-                "programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes
+                "programs.a_posture",
+                "a posture of {axes} axes, finite numbers [rad or m]",
+                axes=axes,
             ),
         )
     return posture

@@ -301,7 +301,7 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     duration = factor * float(times[-1])
     speed = message(
         "programs.tool_speed",
-        "{speed:.3g} m/s, beyond the {limit:g} m/s that it is rated for",
+        "{speed:.3g} m/s, beyond its rated speed of {limit:g} m/s",
         speed=speeds[row],
         limit=limit,
     )
@@ -406,7 +406,7 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
             plan,
             "plan",
             Plan,
-            message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+            message("programs.a_plan", "a plan, such as that of arm.plan.move_l(...)"),
         )
     # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)

@@ -151,7 +151,7 @@ def check_units(targets: Any, name: str) -> None:
         largest=FARTHEST,
         unit="m",
         other=message("programs.millimetres", "millimetres"),
-        hint=message("programs.lengths_in_metres", "lengths are in metres"),
+        remedy=message("programs.lengths_in_metres", "give lengths in metres"),
     )
     _check_unit(
         rows[:, 3:],
@@ -159,15 +159,15 @@ def check_units(targets: Any, name: str) -> None:
         largest=MOST_TURN,
         unit="rad",
         other=message("programs.degrees_word", "degrees"),
-        hint=message(
+        remedy=message(
             "programs.angles_in_radians",
-            "angles are in radians, as np.deg2rad() or targets_deg give them",
+            "give angles in radians, by np.deg2rad() or targets_deg",
         ),
     )
 
 
 def _check_unit(
-    values: Vector, name: str, *, largest: float, unit: str, other: str, hint: str
+    values: Vector, name: str, *, largest: float, unit: str, other: str, remedy: str
 ) -> None:
     """Refuse values that are too large to be in their unit.
 
@@ -177,25 +177,21 @@ def _check_unit(
         largest: largest value that is accepted.
         unit: unit of the values.
         other: name of the unit in which they may be by mistake.
-        hint: sentence about the right unit.
+        remedy: what to do, as a command.
 
     Raises:
         InvalidParameter: a value is larger.
     """
     beyond = values[np.abs(values) > largest]
     if beyond.size:
-        raise InvalidParameter(
-            name,
-            message(
-                "programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit
-            ),
-            message(
-                "programs.in_si_units",
-                "in SI units; were these {other}? {hint}",
-                other=other,
-                hint=hint,
-            ),
+        problem = message(
+            "programs.in_other_unit",
+            "a value of {beyond:g} {unit} seems to be in {other}",
+            beyond=beyond[0],
+            unit=unit,
+            other=other,
         )
+        raise Unsuitable(name, problem, remedy)
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
@@ -456,17 +452,20 @@ def zone_of(how: How, count: int) -> float:
     zone = zone_size(how.get("zone", "fine"))
     # A zone rounds the corner between two paths: a single path has none.
     if zone and count < 2:
-        expected = message(
-            "programs.several_targets",
-            "with several targets in one call, such as move_l([first, second]): a move rests at its last",
+        raise Unsuitable(
+            "zone",
+            message("programs.rests_at_last", "a move rests at its last target"),
+            message(
+                "programs.several_targets",
+                "give several targets in one call, such as move_l([first, second])",
+            ),
         )
-        raise InvalidParameter("zone", how["zone"], expected)
     if zone and "times" in how:
         raise Unsuitable(
             "times",
             message(
                 "programs.zone_without_times",
-                "targets with a zone are passed, and have no times of their own",
+                "the tool passes targets with a zone without stopping, so that they have no times",
             ),
         )
     return zone
@@ -528,7 +527,7 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     if would_fit and exceeds_turn.any():
         return message(
             "programs.were_these_degrees",
-            "; angles are in radians: were these degrees? np.deg2rad(...) turns them",
+            "; angles are in radians: if these are degrees, convert them by np.deg2rad(...)",
         )
     return ""
 

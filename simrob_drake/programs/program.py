@@ -13,7 +13,7 @@ import yaml
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
 from simrob_drake.base.arguments import as_path, instance
-from simrob_drake.base.errors import InvalidParameter, counted, shortened
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, counted, shortened
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
@@ -78,10 +78,10 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         InvalidConfig: the way to a cell takes longer than the time-out.
     """
     if not cells:
-        raise InvalidParameter(
+        raise Unsuitable(
             message("programs.the_program", "the program"),
-            message("programs.without_references", "without references"),
-            message("programs.with_references", "one with some: add_reference() stores them"),
+            message("programs.without_references", "it has no references"),
+            message("programs.with_references", "add some by add_reference()"),
         )
     config = robot.cell.config
     others = {}
@@ -162,7 +162,7 @@ class Program(Strict):
             raise ValueError(
                 message(
                     "programs.automatic_without_references",
-                    "automatic: references are run, and there are none",
+                    "automatic needs references, and the program has none",
                 )
             )
         return self
@@ -361,12 +361,17 @@ class Program(Strict):
             InvalidParameter: the index is out of range.
         """
         count = len(self.moves)
-        instance(index, "index", int, message("programs.number_of_move", "the number of a move"))
+        instance(
+            index,
+            "index",
+            int,
+            message("programs.number_of_move", "an integer, the index of a move"),
+        )
         from_start = index + count if index < 0 else index
         if not 0 <= from_start <= last:
             known = message(
                 "programs.known_numbers",
-                "from {first} to {last}, the program has {moves} {moves:move|moves}",
+                "from {first} to {last}: the program has {moves} {moves:move|moves}",
                 first=-count,
                 last=last,
                 moves=count,
@@ -374,7 +379,11 @@ class Program(Strict):
             raise InvalidParameter(
                 "index",
                 index,
-                known if last >= 0 else message("programs.no_move_yet", "of a move; there is none"),
+                known
+                if last >= 0
+                else message(
+                    "programs.no_move_yet", "the index of a move, and the program has none"
+                ),
             )
         return from_start
 

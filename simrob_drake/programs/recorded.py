@@ -57,7 +57,7 @@ class RecordedStation(StatefulStation):
             postures,
             "postures",
             Mapping,
-            message("programs.mapping_by_robot", "a mapping by robot"),
+            message("programs.mapping_by_robot", "a mapping by the names of robots"),
         )
         shown = {}
         for name, posture in postures.items():

@@ -103,7 +103,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
         if zone > most * _ROUNDING:
             expected = message(
                 "programs.largest_zone",
-                "at most {most:.4g} mm at targets[{index}]: half of the shorter way that meets there",
+                "at most {most:.4g} mm at targets[{index}]: half of the shorter of the two paths that meet there",
                 most=1e3 * most,
                 index=index,
             )

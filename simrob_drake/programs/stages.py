@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import sequence
@@ -177,7 +177,7 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
         if not move.of_legs:
             expected = message(
                 "programs.one_of_leg_kinds",
-                "one of {kinds}: the others are for arms",
+                "a move for robots with legs: one of {kinds}",
                 kinds=", ".join(leg_kinds()),
             )
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
@@ -199,25 +199,21 @@ def check_program(
 def check_takes_time(
     moves: Sequence[Move],
     name: str = message("programs.the_program", "the program"),
-    expected: str = message("programs.moves_stored", "one with moves: add_move() stores them"),
+    remedy: str = message("programs.moves_stored", "add one by add_move()"),
 ) -> None:
     """Check that at least one move of a program takes time.
 
     Args:
         moves: the moves.
         name: name of the program for the message.
-        expected: what would be right, for the message.
+        remedy: how to add a move, as a command for the message.
 
     Raises:
-        InvalidParameter: no move takes time.
+        Unsuitable: no move takes time.
     """
     if not any(move.takes_time for move in moves):
-        state = (
-            message("programs.without_taking_time", "without a move that takes time")
-            if moves
-            else "empty"
-        )
-        raise InvalidParameter(name, state, expected)
+        problem = message("programs.without_taking_time", "it has no move that takes time")
+        raise Unsuitable(name, problem, remedy)
 
 
 class JointReference(NamedTuple):
@@ -248,7 +244,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> JointRefere
                 move.key,
                 message(
                     "programs.move_with_other_robots",
-                    "a move of joints, to be run with other robots'",
+                    "a move of joints: only such moves run at the same time as those of other robots",
                 ),
             )
         joint_moves.append(move)
@@ -315,7 +311,7 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
         raise InvalidParameter(
             "robot",
             model.name,
-            message("programs.robot_with_legs", "one with legs: step() is for legged robots"),
+            message("programs.robot_with_legs", "a robot with legs, for step()"),
         )
     # The thesis describes its step by joint angles. Robots that have such a sequence take this step.
     own_step = gaits_of(model, steps=False).get(SEQUENCE)

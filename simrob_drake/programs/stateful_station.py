@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import instance, seconds
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -136,7 +136,7 @@ class StatefulStation(ABC):
             raise InvalidParameter(
                 "station",
                 self.config.name,
-                message("programs.station_with_robot", "one with a robot; it has none"),
+                message("programs.station_with_robot", "a station with a robot"),
             )
         if name is None and self.config.only_robot is None:
             raise InvalidParameter(
@@ -144,7 +144,7 @@ class StatefulStation(ABC):
                 message("programs.not_named", "not named"),
                 message(
                     "programs.name_one_robot",
-                    "one of {robots}: robot='{first}'",
+                    "one of {robots}, such as robot='{first}'",
                     robots=", ".join(robots),
                     first=next(iter(robots)),
                 ),
@@ -201,12 +201,12 @@ class StatefulStation(ABC):
         # Everything is checked before the first step, so that an error leaves the station where it is.
         self.check_together(*plans)
         if not plans and duration is None:
-            raise InvalidParameter(
-                "plans",
-                "empty",
+            raise Unsuitable(
+                "run",
+                message("programs.without_plans", "neither plans nor a duration are given"),
                 message(
                     "programs.plans_or_duration",
-                    "some, such as arm.plan.move_l(...), or a duration to wait",
+                    "give a plan, such as arm.plan.move_l(...), or a duration to wait",
                 ),
             )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
@@ -235,7 +235,7 @@ class StatefulStation(ABC):
                 plan,
                 "plans",
                 Plan,
-                message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+                message("programs.a_plan", "a plan, such as that of arm.plan.move_l(...)"),
             )
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter(
@@ -246,10 +246,15 @@ class StatefulStation(ABC):
         for plan in plans:
             # A plan that was made before another run may begin elsewhere: the axes would jump.
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
-                raise InvalidParameter(
+                raise Unsuitable(
                     message("programs.plan_of", "plan of {robot}", robot=plan.robot),
-                    message("programs.made_for_other_place", "made for another place"),
-                    message("programs.planned_at_robot", "planned where the robot is"),
+                    message(
+                        "programs.made_for_other_place",
+                        "it begins in another posture than that of the robot",
+                    ),
+                    message(
+                        "programs.planned_at_robot", "plan the move again from where the robot is"
+                    ),
                 )
         # Each plan was checked alone when it was made, with the other robots at rest where they were then.
         if any(plan.check == "collision" for plan in plans):
@@ -270,7 +275,7 @@ class StatefulStation(ABC):
             references,
             "references",
             Mapping,
-            message("programs.mapping_by_robot", "a mapping by robot"),
+            message("programs.mapping_by_robot", "a mapping by the names of robots"),
         )
         seconds(duration)
         # Without a reference the station's file would decide, and the robot would move.
@@ -508,7 +513,7 @@ class StatefulStation(ABC):
             config,
             "config",
             StationConfig,
-            message("programs.loaded_station", "what load_station() gives"),
+            message("programs.loaded_station", "a StationConfig, as load_station() returns it"),
         )
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter(
@@ -516,7 +521,7 @@ class StatefulStation(ABC):
                 list(config.robots),
                 message(
                     "programs.of_station_with",
-                    "of a station with {robots}",
+                    "that of a station with the robots {robots}",
                     robots=", ".join(self.config.robots),
                 ),
             )

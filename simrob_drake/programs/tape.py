@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import plain, seconds
-from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
+from simrob_drake.base.errors import SimrobError, Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.resolved import WORLD
@@ -154,10 +154,10 @@ class Tape:
             InvalidParameter: nothing was recorded.
         """
         if not self.entries:
-            raise InvalidParameter(
+            raise Unsuitable(
                 message("programs.the_recording", "the recording"),
-                "empty",
-                message("programs.begun_with_record", "begun with record() before the moves"),
+                message("programs.nothing_recorded", "it is empty"),
+                message("programs.begun_with_record", "call record() before the moves"),
             )
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
@@ -196,20 +196,27 @@ def _check_joined(earlier: Take, later: Take) -> None:
         InvalidParameter: there is a gap between them, or one has references that are no planned moves.
     """
     if earlier.stretches is None or later.stretches is None:
-        raise _not_joined(message("programs.with_own_references", "with references of its own"))
+        raise _not_joined(
+            message(
+                "programs.with_own_references",
+                "a run follows references that are no planned moves",
+            )
+        )
     # One motion of the joined run must begin where the one before ended: otherwise the axes would jump.
     for robot, stretches in earlier.stretches.items():
         gap = np.abs(stretches[-1].postures[-1] - later.stretches[robot][0].postures[0])
         if gap.max() > _JOINS:
-            raise _not_joined(message("programs.with_gaps", "with gaps"))
+            raise _not_joined(
+                message("programs.with_gaps", "a run does not begin where the one before ended")
+            )
 
 
-def _not_joined(state: str) -> InvalidParameter:
+def _not_joined(problem: str) -> Unsuitable:
     """Make the error for a recording that cannot be one run. Its takes can still be run one by one."""
-    return InvalidParameter(
+    return Unsuitable(
         message("programs.the_recording", "the recording"),
-        state,
-        message("programs.replayed_by_takes", "replayed take by take: replay()"),
+        problem,
+        message("programs.replayed_by_takes", "run its takes one by one: replay()"),
     )
 
 
@@ -226,7 +233,9 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     """
     first = takes[0]
     if any(take.config != first.config for take in takes):
-        raise _not_joined(message("programs.of_changed_station", "of a station that changed"))
+        raise _not_joined(
+            message("programs.of_changed_station", "the station was changed between two runs")
+        )
     # A single run of any reference can be repeated as it is, but not stretched in time.
     if len(takes) == 1 and first.stretches is None:
         if factor != 1.0:

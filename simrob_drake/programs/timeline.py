@@ -111,7 +111,10 @@ class Change(Strict):
         ]
         if len(kinds) != 1:
             raise ValueError(
-                message("programs.one_of_changes", "a change is one of set, push, drag and drive")
+                message(
+                    "programs.one_of_changes",
+                    "exactly one of set, push, drag and drive must be set",
+                )
             )
         return self
 

@@ -53,24 +53,24 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     if distances.max() > _STRAIGHT:
         expected = message(
             "programs.straight_without_zones",
-            "another one: it goes with moves that are straight in the axes, without zones",
+            "another profile: this one needs a path that is straight in the axes, without zones",
         )
         raise InvalidParameter("profile", "jerk_limited", expected)
     names = [axis for robot in robots for axis in robot.axes]
-    # Name of each limit, its values by robot, and the file that sets it.
+    # For each limit the attribute of Ruckig's task, the values by robot, and the place where a user sets them.
     rate_limits = (
         (
-            "velocity",
+            "max_velocity",
             [robot.speed_limits for robot in robots],
-            message("programs.its_urdf", "its URDF"),
+            message("programs.its_urdf", "the velocity limit in its URDF"),
         ),
         (
-            "acceleration",
+            "max_acceleration",
             [robot.model.accelerations for robot in robots],
             message("programs.acceleration_in_robot", "acceleration_deg in its robot.yaml"),
         ),
         (
-            "jerk",
+            "max_jerk",
             [robot.model.jerks for robot in robots],
             message("programs.jerk_in_robot", "jerk_deg in its robot.yaml"),
         ),
@@ -78,20 +78,19 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     task = InputParameter(len(names))
     task.current_position = start.tolist()
     task.target_position = end.tolist()
-    for key, limits_of_robots, where in rate_limits:
+    for attribute, limits_of_robots, where in rate_limits:
         limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
-            raise InvalidParameter(
+            raise Unsuitable(
+                "profile",
                 message(
-                    "programs.rate_of_axis",
-                    "the {key} of {axis}",
-                    key=key,
+                    "programs.not_limited",
+                    "jerk_limited needs a limit that {axis} does not have",
                     axis=names[limits.argmax()],
                 ),
-                message("programs.not_limited", "not limited"),
-                message("programs.limited_by", "limited by {where}", where=where),
+                message("programs.limited_by", "set {where}", where=where),
             )
-        setattr(task, f"max_{key}", limits.tolist())
+        setattr(task, attribute, limits.tolist())
     # Phase synchronization keeps all axes on the line, where possible.
     task.synchronization = Synchronization.Phase
     motion = Trajectory(len(names))
@@ -102,7 +101,7 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
             "jerk_limited",
             message(
                 "programs.no_ruckig_motion",
-                "another one: Ruckig found no motion ({result})",
+                "another profile: Ruckig found no motion ({result})",
                 result=result.name,
             ),
         )
@@ -204,10 +203,10 @@ def profile_of(how: How) -> Profile:
                 )
     cruises = "speed" in how and profile != "smooth" and not takes_least_time
     if "acceleration" in how and not cruises:
-        raise InvalidParameter(
+        raise Unsuitable(
             "acceleration",
-            how["acceleration"],
-            message("programs.with_a_speed", "given with a speed, of a move that cruises"),
+            message("programs.without_speed", "only a move that reaches a cruising speed has it"),
+            message("programs.with_a_speed", "set speed, and profile trapezoid or s_curve"),
         )
     return profile
 
@@ -228,7 +227,7 @@ def speed_of(how: How) -> float:
     if speed > _FASTEST:
         expected = message(
             "programs.speed_in_millimetres",
-            "at most {fastest:g} m/s; were these mm/s? Then it is {speed:g}",
+            "at most {fastest:g} m/s; if these are mm/s, give {speed:g}",
             fastest=_FASTEST,
             speed=speed / 1e3,
         )
@@ -335,7 +334,7 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
     if order == 2 and "acceleration" in how:
         return message(
             "programs.give_acceleration",
-            "give it an acceleration of {acceleration:.3g} m/s² or less, or a lower speed",
+            "give the move an acceleration of {acceleration:.3g} m/s² or less, or a lower speed",
             acceleration=how["acceleration"] / slower**2,
         )
     if "speed" in how:
@@ -547,7 +546,9 @@ def _user_times(times: npt.ArrayLike, count: int) -> Vector:
         raise InvalidParameter(
             "times",
             times,
-            message("programs.times_a_target", "{count} times [s], one a target", count=count),
+            message(
+                "programs.times_a_target", "{count} times [s], one for each target", count=count
+            ),
         )
     return _check_times(values, "times", times)
 
@@ -574,7 +575,7 @@ def _check_times(times: Vector, name: str, value: object) -> Vector:
             value,
             message(
                 "programs.time_for_each_target",
-                "such that each target has its time, up to {longest:g} s",
+                "such that the times of the targets ascend, up to {longest:g} s",
                 longest=LONGEST,
             ),
         )

@@ -96,7 +96,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             )
             maximum += message(
                 "programs.limit_at_speed",
-                ", {torque:.4g} {unit} at the speed that it has there",
+                ", {torque:.4g} {unit} at its speed there",
                 torque=abs(at_speed[axis]),
                 unit=unit,
             )
@@ -111,7 +111,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 torque=float(torques[row, axis]),
                 shown=message(
                     "programs.needed_to_hold",
-                    "{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
+                    "{needed} to stay at rest there, and {maximum}; raise servo.torque_limit or reduce the load",
                     needed=needed,
                     maximum=maximum,
                 ),

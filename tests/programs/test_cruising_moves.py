@@ -78,7 +78,7 @@ def test_free_moves_take_as_long_as_accelerations_need(arm):
             planner.move_l(CORNERS[1:], wobj="table", **how)
         ).max() == pytest.approx(0.98, rel=0.02)
     with pytest.raises(
-        AccelerationLimitExceeded, match=r"joint_\d would be sped up by .* deg/s²;.*duration of"
+        AccelerationLimitExceeded, match=r"joint_\d would accelerate at .* deg/s²;.*duration of"
     ) as caught:
         planner.move_abs_j(HOME, duration=0.9)
     assert planner.move_abs_j(HOME, duration=caught.value.duration).duration > 0.9
@@ -182,7 +182,10 @@ def test_zones_are_rapid_s():
             {"profile": "sine"},
             "no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid",
         ),
-        ({"acceleration": 1.0}, "acceleration is 1.0; it must be given with a speed"),
+        (
+            {"acceleration": 1.0},
+            "acceleration: only a move that reaches a cruising speed has it; set speed",
+        ),
         ({"speed": 0.1, "acceleration": 0.0}, "acceleration is 0.0; it must be a positive number"),
         ({"speed": 0.1, "profile": "smooth", "acceleration": 1.0}, "of a move that cruises"),
     ],
@@ -194,7 +197,7 @@ def test_wrong_ways_of_doing_it(arm, how, message):
 
 def test_what_one_call_cannot_do(arm):
     with pytest.raises(
-        SimrobError, match="zone is z10; it must be with several targets in one call"
+        SimrobError, match="zone: a move rests at its last target; give several targets in one call"
     ):
         arm.plan.move_l(CORNERS[1], wobj="table", zone="z10")
     with pytest.raises(SimrobError, match=r"stop: .* zone.*; give one of the two"):
@@ -210,7 +213,7 @@ def test_speeds_beyond_the_joints_are_refused_with_one_that_would_do(arm):
         (
             {"speed": 0.5, "acceleration": 100.0},
             AccelerationLimitExceeded,
-            r"give it an acceleration of [\d.]+ m/s²",
+            r"give the move an acceleration of [\d.]+ m/s²",
         ),
         (
             {"speed": 1.9, "profile": "smooth"},

@@ -95,8 +95,8 @@ def test_it_stays_where_it_is_if_the_user_says_so():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"contact": None}, "in a station without contact"),
-        ({"floor": None}, "over nothing"),
+        ({"contact": None}, "the station has no contact"),
+        ({"floor": None}, "no floor and no fixed box is below it"),
         (
             {"pieces": {"weight": {**WEIGHT, "mass": 0.5, "inertia": [0, 0, 0]}}},
             "without mass and inertia",
@@ -191,5 +191,7 @@ def test_the_tool_in_use_takes_a_piece_where_it_is_moved_to():
 @pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])
 def test_what_nobody_holds_is_not_let_go(station):
     arm = Arm(load_station(station, BARE))
-    with pytest.raises(InvalidParameter, match="weight, to be let go, is held by nothing"):
+    with pytest.raises(
+        InvalidParameter, match="weight: it is attached to no robot and to no piece"
+    ):
         arm.release("weight")

@@ -139,7 +139,8 @@ def test_a_kinematic_gripper_opens_and_closes():
     arm.move_abs_j([0, 0.1, 0, 0, 1.5, 0])  # without the fingers, which stay
     np.testing.assert_allclose(arm.position, [0, 0.1, 0, 0, 1.5, 0, 0.015, 0.015], atol=1e-9)
     with pytest.raises(
-        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as irb120_gripper"
+        SimrobError,
+        match=r"width is 0\.06; it must be at most 0\.05 m, the largest opening of irb120_gripper",
     ):
         arm.open(width=0.06)
     with pytest.raises(

@@ -80,7 +80,8 @@ class TestOnThePhysics:
         assert went < -0.1
         hand = carrier.pose("right_hand")[:3]
         with pytest.raises(
-            InvalidParameter, match=r"parcel, .* mm away from robot; it must be within 30 mm"
+            InvalidParameter,
+            match=r"parcel: .* mm away from robot, which takes pieces within 30 mm",
         ):
             carrier.attach("parcel")
         before_it = [hand[0], hand[1] - 0.05, hand[2], 0.3, 0.0, 0.0]  # by 20 mm
@@ -292,7 +293,7 @@ class TestErrors:
             (
                 {"release": {"piece": "parcel", "parent": "parcel"}},
                 InvalidParameter,
-                "^move 2: parcel, to be let go, is held by nothing",
+                "^move 2: parcel: it is attached to no robot",
             ),
             (
                 {"HomDF": 200},
@@ -326,7 +327,7 @@ class TestErrors:
 
     def test_pieces_alone_take_no_time(self, held):
         held.attach("parcel", pose=IN_HAND, store=True)
-        with pytest.raises(InvalidParameter, match="without a move that takes time"):
+        with pytest.raises(InvalidParameter, match="it has no move that takes time"):
             held.simulate()
 
     @pytest.mark.parametrize("piece", [3, None, ["parcel"]])

@@ -290,7 +290,7 @@ class TestEveryRobot:
         known = {name: gaits[name].model_copy(update={"feet": feet}) for name, feet in FEET}
         with pytest.raises(
             InvalidParameter,
-            match=r"is soles; it must be some that it has a gait for: spheres_C \(robot",
+            match=r"is soles; it must be a kind for which it has a gait: spheres_C \(robot",
         ):
             first_gait(load_robot("humanoid"), "soles", known)
 
@@ -537,7 +537,7 @@ class TestGeometry:
             np.testing.assert_allclose(stays.translation(), standing.pose(foot)[:3], atol=1e-4)
 
     def test_a_trunk_that_is_held_stays(self, held):
-        with pytest.raises(InvalidParameter, match="one on its own feet"):
+        with pytest.raises(InvalidParameter, match="a robot that stands on its own feet"):
             held.posture([0, 0, 0.4, 0, 0, 0])
 
     def test_the_trunk_cannot_fly(self, standing):
@@ -607,7 +607,7 @@ class TestErrors:
             (
                 lambda r: r.act("swim"),
                 InvalidParameter,
-                "one that holds humanoid by its trunk, for swim",
+                "a station that holds the trunk of humanoid, for swim",
             ),
             (lambda r: r.walk(4, amplitude=20), OutOfReach, "leg of right_foot is out of reach"),
             (lambda r: r.walk(4, amplitude=float("nan")), InvalidParameter, "amplitude"),
@@ -678,7 +678,8 @@ class TestErrors:
             LeggedRobot("humanoid_fixed", "left")
         for programmed in (LeggedRobot, Arm):
             with pytest.raises(
-                InvalidParameter, match="station is bouncing_ball; it must be one with a robot"
+                InvalidParameter,
+                match="station is bouncing_ball; it must be a station with a robot",
             ):
                 programmed("bouncing_ball")
 

@@ -58,12 +58,12 @@ class TestChanges:
     def test_a_number_that_is_none_is_named(self, index):
         with pytest.raises(
             InvalidParameter,
-            match=rf"index is {index}; it must be from -3 to 2, the program has 3 moves",
+            match=rf"index is {index}; it must be from -3 to 2: the program has 3 moves",
         ):
             WAVE.without_move(index)
 
     def test_nothing_can_be_taken_from_nothing(self):
-        with pytest.raises(InvalidParameter, match="there is none"):
+        with pytest.raises(InvalidParameter, match="the program has none"):
             Program().without_move(0)
 
     def test_it_does_not_change_itself(self):
@@ -108,7 +108,7 @@ class TestFiles:
             ("moves: [{target_deg: {a: 1}, duration: 0}]", "move 1: duration: "),
             ("moves: [{target_deg: {a: 1}, duration: yes}]", "move 1: duration: "),
             ("references: [{target_deg: {a: 1}, duration: -1}]", "reference 1: duration: "),
-            ("automatic: true", "automatic: references are run, and there are none"),
+            ("automatic: true", "automatic needs references, and the program has none"),
             ("references: [{target_deg: {a: 1}}]\nautomatic: {timeout: 0}", "automatic.timeout"),
         ],
     )

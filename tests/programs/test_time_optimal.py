@@ -149,7 +149,7 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
     arm = own_arm(tmp_path, jerk_deg=None)
     with pytest.raises(
         InvalidParameter,
-        match="the jerk of joint_1 is not limited; it must be limited by jerk_deg in",
+        match="profile: jerk_limited needs a limit that joint_1 does not have; set jerk_deg in",
     ):
         arm.move_abs_j(FAR, profile="jerk_limited")
 
@@ -157,7 +157,8 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
 def test_a_tool_is_no_faster_than_it_is_rated_for(tmp_path):
     arm = own_arm(tmp_path, tcp_speed=0.5)
     with pytest.raises(
-        SpeedLimitExceeded, match=r"the tool would move at .* m/s, beyond the 0\.5 m/s that"
+        SpeedLimitExceeded,
+        match=r"the tool would move at .* m/s, beyond its rated speed of 0\.5 m/s",
     ) as caught:
         arm.move_abs_j(FAR, duration=1.0)
     slower = arm.plan.move_abs_j(FAR, duration=caught.value.duration)

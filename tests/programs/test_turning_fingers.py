@@ -52,7 +52,8 @@ def test_a_width_is_how_far_the_faces_are_apart(station):
     arm.open(width=SIDE)
     np.testing.assert_allclose(arm.position[2:], np.array([1, -1, -1, 1]) * AT_CUBE, atol=1e-4)
     with pytest.raises(
-        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as gantry opens"
+        SimrobError,
+        match=r"width is 0\.06; it must be at most 0\.05 m, the largest opening of gantry",
     ):
         arm.open(width=0.06)
 
@@ -114,7 +115,7 @@ def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_
     (tmp_path / "station.yaml").write_text(draft_station(tmp_path / "gantry.urdf", folder=tmp_path))
     arm = Arm(load_station(tmp_path / "station.yaml"))
     with pytest.raises(
-        SimrobError, match="the fingers of gantry have no shapes that tell where they meet"
+        SimrobError, match="the shapes of the fingers of gantry do not determine where they meet"
     ):
         arm.grip(force=10)
     arm.grip()

@@ -95,7 +95,7 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
         InvalidParameter: the robot cannot perform the walk, or the count of steps is less than 1.
         OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
     """
-    needed = message("programs.two_feet_to_walk", "two feet, to walk so")
+    needed = message("programs.two_feet_to_walk", "two feet for this gait")
     feet = walker.feet_by_name(FEET, gait.feet, needed)
     _check(walker.model.name, steps, gait, feet)
     start = {}
@@ -176,7 +176,7 @@ def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> No
     if has_leg_without_yaw and (gait.turn_deg or gait.sideways):
         expected = message(
             "programs.legs_cannot_turn",
-            "0, since the legs of {robot} cannot turn or roll their feet",
+            "0, because the legs of {robot} can neither turn nor roll their feet",
             robot=robot,
         )
         raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways), expected)
@@ -308,7 +308,7 @@ class Kick(SolvedGait):
             UnknownName: the foot that shall kick is none of them.
         """
         feet = walker.feet_by_name(
-            FEET, self.feet, message("programs.two_feet_to_kick", "two, to kick")
+            FEET, self.feet, message("programs.two_feet_to_kick", "two feet for a kick")
         )
         if self.foot is not None and self.foot not in feet:
             raise UnknownName(
@@ -321,7 +321,7 @@ class Kick(SolvedGait):
         if self.toward_deg and not can_turn:
             expected = message(
                 "programs.legs_cannot_turn_feet",
-                "0, since the legs of {model} cannot turn their feet",
+                "0, because the legs of {model} cannot turn their feet",
                 model=walker.model.name,
             )
             raise InvalidParameter("toward_deg", self.toward_deg, expected)

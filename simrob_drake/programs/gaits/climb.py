@@ -100,11 +100,11 @@ class Climb(SolvedGait):
         if not has_four_legs and not (has_two_legs and can_stay_level):
             expected = message(
                 "programs.legs_to_climb",
-                "one with two legs of six joints, or with four legs, to climb so",
+                "a robot with two legs of six joints, or with four legs",
             )
             raise InvalidParameter(
                 message("base.robot_called", "robot {name}", name=walker.model.name),
-                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
+                message("programs.count_of_feet", "a robot with {count} feet", count=len(feet)),
                 expected,
             )
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
@@ -121,18 +121,19 @@ class Climb(SolvedGait):
             )
             expected = message(
                 "programs.soles_with_edges",
-                "soles with edges (boxes), which may stand over those of stairs: {choices}",
+                "box soles, which can stick out over the edges of steps: {choices}",
                 choices=choices,
             )
         else:
             expected = message(
                 "programs.describe_soles",
-                "soles with edges, which may stand over those of stairs: give the robot boxes under feet.contacts in "
-                "its {file}",
+                "box soles, which can stick out over the edges of steps: add boxes under feet.contacts in its {file}",
                 file=ROBOT_FILE,
             )
         raise InvalidParameter(
-            message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected
+            message("programs.feet_of", "kind of feet of {model}", model=model.name),
+            str(worn),
+            expected,
         )
 
     @property

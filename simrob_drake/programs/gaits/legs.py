@@ -58,9 +58,9 @@ def leg_angles(
     axes = list(foot.axes)  # indices of the leg's axes
     if len(axes) not in ROWS:
         raise InvalidParameter(
-            message("programs.leg_of", "leg of {foot}", foot=foot.name),
-            message("programs.count_of_joints", "{count} joints", count=len(axes)),
-            message("programs.joints_of_leg", "three, four or six joints"),
+            message("programs.leg_of", "count of joints in the leg of {foot}", foot=foot.name),
+            len(axes),
+            message("programs.joints_of_leg", "three, four or six"),
         )
     rows = ROWS[len(axes)]
     # Weights of squared errors. A coordinate that the leg cannot reach has the weight 0: its error does not count.
@@ -86,8 +86,8 @@ def leg_angles(
         raise OutOfReach(
             message(
                 "programs.leg_out_of_reach",
-                "the leg of {foot} is out of reach by {distance} mm at {time:.2f} s; take shorter or "
-                "lower steps, or let the hips come down",
+                "the leg of {foot} is {distance} mm too short at {time:.2f} s; take shorter or lower steps, or lower "
+                "the hips",
                 foot=foot.name,
                 distance=distance,
                 time=message_times[worst],

@@ -279,7 +279,7 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
             margin,
             message(
                 "programs.within_triangle",
-                "smaller than what the triangle of three feet has room for [m]",
+                "smaller than the radius of the circle inside the triangle of three feet [m]",
             ),
         )
     return min(allowed, key=lambda position: float(np.linalg.norm(position - point)))
@@ -296,7 +296,7 @@ def _start_footholds(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     Raises:
         InvalidParameter: the robot has other feet.
     """
-    needed = message("programs.four_feet_to_walk", "four feet, to walk so")
+    needed = message("programs.four_feet_to_walk", "four feet for this gait")
     feet = walker.feet_by_name(CRAWL_ORDER, gait.feet, needed)
     footholds = {}
     for name, foot in feet.items():

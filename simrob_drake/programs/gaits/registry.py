@@ -170,12 +170,12 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
         return fitting[0]
     kinds = ", ".join(dict.fromkeys(str(made) for made in made_for.values()))  # each kind once
     raise InvalidParameter(
-        message("programs.feet_of", "feet of {model}", model=model.name),
+        message("programs.feet_of", "kind of feet of {model}", model=model.name),
         str(worn),
         message(
             "programs.feet_with_gait",
-            "some that it has a gait for: {kinds} (robot.feet)",
-            kinds=kinds or message("programs.another_robot", "another robot"),
+            "a kind for which it has a gait: {kinds} (robot.feet)",
+            kinds=kinds,
         ),
     )
 
@@ -185,12 +185,12 @@ def _no_walk(model: RobotModel) -> Unsuitable:
     subject = message("base.robot_called", "robot {name}", name=model.name)
     file = gaits_file(model)
     if not file.section(REACTING):
-        problem = message("programs.no_gait_with_steps", "it has no gait with steps")
+        problem = message("programs.no_gait_with_steps", "its file of gaits has no gait with steps")
         remedy = message(
-            "programs.use_acts", "use an act, or write a gait into its {file}", file=file.file.name
+            "programs.use_acts", "use an act, or add a gait to its {file}", file=file.file.name
         )
         return Unsuitable(subject, problem, remedy)
-    problem = message("programs.no_planned_walk", "it has no planned walk, and walks by commands")
+    problem = message("programs.no_planned_walk", "it has no planned walk: it walks by commands")
     go = message("programs.go_in_program", "{{go: {{ahead: 0.1}}}} in a program")
     station = model.folder / _WALKING
     if not station.is_file():
@@ -199,7 +199,7 @@ def _no_walk(model: RobotModel) -> Unsuitable:
     here = Path.cwd()
     shown = station.relative_to(here) if station.is_relative_to(here) else station
     remedy = message(
-        "programs.run_walking_or_go", "type simrob run {file}, or use {go}", file=shown, go=go
+        "programs.run_walking_or_go", "run `simrob run {file}`, or use {go}", file=shown, go=go
     )
     return Unsuitable(subject, problem, remedy)
 

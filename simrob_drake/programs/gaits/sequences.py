@@ -138,7 +138,7 @@ class Posing(Gait):
                     "at {times} s",
                     times=[target.time for target in self.targets],
                 ),
-                message("programs.one_after_other", "one after the other"),
+                message("programs.one_after_other", "at ascending times after 0 s"),
             )
         motion = _join_postures(walker, self.feet, knots, self.ramps, self.rest)
         return replace(motion, feed_velocity=self.feed_velocity, falls=self.falls)

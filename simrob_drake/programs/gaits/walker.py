@@ -120,8 +120,8 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
     if model.feet is None:
         raise InvalidParameter(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("programs.robot_without_feet", "one without feet"),
-            message("programs.legged_robot", "a legged one, to walk"),
+            message("programs.robot_without_feet", "a robot without feet"),
+            message("programs.legged_robot", "a robot with feet"),
         )
     contact = model.feet.kind(kind)
     facing = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
@@ -266,7 +266,7 @@ class Walker:
         Args:
             names: names of the feet that the gait moves.
             kind: kind of feet. If it is None, the default one.
-            needed: description of the feet for the error message, such as "two feet, to walk so".
+            needed: description of the feet for the error message, such as "two feet for this gait".
 
         Returns:
             The feet by name, in the order of the robot's model.
@@ -278,8 +278,8 @@ class Walker:
         if sorted(feet) != sorted(names):
             raise InvalidParameter(
                 message("base.robot_called", "robot {name}", name=self.model.name),
-                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
-                message("programs.robot_with", "one with {needed}", needed=needed),
+                message("programs.count_of_feet", "a robot with {count} feet", count=len(feet)),
+                message("programs.robot_with", "a robot with {needed}", needed=needed),
             )
         return feet
 

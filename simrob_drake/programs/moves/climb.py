@@ -77,7 +77,9 @@ class ClimbMove(Move):
                 "distance",
                 compound("{distance:g} m", distance=self.distance),
                 message(
-                    "programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST
+                    "programs.farthest_climb",
+                    "at most {farthest:g} m in one move",
+                    farthest=_FARTHEST,
                 ),
             )
         # One stride on level ground finds wrong parameters and legs that are too short before any move runs.

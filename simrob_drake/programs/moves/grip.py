@@ -46,7 +46,7 @@ class ToolMove(Move):
         """Check that the tool is given in exactly one way."""
         if (self.name is None) == (self.pose is None):
             raise ValueError(
-                message("programs.name_or_pose", "a tool is given by one of name and pose")
+                message("programs.name_or_pose", "exactly one of name and pose must be set")
             )
         return self
 
@@ -122,7 +122,7 @@ class FingerMove(Move):
                 robot.name,
                 message(
                     "programs.robot_with_gripper",
-                    "one with a gripper: in its robot.yaml; {advice}",
+                    "a robot with a gripper in its robot.yaml; {advice}",
                     advice=gripper_advice(robot),
                 ),
             )
@@ -156,7 +156,7 @@ class FingerMove(Move):
                 width,
                 message(
                     "programs.as_far_as_opens",
-                    "at most {widest:.4g} m, as far as {robot} opens",
+                    "at most {widest:.4g} m, the largest opening of {robot}",
                     widest=stroke.widest,
                     robot=robot.name,
                 ),
@@ -236,7 +236,7 @@ class GripMove(FingerMove):
                 force,
                 message(
                     "programs.as_much_as_fingers",
-                    "at most {most:.4g}, as much as the fingers have",
+                    "at most {most:.4g}, the largest force of the fingers [N]",
                     most=most,
                 ),
             )
@@ -250,7 +250,7 @@ class GripMove(FingerMove):
             if presses_by_error and pressing < force:
                 expected = message(
                     "programs.pressing_wide_open",
-                    "at most {pressing:.3g}, as servo.kp of {axis} presses with wide open",
+                    "at most {pressing:.3g}, the force by servo.kp of {axis} at the largest opening [N]",
                     pressing=pressing,
                     axis=list(robot.axes)[axis],
                 )
@@ -290,7 +290,7 @@ def _require_stroke(stroke: Stroke | None, robot: RobotModel, key: str) -> Strok
             key,
             message(
                 "programs.fingers_without_shapes",
-                "the fingers of {robot} have no shapes that tell where they meet",
+                "the shapes of the fingers of {robot} do not determine where they meet",
                 robot=robot.name,
             ),
         )

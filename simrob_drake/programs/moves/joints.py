@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
@@ -86,7 +86,7 @@ class JointMove(Move):
                 compound("{where}: {key}", where=name, key="check"),
                 message(
                     "programs.check_of_arms",
-                    "only moves of arms check limits of speed and collisions",
+                    "only moves of arms check speed limits and collisions",
                 ),
             )
 
@@ -150,12 +150,12 @@ def targets_on(
     for axis, value in target_deg.items():
         index = model.axis_index(axis, where)
         if index in targets:
-            raise InvalidParameter(
+            raise Unsuitable(
                 compound("{where}: {axis}", where=where, axis=axis),
                 message(
-                    "programs.other_name_of_axis", "another name of an axis that it moves, too"
+                    "programs.other_name_of_axis",
+                    "its axis has a target under another name already",
                 ),
-                message("programs.named_once", "named once"),
             )
         targets[index] = float(value * units[index])
 

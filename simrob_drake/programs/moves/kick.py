@@ -111,17 +111,17 @@ class KickMove(Move):
         if largest:
             expected = message(
                 "programs.kick_at_most",
-                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, beyond its limit of {limit:.2f} rad/s",
                 most=largest / 100,
                 **details,
             )
         else:
             expected = message(
                 "programs.slower_kick",
-                "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                "slower: {axis} would turn at {speed:.2f} rad/s, beyond its limit of {limit:.2f} rad/s",
                 **details,
             )
-        value = message("programs.gaits_own", "the gait's")
+        value = message("programs.gaits_own", "that of the gait")
         if self.speed is not None:
             value = compound("{speed:g} m/s", speed=self.speed)
         raise InvalidParameter(

@@ -156,9 +156,7 @@ def move_from(
     if duration is not None:
         raise Unsuitable(
             "duration",
-            message(
-                "programs.belongs_to_axes", "it belongs to targets of axes, and there are none"
-            ),
+            message("programs.belongs_to_axes", "only a move of axes has a separate duration"),
         )
     return move
 

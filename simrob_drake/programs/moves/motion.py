@@ -64,7 +64,7 @@ class ArmMotion(Move):
         if (self.targets is None) == (self.targets_deg is None):
             raise ValueError(
                 message(
-                    "programs.one_of_targets", "where to is given by one of targets and targets_deg"
+                    "programs.one_of_targets", "exactly one of targets and targets_deg must be set"
                 )
             )
         return self

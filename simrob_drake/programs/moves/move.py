@@ -65,7 +65,7 @@ _EXPECTED = {
     ),
     "amplitude": message(
         "programs.number_up_to",
-        "a number up to {most}; 1 walks as the gait's parameters say",
+        "a number up to {most}; 1 keeps the parameters of the gait",
         most=MOST_AMPLITUDE,
     ),
 }
@@ -219,7 +219,7 @@ class Move(Strict):
         raise InvalidParameter(
             message("programs.the_move", "the move"),
             self.key,
-            message("programs.move_for_legs", "one of arms: this one is for legs"),
+            message("programs.move_for_legs", "a move for arms, not for robots with legs"),
         )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -236,7 +236,7 @@ class Move(Strict):
         raise InvalidParameter(
             message("programs.the_move", "the move"),
             self.key,
-            message("programs.move_for_arms", "one for legs: this one is of arms"),
+            message("programs.move_for_arms", "a move for robots with legs, not for arms"),
         )
 
 

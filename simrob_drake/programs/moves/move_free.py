@@ -18,7 +18,7 @@ from pydantic import model_validator
 from pydrake.math import RotationMatrix
 
 from simrob_drake.base.arguments import positive, truth, whole
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked
 from simrob_drake.base.messages import message
@@ -84,7 +84,7 @@ class MoveFree(ArmMotion):
             raise ValueError(
                 message(
                     "programs.one_target",
-                    "where to is given by one of targets, targets_deg, piece, joints and joints_deg",
+                    "exactly one of targets, targets_deg, piece, joints and joints_deg must be set",
                 )
             )
         return self
@@ -198,10 +198,15 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     have_equal_options = all(move.how == first.how for move in moves)
     # All robots share one path over time, so its options are those of all moves.
     if not have_equal_options or len(robots) < len(plannings):
-        raise InvalidParameter(
-            message("programs.moves_around_together", "moves around obstacles together"),
-            "different",
-            message("programs.different_robots_same_time", "of different robots, in the same time"),
+        raise Unsuitable(
+            "together",
+            message(
+                "programs.moves_around_together", "moves around obstacles are planned as one path"
+            ),
+            message(
+                "programs.different_robots_same_time",
+                "give them different robots and equal options",
+            ),
         )
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
     show_search = any(move.show_search for move in moves)
@@ -242,10 +247,13 @@ def goals_of(
     """
     whole(seed, "seed", 0, _LARGEST_SEED)
     if (targets is None) == (joints is None):
-        raise InvalidParameter(
+        problem = message("programs.without_target", "neither a pose nor joints are given")
+        if joints is not None:
+            problem = message("programs.given_twice", "a pose and joints are given")
+        raise Unsuitable(
             message("programs.the_target", "the target"),
-            message("programs.given_twice", "given twice") if joints is not None else "missing",
-            message("programs.pose_or_joints", "a pose or joints="),
+            problem,
+            message("programs.give_one_of_two", "give one of the two"),
         )
     if joints is not None:
         return _posture_goal(planning, joints)
@@ -302,8 +310,8 @@ def _check_single(targets: Vector) -> None:
     if len(targets) != 1:
         raise InvalidParameter(
             "targets",
-            message("programs.count_of_them", "{count} of them", count=len(targets)),
-            message("programs.one_target_around", "one: a move around obstacles has one target"),
+            message("programs.count_of_them", "{count} targets", count=len(targets)),
+            message("programs.one_target_around", "a single one, for a move around obstacles"),
         )
 
 

@@ -127,7 +127,7 @@ def plan_move_c(
             message("programs.count_of_points", "{count} points", count=len(middles)),
             message(
                 "programs.one_a_target",
-                "one a target, of which there are {count}",
+                "one point for each of the {count} targets",
                 count=len(poses),
             ),
         )

@@ -184,7 +184,7 @@ class GoMove(Move):
         # Checked here, because an error of `make_move` would name `turn_deg`, which the user did not give.
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
-                expected = message("programs.one_speed", "one [m/s]")
+                expected = message("programs.one_speed", "a finite number [m/s]")
                 if name == "turn":
                     expected = message("programs.finite_turn", "a finite number [rad/s]")
                 raise InvalidParameter(name, value, expected)

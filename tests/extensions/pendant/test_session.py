@@ -448,7 +448,7 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
 @pytest.mark.parametrize(
     ("asked", "told"),
     [
-        (lambda s: s.book.edit(3, {"act": "bow"}), "of a move; there is none"),
+        (lambda s: s.book.edit(3, {"act": "bow"}), "the index of a move, and the program has none"),
         (lambda s: s.book.insert(0, {"hop": 1}), "hop: unknown key"),
         (lambda s: s.book.insert(0, {"walk": {"steps": "many"}}), "steps"),
         (lambda s: s.book.remove_change(0), "index"),

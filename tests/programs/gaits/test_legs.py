@@ -53,7 +53,7 @@ def straight_down(beyond):
 
 
 def test_a_leg_out_of_reach_says_which_when_and_by_how_much():
-    with pytest.raises(OutOfReach, match=r"rear_left_foot is out of reach by 17 mm at 1\.25 s"):
+    with pytest.raises(OutOfReach, match=r"rear_left_foot is 17 mm too short at 1\.25 s"):
         straight_down(0.017)
 
 
