@@ -53,6 +53,7 @@ class Planner(Planning):
     set.
     """
 
+    # As methods of a class, these functions get the planner as their first argument.
     move_abs_j = plan_move_abs_j
     move_j = plan_move_j
     move_l = plan_move_l
@@ -325,6 +326,7 @@ class Arm(ArmGeometry):
         config = None if station is None else Workcell(station).config
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
+        # Each cell lasts until its posture is reached: no duration can be kept.
         if duration is not None:
             raise Unsuitable(
                 "duration",
@@ -368,6 +370,7 @@ def workcell_of(
     """
     if not isinstance(station, Workcell):
         return Workcell(station, overrides)
+    # A workcell has a state already. Other values would need another one.
     if overrides:
         raise Unsuitable(
             "overrides",
@@ -492,6 +495,7 @@ class Workcell(RecordedStation):
             depends_on_run = isinstance(move, PlayMove) or not released.isdisjoint(move.pieces())
             # A dropped piece is anywhere below: any motion may run into it.
             may_meet_dropped = bool(dropped) and move.takes_time
+            # What comes then is checked when it runs, from the state that the run has left.
             if depends_on_run or may_meet_dropped:
                 return number, total_time
             with naming(move_name(number, len(program.moves), file)):

@@ -30,6 +30,7 @@ class JointLimitExceeded(SimrobError):
                 position=shown,
             )
         )
+        # Numbers for programs that react to the error: the message has them in the units of the user.
         self.axis = axis
         self.point = point
         self.time = time
@@ -115,6 +116,7 @@ class TorqueLimitExceeded(SimrobError):
                 torque=shown,
             )
         )
+        # The torque belongs to the posture at rest: no slower move needs less.
         self.axis = axis
         self.point = point
         self.time = time
@@ -132,6 +134,7 @@ class BrokenPath(SimrobError):
 
     def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
         """Make the error. The argument `shown` is the jump with its unit."""
+        # Two postures near a singular one reach nearly the same pose, and are far from each other.
         advice = message(
             "programs.singular_path",
             "the path passes through a singular posture; use move_j, or another path",
@@ -165,6 +168,7 @@ class PathCollision(SimrobError):
         self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float
     ) -> None:
         """Make the error; see the attributes of the class."""
+        # Depths are a few millimetres, so messages show millimetres. The attribute stays in metres.
         super().__init__(
             message(
                 "programs.would_run_into",
@@ -213,6 +217,7 @@ class StartInCollision(NoFreePath):
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
         """Make the error; see the attributes of the class."""
+        # A search needs a free start. These moves follow a path that the user sees, and may begin in a collision.
         remedy = message(
             "programs.go_out_with_limits",
             "leave the collision by move_l or move_abs_j with `check: limits`",

@@ -143,6 +143,7 @@ def load_exporter(name: str) -> Exporter:
         if known:
             expected = message("programs.one_of", "one of: {known}", known=known)
         raise InvalidParameter("format", name, expected)
+    # The extension's module is imported only now, when a user asks for its format.
     exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
     # The common base class has no method that exports.
     if not issubclass(exporter_class, StationExporter | ProgramExporter):

@@ -318,12 +318,14 @@ class LeggedGeometry(CellRobot):
         """
         model = self.cell.model
         robot = model.robots[self.name]
+        # The trunk is no tool, but the frame from which the limbs begin.
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
         return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def trunk_chain(self) -> Chain:
         """Chain of the axes, with their limits, for checks that need no tool."""
         model = self.cell.model
+        # The chain ends at the root, and so has no path of its own. Its limits are those of all axes.
         return model.chain(self.name, model.robots[self.name].root)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
@@ -485,6 +487,7 @@ class LeggedGeometry(CellRobot):
             UnknownName: the robot has no such tool.
         """
         known = self.cell.robot(self.name).tools
+        # A value of another type cannot be looked up, and gets the same message.
         if not isinstance(tool, str) or tool not in known:
             raise UnknownName(
                 message("base.tool_of", "tool of {model}", model=self.model.name),

@@ -118,6 +118,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the move has a wrong key or value, or cannot be done.
         """
+        # One move has at most one run.
         runs = self._perform_moves([move_from(move)], store=store)
         return runs[-1] if runs else None
 
@@ -363,6 +364,7 @@ class LeggedRobot(LeggedGeometry):
             message("programs.the_reference", "the reference"),
             cell.duration,
         )
+        # Only a valid cell becomes a step for `undo`.
         self._remember()
         self.program = self.program.with_reference(cell)
 
@@ -421,6 +423,7 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: the index is out of range, the move has a wrong key or value, or the robot cannot perform the
                 new program from its start.
         """
+        # The whole program is checked again: a new move changes where the later ones begin.
         self._replace(self.program.with_inserted_move(index, move_from(move, duration)))
 
     def undo(self) -> None:
@@ -461,6 +464,7 @@ class LeggedRobot(LeggedGeometry):
     def reset(self, *, keep_program: bool = False) -> None:
         """Return the station to its start, and delete the program unless ``keep_program`` is True (Reset)."""
         kept = self.program if truth(keep_program, "keep_program") else Program()
+        # `undo` can take back a reset, so its snapshot comes first.
         self._remember()
         self._back_to_start()
         self.program = kept

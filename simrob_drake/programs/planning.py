@@ -232,6 +232,7 @@ def row_numbers(targets: Any) -> Any:
     """
     if isinstance(targets, str):
         return targets
+    # A place stays a place: as a pose it would have an orientation of its own.
     if is_place(targets):
         return np.asarray(targets, dtype=float).tolist()
     try:
@@ -290,6 +291,7 @@ class Planning:
 
     def inverse(self, solver: SolverLike | None) -> Solver:
         """Solver of the inverse kinematics, or that of the robot if None."""
+        # A move may name its own solver, such as one that allows the tool to turn.
         return solver_for(self.chain, self.solver if solver is None else solver)
 
     def postures(self, targets: npt.ArrayLike | str, name: str = "targets") -> Vector:
@@ -320,6 +322,7 @@ class Planning:
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4)."""
+        # Places keep the orientation that the tool has at the start.
         return world_poses(targets, self.frame(wobj), self.pose[:3, :3])
 
     def plan_along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
@@ -520,6 +523,7 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     Returns:
         The hint, or an empty text if the postures are not likely to be in degrees.
     """
+    # Sliding axes are in metres in both cases.
     in_radians = np.where(chain.revolute, np.deg2rad(rows), rows)
     would_fit = chain.limits.are_within(in_radians)
     # An angle of more than a whole turn is not likely to be meant in radians.

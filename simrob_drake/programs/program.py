@@ -173,6 +173,7 @@ class Program(Strict):
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
+        # A long list of keys is cut: `repr` stays on one line.
         moves = ", ".join(move.key for move in self.moves)
         held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
         references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
@@ -187,6 +188,7 @@ class Program(Strict):
 
     def with_added_moves(self, *moves: Move) -> "Program":
         """Make a copy with further moves at the end."""
+        # `model_copy` checks nothing, so wrong values are refused here.
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
@@ -268,6 +270,7 @@ class Program(Strict):
             OutputError: the file cannot be written. An existing one stays unchanged.
         """
         target = as_path(file, "file")
+        # Written to another file first, which then replaces the old one: a full disk destroys nothing.
         written_at_once(target, self.text())
         return target
 
@@ -346,6 +349,7 @@ class Program(Strict):
         # Each move is checked by itself first: its message names the move. That of the whole program could not.
         for index, entry in enumerate(_entries(content, "moves")):
             check_move(entry, move_name(index, len(content["moves"]), str(source)))
+        # References are moves of joints only, because a sequencer leads the joints.
         for index, entry in enumerate(_entries(content, "references")):
             check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
         return validated(cls, content, source)
@@ -391,6 +395,7 @@ class Program(Strict):
 def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
     """Entries of a list in a program's file. Empty if the key is missing, or holds something else than a list."""
     entries = content.get(key)
+    # Something else than a list is refused later, with the name of the key.
     return entries if isinstance(entries, list) else []
 
 

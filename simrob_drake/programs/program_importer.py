@@ -72,6 +72,7 @@ class ImportedProgram:
     @property
     def losses(self) -> list[str]:
         """Texts of the remarks about lines that were not understood."""
+        # Other remarks are about lines that were understood, but mean something else here.
         return [remark.text for remark in self.remarks if remark.is_lost]
 
 

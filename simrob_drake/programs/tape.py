@@ -119,6 +119,7 @@ class Tape:
         """Record a run, if the tape is running."""
         # A run that is left out makes a gap, unless it is before the first recorded one.
         makes_gap = bool(self.entries) and not self.running
+        # One missing part is enough: the saved program would not do the same.
         if makes_gap or take.entry is None:
             self.whole = False
         if self.running:

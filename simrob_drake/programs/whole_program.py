@@ -64,6 +64,7 @@ def run_whole(config: StationConfig) -> SimulationResult:
 
 def of_arms(cell: Workcell, program: Program) -> bool:
     """Whether arms perform a program: it has a move for arms, or its robots have no legs."""
+    # Only robots with legs go through references here. Arms have their own method for it.
     if program.references:
         return False
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]

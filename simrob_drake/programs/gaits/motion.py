@@ -105,6 +105,7 @@ class JointMotion:
         if self.feet is not None:
             settings["robot.feet"] = self.feet
         # A robot that is not one of the package is loaded from its own folder.
+        # Two robots may have the same name: that of the package, and one in a folder of the user.
         is_of_package = self.model.folder == models_root() / self.model.name
         if not is_of_package:
             settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
@@ -336,6 +337,7 @@ class Gait(Strict):
             InvalidConfig: a parameter has an invalid value.
             UnknownName: there is no such robot, gait, axis or foot.
         """
+        # An amplitude scales the parameters of the file, not those that the caller gives.
         walker = Walker.of(robot)
         return cls.of(walker, name or cls.usual, changes, amplitude).plan(walker, steps, amplitude)
 

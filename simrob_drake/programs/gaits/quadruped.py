@@ -186,6 +186,7 @@ class Stand(SolvedGait):
         if self.foot not in start:
             what = message("programs.foot_of", "foot of {model}", model=walker.model.name)
             raise UnknownName(what, self.foot, start)
+        # The middle of the feet is the origin of the plan.
         origin = np.zeros(2)
         triangle = np.array([start[foot][:2] for foot in start if foot != self.foot])
         over = nearest_inside(origin, triangle, self.inside)

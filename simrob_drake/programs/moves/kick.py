@@ -49,6 +49,7 @@ class KickMove(Move):
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
         """
+        # A form offers the kick only to robots that have one; the speed and the ball are always possible.
         return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
@@ -169,6 +170,7 @@ class KickMove(Move):
             return {}
         walker = Walker.of(robot.model)
         cell = robot.cell
+        # The ball is where it lies now: earlier moves may have pushed it.
         return Kick.of(walker, self.gait, self.model_extra or {}).aim(
             walker,
             robot.base_pose.GetAsMatrix4(),
@@ -187,6 +189,7 @@ class KickMove(Move):
         """
         name = str(self.ball)
         one_of(message("base.piece", "piece"), name, station.pieces)
+        # A ball on a robot or in the world is fixed, and would stop the foot.
         piece = resolve(station).pieces[name]
         radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
         if not piece.free or len(radii) != 1:

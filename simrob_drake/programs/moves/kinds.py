@@ -149,6 +149,7 @@ def move_from(
     """
     if isinstance(content, Move):
         move = content
+    # Without the key of a kind, the mapping has the targets of axes.
     elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
         move = check_move(content)
     else:
@@ -184,8 +185,10 @@ def check_move(
             ),
         )
     kind = kind_of(entry, kinds.values())
+    # The first key that no move of joints has is likely the misspelt key of a kind.
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
+        # An extension that could not be loaded explains the unknown key better than a spelling would.
         check_usable(_POINT, str(strange), Move, named_by="key")
         known = [*kinds, *JointMove.model_fields]
         raise InvalidConfig(

@@ -72,6 +72,7 @@ class ArmMotion(Move):
     @property
     def how(self) -> How:
         """Options of the move that are set. The option `check` is always there, because its None has a meaning."""
+        # Only options that are set are passed on: a planner sees from the missing ones that the timing is free.
         options = {key: getattr(self, key) for key in How.__annotations__}
         return cast(
             How,

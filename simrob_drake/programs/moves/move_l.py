@@ -63,6 +63,7 @@ def plan_move_l(
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
+    # A line of the tool is no line of the joints: the postures along it are solved point by point.
     inverse = planning.inverse(solver)
     points = points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
@@ -118,6 +119,7 @@ def plan_move_c(
     """
     inverse = planning.inverse(solver)
     points = points_of(how, ARC_POINTS)
+    # Of the middle point only the position counts: the orientation turns evenly from the begin to the end.
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
     # Three points determine a circle: the present position, the one on the way, and the end.
