@@ -181,7 +181,7 @@ class Branches:
             *self.chain.names,
             message("programs.of_torque_limit", "share of the torque limit"),
             message("programs.room_to_limit", "distance to a limit"),
-            "gap",
+            message("programs.gap", "distance to others"),
             message("programs.would_be_in", "collision"),
         ]
         rows = [header, *(self._row(branch) for branch in self.found)]

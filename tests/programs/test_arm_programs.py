@@ -323,7 +323,7 @@ MISTAKES = {
     ),
     "too few axes": ({"move_abs_j": [0, 0]}, r"move 2: targets"),
     "far away": ({"attach": "weight"}, r"move 2: weight.* mm away from"),
-    "a walk": ({"walk": {"steps": 2}}, r"move 2: the move is walk; it must be one of arms"),
+    "a walk": ({"walk": {"steps": 2}}, r"move 2: the move is walk; it must be a move for arms"),
     "an unknown piece": ({"release": "dice"}, r"move 2: there is no piece 'dice'"),
     "nothing together": ({"together": []}, r"move 2: together"),
     "one robot twice": (
@@ -393,6 +393,7 @@ def test_legs_refuse_what_is_for_arms():
 
     robot = LeggedRobot("humanoid_fixed")
     with pytest.raises(
-        InvalidParameter, match=r"move 2 is move_l; it must be one of target_deg, walk, go, act"
+        InvalidParameter,
+        match=r"move 2 is move_l; .* for robots with legs: one of target_deg, walk, go, act",
     ):
         robot.run(Program.model_validate({"moves": [{"act": "bow"}, {"move_l": [0, 0, 1]}]}))

@@ -219,7 +219,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
         (
             lambda: arm().simulate(automatic=True, duration=3),
             InvalidParameter,
-            "takes the time of its own references",
+            "lasts as long as its references",
         ),
     ],
 )

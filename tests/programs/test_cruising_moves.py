@@ -169,14 +169,14 @@ def test_zones_are_rapid_s():
     [
         (
             {"zone": "z60"},
-            r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter way",
+            r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter of the two paths",
         ),
         ({"zone": "z201"}, "zone is 'z201'; it must be 'fine', 'z0' to 'z200'"),
         ({"zone": "ten"}, "zone is 'ten'"),
         ({"zone": -0.1}, "zone is -0.1; it must be a positive number"),
         (
             {"zone": "z10", "times": [1, 2, 3]},
-            "times: targets with a zone are passed, .*; leave it out",
+            "times: the tool passes targets with a zone .*; leave it out",
         ),
         (
             {"profile": "sine"},
@@ -187,7 +187,10 @@ def test_zones_are_rapid_s():
             "acceleration: only a move that reaches a cruising speed has it; set speed",
         ),
         ({"speed": 0.1, "acceleration": 0.0}, "acceleration is 0.0; it must be a positive number"),
-        ({"speed": 0.1, "profile": "smooth", "acceleration": 1.0}, "of a move that cruises"),
+        (
+            {"speed": 0.1, "profile": "smooth", "acceleration": 1.0},
+            "only a move that reaches a cruising speed has it",
+        ),
     ],
 )
 def test_wrong_ways_of_doing_it(arm, how, message):
@@ -203,7 +206,7 @@ def test_what_one_call_cannot_do(arm):
     with pytest.raises(SimrobError, match=r"stop: .* zone.*; give one of the two"):
         arm.plan.move_abs_j(ROWS, zone="z10", stop=True)
     with pytest.raises(
-        SimrobError, match="profile is given; it must be given with stop=True or a zone"
+        SimrobError, match=r"profile: .* has no cruising speed; set stop=True or a zone"
     ):
         arm.plan.move_abs_j(ROWS, profile="s_curve")
 

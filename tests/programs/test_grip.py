@@ -154,7 +154,7 @@ def test_what_fingers_cannot_do_is_said():
     arm = Arm(load_station("irb120_gripper", ALONE))
     with pytest.raises(SimrobError, match=r"force is 200\.0; it must be at most 130"):
         arm.grip(force=200)
-    with pytest.raises(SimrobError, match=r"one with a gripper: in its robot\.yaml"):
+    with pytest.raises(SimrobError, match=r"a robot with a gripper in its robot\.yaml"):
         Arm("irb120_dynamic").grip()
     with pytest.raises(SimrobError, match="one with a gripper"):
         load_station("irb120_dynamic", {"monitors": {"dropped": {"kind": "empty_grip"}}})
@@ -164,7 +164,8 @@ def test_a_force_that_soft_servos_cannot_press_with_is_refused():
     soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
     arm = Workcell(load_station("irb120_gripper", soft)).arm()
     with pytest.raises(
-        SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger"
+        SimrobError,
+        match=r"force is 60\.0; it must be at most 25 N, the force that servo\.kp of left_finger",
     ):
         arm.grip(force=60)
     arm.grip(force=20)

@@ -319,7 +319,9 @@ class TestTogether:
             {"move_free": {"joints": HOME, "robot": robot, "duration": time}}
             for robot, time in times.items()
         ]
-        with pytest.raises(InvalidParameter, match="around obstacles together"):
+        with pytest.raises(
+            InvalidParameter, match="moves around obstacles are planned as one path"
+        ):
             arm.do({"together": moves})
 
 
@@ -358,13 +360,18 @@ class TestWhyNot:
         ("goal", "how", "kind", "text"),
         [
             ((0.9, 0, 0.3, *AHEAD), {}, Unreachable, "the target cannot be reached"),
-            (None, {}, InvalidParameter, "the target is missing"),
+            (None, {}, InvalidParameter, "the target: neither a pose nor joints are given"),
             (LEFT, {"joints": HOME}, InvalidParameter, "the target: a pose and joints are given"),
-            ([LEFT, RIGHT], {}, InvalidParameter, "one target"),
+            ([LEFT, RIGHT], {}, InvalidParameter, "count of targets is 2; it must be 1"),
             (LEFT, {"seed": -1}, InvalidParameter, "seed is -1"),
             (LEFT, {"planning_time": 0}, InvalidParameter, "planning_time is 0"),
             (LEFT, {"free_turn": 1}, InvalidParameter, "free_turn is 1"),
-            (LEFT, {"zone": "z10"}, InvalidParameter, "zone is z10"),
+            (
+                LEFT,
+                {"zone": "z10"},
+                InvalidParameter,
+                "zone: a move around obstacles has a single target",
+            ),
             ("shelv", {}, SimrobError, "did you mean 'shelf'"),
             (None, {"joints": [0, 0, 0, 0, 90, 0]}, SimrobError, "if these are degrees"),
         ],

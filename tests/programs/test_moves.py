@@ -545,7 +545,11 @@ class TestUnits:
             ([300, 0, 400, 0, 0, np.pi], {}, "a value of 300 m seems to be in millimetres"),
             ([300, 0, 400], {}, "a value of 300 m seems to be in millimetres"),
             ([[0.3, 0, 0.4], [0.3, 0, 400]], {}, "400 m"),
-            ([0.3, 0, 0.1, *DOWN], {"wobj": [0, 0, 0, 90, 0, 0]}, "wobj is one with 90 rad"),
+            (
+                [0.3, 0, 0.1, *DOWN],
+                {"wobj": [0, 0, 0, 90, 0, 0]},
+                "wobj: a value of 90 rad seems to be in degrees",
+            ),
             (
                 [0.3, 0, 0.3],
                 {"speed": 50},
@@ -567,7 +571,7 @@ class TestUnits:
 
     def test_a_piece_far_from_its_hand_is_refused(self):
         cell = Workcell("irb120_gripper")
-        with pytest.raises(InvalidParameter, match=r"pose is one with 1e\+14 m"):
+        with pytest.raises(InvalidParameter, match=r"pose: a value of 1e\+14 m"):
             cell.attach("cube_1", pose=[0.0, 1e14, 0.0, 0.0, 0.0, 0.0])
 
     def test_other_forms_of_poses_are_left_alone(self, kinematic):

@@ -173,7 +173,9 @@ class TestOnARobot:
             postures_of(load_robot("roid1"), [move_of({"left_kne": 1}, 1)], np.zeros(22))
 
     def test_an_axis_stands_once(self):
-        with pytest.raises(InvalidParameter, match="another name of an axis"):
+        with pytest.raises(
+            InvalidParameter, match="left_knee: its axis has a target under another name"
+        ):
             postures_of(
                 load_robot("humanoid"), [move_of({"RodI": 1, "left_knee": 2}, 1)], np.zeros(18)
             )

@@ -82,7 +82,9 @@ def test_a_force_is_that_of_each_finger_as_coulomb_says(station, part, holds):
 
 def test_what_their_motors_cannot_give_is_refused_in_newtons(station):
     arm = Workcell(load_station(station, CUBE)).arm()
-    with pytest.raises(SimrobError, match=r"force is 10000\.0; it must be at most 3333, as much"):
+    with pytest.raises(
+        SimrobError, match=r"force is 10000\.0; it must be at most 3333 N, the largest force"
+    ):
         arm.grip(force=1e4)
 
 

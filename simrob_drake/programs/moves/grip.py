@@ -236,7 +236,7 @@ class GripMove(FingerMove):
                 force,
                 message(
                     "programs.as_much_as_fingers",
-                    "at most {most:.4g}, the largest force of the fingers [N]",
+                    "at most {most:.4g} N, the largest force of the fingers",
                     most=most,
                 ),
             )
@@ -250,7 +250,7 @@ class GripMove(FingerMove):
             if presses_by_error and pressing < force:
                 expected = message(
                     "programs.pressing_wide_open",
-                    "at most {pressing:.3g}, the force by servo.kp of {axis} at the largest opening [N]",
+                    "at most {pressing:.3g} N, the force that servo.kp of {axis} gives at the largest opening",
                     pressing=pressing,
                     axis=list(robot.axes)[axis],
                 )

@@ -35,9 +35,8 @@ from simrob_drake.programs.planning import (
     WorkObject,
     degrees_hint,
     points_of,
-    zone_of,
 )
-from simrob_drake.programs.segments import PathPoint, Segment, tool_length
+from simrob_drake.programs.segments import PathPoint, Segment, tool_length, zone_size
 from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
 from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How, is_free, plan_timed
@@ -309,9 +308,9 @@ def _check_single(targets: Vector) -> None:
     """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
     if len(targets) != 1:
         raise InvalidParameter(
-            "targets",
-            message("programs.count_of_them", "{count} targets", count=len(targets)),
-            message("programs.one_target_around", "a single one, for a move around obstacles"),
+            message("programs.count_of_targets", "count of targets"),
+            len(targets),
+            message("programs.one_target_around", "1 for a move around obstacles"),
         )
 
 
@@ -341,7 +340,11 @@ def plan_around(
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
     """
     points = points_of(how, POINTS)
-    zone_of(how, 1)  # refuses a zone: there is a single target
+    if zone_size(how.get("zone", "fine")):
+        problem = message(
+            "programs.around_without_zones", "a move around obstacles has a single target"
+        )
+        raise Unsuitable("zone", problem)
     space = plannings[0].space([planning.robot for planning in plannings])
     ranges = [
         _search_range(planning, own_goals)
