@@ -133,7 +133,7 @@ class Arm(ArmGeometry):
             UnknownName: there is no such station, robot or tool.
             InvalidParameter: the robot has no tool, or a base that moves.
         """
-        # The base class knows only a station with state. An arm needs a workcell, which records its runs.
+        # The base class has any station with state. An arm needs a workcell, which records its runs.
         self.cell: Workcell
         super().__init__(workcell_of(station, overrides), robot)
         self.solver = solver

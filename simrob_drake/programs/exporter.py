@@ -109,11 +109,12 @@ class ProgramExporter(Exporter, ABC):
 def all_exporters() -> dict[str, Exporter | SimrobError]:
     """Find all exporters by the name of their format.
 
-    In place of an exporter that cannot be used there is the error that says why. This includes the formats of this
+    An exporter that cannot be used is replaced by the error with the reason. This includes the formats of this
     project's own extensions if such an extension is missing.
     """
     found: dict[str, Exporter | SimrobError] = {}
-    # Names of this project's own formats are listed even if their extension is not installed: the help then says so.
+    # Names of this project's own formats are listed even if their extension is not installed: the help then has the
+    # reason.
     for name in dict.fromkeys((*additions("exporters"), *known_names("exporters"))):
         try:
             found[name] = load_exporter(name)

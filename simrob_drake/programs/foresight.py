@@ -70,7 +70,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
     joints = {**before.joints, **_joints_of(model, carried)}
     after = replace(after, positions=positions, joints=joints)
 
-    # A piece that was put down on something stays there. One without support falls, nobody knows where to.
+    # A piece that was put down on something stays there. Where a piece without support comes to rest is not known.
     released = held_before.keys() - carried
     dropped = frozenset(piece for piece in released if not _is_supported(cell, after, piece))
     return Foresight(after, dropped)

@@ -403,7 +403,7 @@ class LeggedGeometry(CellRobot):
 
         Raises:
             InvalidParameter: the robot has no feet, or is held.
-            Unreachable: a tool cannot be where it shall be. The message names it. Legs without roll or yaw let the
+            Unreachable: a tool cannot reach its target. The message names the tool. Legs without roll or yaw let the
                 trunk go up, down, ahead and back only.
             UnknownName: there is no such tool.
         """

@@ -337,7 +337,8 @@ class LeggedRobot(LeggedGeometry):
         Args:
             automatic: whether the references run instead of the moves; or options for that, such as
                 ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
-                :class:`~simrob_drake.programs.program.Automatic`. If it is None, as the program says.
+                :class:`~simrob_drake.programs.program.Automatic`. If it is None, the program's own key `automatic`
+                decides.
             strict: whether a run with warnings raises a ``VerdictError``, and leaves robot and program unchanged.
 
         Returns:

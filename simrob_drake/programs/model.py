@@ -423,7 +423,7 @@ def reparent_piece(
     frame: str | None = None,
     pose: PoseLike | None = None,
 ) -> StationConfig:
-    """Make a station in which a piece has another parent. Pieces that are fixed on it come along.
+    """Make a station in which a piece has another parent. Pieces that are attached to it stay attached.
 
     The tool centre points of the robots follow: see :func:`_update_tools`.
 

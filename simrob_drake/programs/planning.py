@@ -482,7 +482,7 @@ class SampledWay(NamedTuple):
 
 
 def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]:
-    """Join paths that are gone without a rest between them.
+    """Join paths between which the tool does not stop.
 
     Args:
         ways: path to each target.

@@ -399,7 +399,7 @@ class StatefulStation(ABC):
         feels its weight. A robot that gives its tool away uses the tool that carried it. Velocities stay unchanged.
 
         Args:
-            piece: name of the piece. Pieces that are fixed on it come along.
+            piece: name of the piece. Pieces that are attached to it stay attached.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
             frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
                 instead of its first tool, such as the trunk for a backpack.
@@ -410,7 +410,7 @@ class StatefulStation(ABC):
             InvalidParameter: the parent is the piece itself or one that is fixed on it; or a robot takes the piece
                 without a ``pose`` from more than 30 mm away.
         """
-        # A pose lets the piece jump into the hand from anywhere. Without one the tool has to be near it.
+        # With a pose the piece may be anywhere: it is placed there. Without one the tool has to be near it.
         if pose is None:
             self._change(take_piece(self.model, piece, parent, frame=frame))
         else:

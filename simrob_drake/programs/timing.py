@@ -1,7 +1,7 @@
-"""Timing of moves: how long each segment of a move takes, and by which law of time it is gone.
+"""Timing of moves: how long each segment of a move takes, and by which law of time the robot follows it.
 
-A *segment* is a path from rest to rest. Its law of time gives the part of the path that is gone at each time. The user
-may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without any of
+A *segment* is a path from rest to rest. Its law of time gives the part of the path that is covered at each time. The
+user may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without any of
 them the timing is *free*: the move takes a usual time, or longer if the joints need it.
 """
 
@@ -49,7 +49,7 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     end = postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     distances = np.abs(start + parts * (end - start) - postures)
-    # Ruckig knows only the start and the end: it cannot follow a path that bends between them.
+    # Ruckig gets only the start and the end: it cannot follow a path that bends between them.
     if distances.max() > _STRAIGHT:
         expected = message(
             "programs.straight_without_zones",
@@ -243,7 +243,7 @@ def plan_timed(
     limits: RateLimits,
     motors: Callable[[], Motors],
 ) -> Plan:
-    """Plan a move that goes along segments, and rests at the end of each.
+    """Plan a move along segments, with a rest at the end of each.
 
     If the timing is free, the move takes as long as the joints need. If only a speed is set, the tool speeds up as fast
     as the joints allow. With zones it keeps this speed past the corners, where less acceleration would only help by not

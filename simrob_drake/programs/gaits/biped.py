@@ -264,8 +264,8 @@ class Kick(SolvedGait):
             angles: angles of its n axes, shape (n,) [rad].
             ball: horizontal position of the ball in the world, shape (2,) [m].
             radius: radius of the ball [m].
-            toward: position in the world to which the ball shall go, shape (2,) [m]. If it is None, the ball goes where
-                the standing foot looks.
+            toward: position in the world towards which the ball is kicked, shape (2,) [m]. If it is None, the ball goes
+                where the standing foot looks.
 
         Returns:
             Values of the parameters `foot`, `toward_deg` and `point`, and of `lift` if the ball is so large that
@@ -287,7 +287,7 @@ class Kick(SolvedGait):
         if toward is not None:
             direction = _seen_from(standing_pose, toward) - position
         turn = float(np.arctan2(direction[1], direction[0]))
-        # The tip hits the ball's surface opposite to where the ball shall go.
+        # The tip hits the ball's surface opposite to the direction in which the ball is kicked.
         ball_in_plan = position + self._start_foothold(roles.standing)[:2]
         point = ball_in_plan - radius * np.array([np.cos(turn), np.sin(turn)])
         aim = {
@@ -305,7 +305,7 @@ class Kick(SolvedGait):
 
         Raises:
             InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
-            UnknownName: the foot that shall kick is none of them.
+            UnknownName: the robot has no foot with the name of the kicking foot.
         """
         feet = walker.feet_by_name(
             FEET, self.feet, message("programs.two_feet_to_kick", "two feet for a kick")

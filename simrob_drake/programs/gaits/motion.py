@@ -368,7 +368,7 @@ class Gait(Strict):
             key: key of the station that chooses the kind of feet, for the message.
 
         Raises:
-            InvalidParameter: the gait needs other feet; the message says how to choose them.
+            InvalidParameter: the gait needs other feet; the message has the command that chooses them.
         """
 
     def made_for(self, model: RobotModel) -> str | None:

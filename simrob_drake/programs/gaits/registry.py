@@ -159,7 +159,7 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
 
     Raises:
         InvalidParameter: there is no gait for these feet. The message names the feet for which there is one.
-        Unsuitable: there are no gaits. The message says how the robot walks instead.
+        Unsuitable: there are no gaits. The message has the way in which the robot walks instead.
     """
     if not known:
         raise _no_walk(model)

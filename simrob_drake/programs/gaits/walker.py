@@ -1,6 +1,6 @@
 r"""A robot as planners of gaits see it: skeleton, parameters of its gaits, and its feet in the walking direction.
 
-Planners let every robot walk along x, with y to its left, in the frame of the ground. A robot whose own link frames
+In plans every robot walks along x, with y to its left, in the frame of the ground. A robot whose own link frames
 look elsewhere is turned by :func:`facing_rotation`. Each :class:`Foot` has a point in the middle of its contact, whose
 pose is the identity rotation while the foot stands flat and looks ahead.
 

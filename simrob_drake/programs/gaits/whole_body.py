@@ -272,7 +272,7 @@ class WholeBody:
         return angles, points[0]
 
     def _motion_in_world(self, angles: Vector, root: Vector) -> JointMotion:
-        """Turn the motion from walking along x to where the robot looks, and let it begin over the world's origin.
+        """Turn the motion from walking along x to where the robot looks, and start it over the world's origin.
 
         Args:
             angles: angles of all axes, shape (m, n) [rad].

@@ -50,7 +50,7 @@ class GetUpMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can get up, and return the stage in which it does."""
         self.station(outlook.station, robot.name)
-        # Nobody knows before where the robot stands afterwards.
+        # Where the robot stands afterwards is not known before.
         outlook.changed = True
         return self._get_up
 

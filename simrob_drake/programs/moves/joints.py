@@ -28,7 +28,8 @@ class JointMove(Move):
     """Axes go to their targets at the same time. As a reference of an automatic program, until they are there."""
 
     key: ClassVar[str] = "target_deg"
-    says: ClassVar[str] = ""  # no caption: moves of joints that follow each other are one run
+    # Without a caption, because moves of joints that follow each other are one run.
+    says: ClassVar[str] = ""
 
     target_deg: Targets
     """Absolute positions at the end."""

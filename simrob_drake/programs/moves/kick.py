@@ -35,7 +35,7 @@ class KickMove(Move):
     ball: Annotated[str | None, NameOf("pieces")] = None
     """Piece to hit in its middle, where it is when the kick begins. If it is not set, the foot hits nothing."""
     toward: tuple[Number, Number] | None = None
-    """Position in the world to which the ball shall go [m]. If it is not set, it goes where the robot looks."""
+    """Position in the world towards which the ball is kicked [m]. If it is not set, where the robot looks."""
     speed: Positive | None = None
     """Speed of the foot when it hits the ball [m/s]. If it is not set, that of the gait."""
     gait: str = Kick.usual

@@ -160,7 +160,7 @@ class Move(Strict):
         if self.key in type(self).model_fields:
             return content
         first = _first_field(type(self))
-        # The shortest entry is written: a value alone says as much as a mapping with the first field only.
+        # The shortest entry is written: a value alone means the same as a mapping with the first field only.
         is_brief = self.brief and list(content) == [first]
         return {self.key: content[first] if is_brief else content}
 
@@ -177,7 +177,7 @@ class Move(Strict):
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move depends on."""
         keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
-        # Until 0.2: in moves of other packages the keys may have no annotation. The form for the pendant says it then.
+        # Until 0.2: in moves of other packages the keys may have no annotation. Then the form for the pendant has it.
         form: Mapping[str, Any] = getattr(type(self), "form", {})
         keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
         # Such a key may have no value: a kick without a ball swings the foot through the air.

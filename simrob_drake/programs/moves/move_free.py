@@ -155,7 +155,7 @@ def plan_move_free(
     Raises:
         StartInCollision, GoalInCollision: bodies overlap at the start or at every goal; names them and the depth.
         Unreachable: no posture within the limits brings the tool to the target.
-        NoFreePath: no path was found in the time; says how near the search came, and names the bodies in the way.
+        NoFreePath: no path was found in the time. The message has the nearest goal and the obstacles.
         SimrobError: the errors of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
@@ -273,7 +273,7 @@ def goals_of(
     turns = stacked(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
-        # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
+        # The solver of other moves finds at most one posture, from the start, and the error has the remaining distance.
         solutions = planning.inverse(None).solve(poses, start)
         if not solutions.reached.all():
             raise solutions.unreachable(0, message("programs.the_target", "the target"))

@@ -200,7 +200,7 @@ class GoMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can follow commands, and return the stage in which it walks.
 
-        The outlook is marked as changed, because nobody knows before where the walk ends.
+        The outlook is marked as changed, because where the walk ends is not known before.
         """
         self.station(outlook.station, robot.name)
         outlook.changed = True
