@@ -1,8 +1,8 @@
 """Timing of moves: how long each segment of a move takes, and by which law of time the robot follows it.
 
 A *segment* is a path from rest to rest. Its law of time gives the part of the path that is covered at each time. The
-user may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without any of
-them the timing is *free*: the move takes a usual time, or longer if the joints need it.
+user may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without
+any of them the timing is *free*: the move takes a usual time, or longer if the joints need it.
 """
 
 from collections.abc import Callable, Sequence
