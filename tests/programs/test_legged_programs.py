@@ -258,7 +258,7 @@ class TestErrors:
             (
                 {"walk": {"steps": 4, "amplitude": 30}},
                 OutOfReach,
-                "^move 2: the leg of right_foot is out of reach",
+                rr"^move 2: the leg of right_foot is \d+ mm too short",
             ),
             (
                 {"walk": {"steps": -1}},

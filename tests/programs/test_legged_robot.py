@@ -186,7 +186,7 @@ class TestEditing:
         for before in reversed(seen[:-1]):
             standing.undo()
             assert snapshot(standing) == before
-        with pytest.raises(InvalidParameter, match="before anything was done"):
+        with pytest.raises(InvalidParameter, match="undo: nothing has been done yet"):
             standing.undo()
 
     def test_alternatives_are_tried_from_the_same_state(self, standing):
@@ -358,7 +358,7 @@ class TestStep:
 
     def test_who_has_no_legs_is_told(self):
         with pytest.raises(
-            InvalidParameter, match=r"robot is irb120; .* step\(\) is for legged robots"
+            InvalidParameter, match=r"robot is irb120; .* a robot with legs, for step\(\)"
         ):
             LeggedRobot("irb120_dynamic").step()
 
@@ -609,7 +609,11 @@ class TestErrors:
                 InvalidParameter,
                 "a station that holds the trunk of humanoid, for swim",
             ),
-            (lambda r: r.walk(4, amplitude=20), OutOfReach, "leg of right_foot is out of reach"),
+            (
+                lambda r: r.walk(4, amplitude=20),
+                OutOfReach,
+                r"leg of right_foot is \d+ mm too short",
+            ),
             (lambda r: r.walk(4, amplitude=float("nan")), InvalidParameter, "amplitude"),
         ],
     )
@@ -628,7 +632,7 @@ class TestErrors:
 
     @pytest.mark.parametrize(
         ("station", "message"),
-        [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic one")],
+        [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic station")],
     )
     def test_who_cannot_walk_is_told_why(self, station, message):
         with pytest.raises(InvalidParameter, match=message):
@@ -685,7 +689,7 @@ class TestErrors:
 
     def test_legs_are_not_for_arms(self):
         with pytest.raises(
-            InvalidParameter, match=r"robot is humanoid; .* LeggedRobot programs those with legs"
+            InvalidParameter, match=r"robot is humanoid; .* LeggedRobot programs robots with legs"
         ):
             Arm("humanoid_dynamic")
 

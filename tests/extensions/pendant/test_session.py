@@ -430,7 +430,7 @@ def test_reset_erases_all_and_undo_brings_it_back(teach):
         ({"left_elbo": 3}, "did you mean 'left_elbow'?"),
         ({"left_elbow": float("nan")}, "must be a finite number"),
         ({"left_elbow": "3"}, "must be a finite number"),
-        ({"left_elbow": 3, "CodI": 4}, "another name of an axis that it moves, too"),
+        ({"left_elbow": 3, "CodI": 4}, "its axis has a target under another name already"),
         ({}, "at least one axis"),
     ],
 )

@@ -80,5 +80,7 @@ def test_a_robot_without_any_walk_says_so(tmp_path):
     own = walker_by_commands(tmp_path)
     (own / GAITS_FILE).write_text("facing_deg: 90\n")
     station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
-    with pytest.raises(InvalidParameter, match=r"it has no gait with steps; .*gaits\.yaml"):
+    with pytest.raises(
+        InvalidParameter, match=r"its file of gaits has no gait with steps; .*gaits\.yaml"
+    ):
         LeggedRobot(station).walk(3)
