@@ -258,7 +258,7 @@ class TestErrors:
             (
                 {"walk": {"steps": 4, "amplitude": 30}},
                 OutOfReach,
-                rr"^move 2: the leg of right_foot is \d+ mm too short",
+                r"^move 2: the leg of right_foot is \d+ mm too short",
             ),
             (
                 {"walk": {"steps": -1}},
