@@ -186,7 +186,7 @@ class PathCollision(SimrobError):
         self.depth = depth
 
     def add_lost_piece(self, piece: str, move: str) -> None:
-        """Add to the message that fingers lost a piece before, which is likely what the robot would run into.
+        """Add to the message that fingers lost a piece before, which is likely the obstacle.
 
         Args:
             piece: name of the piece.

@@ -626,8 +626,27 @@ class TestErrors:
         standing.undo()
         assert standing.program == Program()  # nor did the error leave anything to undo
 
+    def test_the_feet_of_one_of_several_robots_have_a_key_of_their_own(self, tmp_path):
+        """A gait for other feet names the key that chooses them: `robot.feet` belongs to a single robot only."""
+        file = tmp_path / "pair.yaml"
+        file.write_text(
+            """
+            robots:
+              first: {model: humanoid, base: [0, 0, 0.446, 0, 0, 0], feet: spheres_C}
+              second: {model: humanoid, base: [2, 0, 0.446, 0, 0, 0], feet: spheres_C}
+            floor: {size: 6}
+            contact: {model: point}
+            """
+        )
+        robot = LeggedRobot(file, "second")
+
+        with pytest.raises(InvalidParameter, match=r"set robots\.second\.feet to spheres_A"):
+            robot.walk(4, feet="spheres_A")
+
     def test_an_empty_program_cannot_be_simulated(self, standing):
-        with pytest.raises(InvalidParameter, match=r"the program is empty; .*add_move"):
+        with pytest.raises(
+            InvalidParameter, match=r"the program: it has no move that takes time; .*add_move"
+        ):
             standing.simulate()
 
     @pytest.mark.parametrize(
