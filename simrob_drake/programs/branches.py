@@ -185,7 +185,6 @@ class Branches:
             message("programs.would_be_in", "collision"),
         ]
         rows = [header, *(self._row(branch) for branch in self.found)]
-        # Each column is as wide as its widest cell.
         widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
         lines = []
         for row in rows:

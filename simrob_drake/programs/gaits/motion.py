@@ -337,7 +337,6 @@ class Gait(Strict):
             InvalidConfig: a parameter has an invalid value.
             UnknownName: there is no such robot, gait, axis or foot.
         """
-        # An amplitude scales the parameters of the file, not those that the caller gives.
         walker = Walker.of(robot)
         return cls.of(walker, name or cls.usual, changes, amplitude).plan(walker, steps, amplitude)
 

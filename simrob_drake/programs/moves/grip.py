@@ -138,7 +138,7 @@ class FingerMove(Move):
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
         plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
-        # The recorded move names its robot even if the file leaves it out: the file may have another default robot.
+        # The recorded move names its robot even if the user's entry does not: a station may have several robots.
         named_move = self.model_copy(update={"robot": planning.robot})
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
