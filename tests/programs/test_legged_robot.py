@@ -265,7 +265,7 @@ class TestEveryRobot:
         robot = LeggedRobot(load_station("humanoid_dynamic", {"robot.feet": "spheres_B"}))
         with pytest.raises(
             InvalidParameter,
-            match=r"is spheres_B; it must be spheres_C, .* set robot\.feet to spheres_C",
+            match=r"is spheres_B; it must be spheres_C for the gait walk: set robot\.feet to spheres_C",
         ):
             robot.walk(2, gait="walk")
 
@@ -577,7 +577,11 @@ class TestErrors:
             (lambda r: r.edit(0, {"HomDF": 999}), JointLimitExceeded, "beyond its limit"),
             (lambda r: r.insert(9, {"HomDF": 9}), InvalidParameter, "index is 9"),
             (lambda r: r.remove(1), InvalidParameter, "index is 1"),
-            (lambda r: r.run(Program()), InvalidParameter, "the program is empty"),
+            (
+                lambda r: r.run(Program()),
+                InvalidParameter,
+                "the program: it has no move that takes time",
+            ),
             (lambda r: r.run("none.yaml"), InvalidConfig, "none.yaml: cannot be read"),
             (lambda r: r.walk(0), InvalidParameter, "steps is 0; it must be a whole number, 1 to"),
             (
