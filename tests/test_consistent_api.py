@@ -56,7 +56,7 @@ def test_wrong_overrides_are_named():
         Runner(load_station("irb120_dynamic"), overrides={"gravitty": 1})
     with pytest.raises(SimrobError, match="overrides is 5; it must be a mapping"):
         simulate("irb120_dynamic", overrides=5)
-    with pytest.raises(SimrobError, match="overrides: given with a workcell"):
+    with pytest.raises(SimrobError, match="overrides: the workcell is loaded already"):
         Arm(Workcell("irb120_workcell"), overrides=LIGHT)
 
 

@@ -57,7 +57,7 @@ class RecordedStation(StatefulStation):
             postures,
             "postures",
             Mapping,
-            message("programs.mapping_by_robot", "a mapping by robot"),
+            message("programs.mapping_by_robot", "a mapping by the names of robots"),
         )
         shown = {}
         for name, posture in postures.items():
@@ -65,6 +65,7 @@ class RecordedStation(StatefulStation):
             label = message("programs.posture_called", "postures: {name}", name=name)
             shown[name] = one_posture(posture, axis_count, label)
         self.show()
+        # `show` has just opened it: the type checker cannot know.
         assert self._window is not None
         now = self._shown_state()
         self._window.draw(
@@ -92,6 +93,7 @@ class RecordedStation(StatefulStation):
         """
         self.tape.check_some()
         moves = self.tape.moves()
+        # Without moves there is no program: a recording that a file cannot describe is saved without one.
         text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
         last_take = self.tape.takes[-1]
         # Changes after the last run are in the station of this object only.
@@ -145,8 +147,10 @@ class RecordedStation(StatefulStation):
             SimrobError: a piece cannot be attached or released there.
         """
         stages = self.tape.stages(duration)
+        # A new object of the same class runs the stages, so that this one does not change.
         first = self.tape.takes[0]
         cell = type(self)(first.config if station is None else config_of(station))
+        # A recording that began at the initial posture has no state: the station begins at its own initial posture.
         cell.state = first.start or cell.state
         cell.progress = self.progress
         cell.strict = self.strict or strict
@@ -162,6 +166,7 @@ class RecordedStation(StatefulStation):
 
     def _repeat_change(self, entry: Entry) -> None:
         """Change this station by a recorded entry: attach or release a piece, or change a tool."""
+        # An entry has exactly one key: the kind of its move.
         ((key, content),) = entry.items()
         if key == "tool":
             self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])

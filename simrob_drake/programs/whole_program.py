@@ -23,6 +23,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     Raises:
         SimrobError: a move cannot be done. The message names it and the file.
     """
+    # With the file's name, the program is read again, so that its messages name the file and the move.
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)
@@ -63,6 +64,7 @@ def run_whole(config: StationConfig) -> SimulationResult:
 
 def of_arms(cell: Workcell, program: Program) -> bool:
     """Whether arms perform a program: it has a move for arms, or its robots have no legs."""
+    # Only robots with legs go through references here. Arms have their own method for it.
     if program.references:
         return False
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]

@@ -61,7 +61,7 @@ def test_a_plan_is_judged_as_its_run_is(station: Path):
     arm.cell.record()
 
     with pytest.warns(
-        TorqueShortage, match=r"joint_1 would need .* N·m at the speed that it has there"
+        TorqueShortage, match=r"joint_1 would need .* N·m at its speed there"
     ) as caught:
         arm.move_abs_j([2.0], duration=0.7)
     proposed = float(str(caught[0].message).rpartition("a duration of ")[2].split()[0])
