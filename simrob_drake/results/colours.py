@@ -60,6 +60,7 @@ def _all_looks() -> list[Look]:
     return found
 
 
+# Computed once: every frame of every plot takes its looks from here.
 _LOOKS = _all_looks()
 
 

@@ -8,7 +8,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.results.record.run import events_of
-from simrob_drake.results.result import joined
+from simrob_drake.results.result import join_runs
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_a_ball_touches_when_it_has_fallen(ball):
 
 
 def test_runs_that_follow_each_other_end_moves(ball):
-    events = events_of(joined([ball, ball]))
+    events = events_of(join_runs([ball, ball]))
     assert (1.0, "move ends") in events
     assert events[-1] == (2.0, "end")
     assert len(events) == 9

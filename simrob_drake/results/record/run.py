@@ -149,6 +149,8 @@ def _no_attribute(kind: type[Any], name: str) -> str:
     # Fields without a default are no attributes of the class, so that dir() does not list them.
     attributes = {*dir(kind), *(own.name for own in fields(kind))}
     public = {attribute for attribute in attributes if not attribute.startswith("_")}
+    # Names that pandas and other packages use come first: they resemble no attribute, so a search would not
+    # find them.
     close = _USUAL_NAMES.get(name) or nearest_name(name, public)
     if close is None or name.startswith("_"):
         return message("results.no_attribute", "a result has no attribute '{name}'", name=name)
@@ -192,7 +194,7 @@ class RecordedRun:
         did: what the run did, in a few words, such as ``move_l of left``.
         place: name of the run's move in its program, such as ``move 3``; empty outside of programs.
         moves: planned moves of arms, all of which begin at the start of the run.
-        runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
+        runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.join_runs`.
         begun: for a program, the station in which it began; None for a single run.
         marks: for a program, events at which one of its runs ended or a piece was handed over.
         move_spans: for a program, when each of its moves began and ended, in order. Several moves of joints can be one
@@ -359,11 +361,9 @@ class RecordedRun:
     @cached_property
     def onsets(self) -> list[Event]:
         """Events at which two bodies began to touch; empty if the station has no contact."""
-        return (
-            []
-            if self.contacts_at is None
-            else list(onsets(self.plant, self.step_times, self.contacts_at))
-        )
+        if self.contacts_at is None:
+            return []
+        return list(onsets(self.plant, self.step_times, self.contacts_at))
 
     @property
     def units(self) -> dict[str, str]:
@@ -389,13 +389,14 @@ class RecordedRun:
         """
         found = {}
         for name, section in self.config.controllers.items():
+            # The times are kept in the block's discrete state, so that a continued run keeps them.
             block = self.final_state.blocks.get(f"controller.{name}")
             times = None if block is None else section.cell_times(block.discrete)
             if times is not None:
                 found[name] = times
         return found
 
-    def numbered(self, index: int) -> Self:
+    def with_move_number(self, index: int) -> Self:
         """Copy the run, with its moves named by their number in a program.
 
         Args:
@@ -405,6 +406,7 @@ class RecordedRun:
 
     def at_place(self, place: str) -> Self:
         """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
+        # Warnings about moves name them, so the name goes to the moves as well.
         moves = tuple(replace(move, place=place) for move in self.moves)
         return replace(self, place=place, moves=moves)
 
@@ -501,7 +503,7 @@ class RecordedRun:
         return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
 
-keep_former_attributes(RecordedRun, pace="speed_in_words")
+keep_former_attributes(RecordedRun, pace="speed_in_words", numbered="with_move_number")
 
 
 def move_title(index: int) -> Message:
@@ -568,6 +570,7 @@ def all_events(result: RecordedRun) -> list[Event]:
     """
     start = Event(result.start_time, "start")
     contacts = []
+    # The last entry is the end of the last run.
     begins = begins_of(*result.parts)[:-1]
     for begin, run in zip(begins.tolist(), result.parts, strict=True):
         # The times of a single run are absolute, and those of a program count from its first run.
@@ -606,11 +609,12 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
     for event in everything:
         is_far_enough = not events or event.time - events[-1].time > gap
         is_end = event.time == end
+        # Texts of contacts have "touches" instead, and those of moves "ends".
         is_hand_over = " to " in event.text
+        # The start of the run is the first event. It stays, even if a piece is handed over right after it.
+        may_replace = len(events) > 1
         if is_far_enough:
             events.append(event)
-        elif is_end or (
-            is_hand_over and len(events) > 1
-        ):  # a hand-over does not replace the start of the run
+        elif is_end or (is_hand_over and may_replace):
             events[-1] = event
     return events

@@ -52,36 +52,45 @@ from simrob_drake.results.verdict.verdict import (
 )
 from simrob_drake.robots.motors import rated_torques
 
-_COUPLING_SAMPLES = 40  # count of times at which the gaps of couplings are measured
+_COUPLING_SAMPLES = 40
+"""Count of times at which the gaps of couplings are measured. The plant is set to each, which is slow."""
+
 _PRESSES = "a finger, which presses on what it holds as hard as it may"
 _IDLE = "no motor drives it"
-_REGULAR_ENDINGS = (
-    "completed",
-    "monitor",
-)  # endings of a run after which axes should be at their reference
+"""Reasons in ``summary.json`` why an axis is not judged."""
+
+_REGULAR_ENDINGS = ("completed", "monitor")
+"""Endings of a run after which axes should be at their reference."""
 
 
 class AxisValues(NamedTuple):
-    """Values that were measured for the n axes of one robot."""
+    """Values that were measured for the n axes of one robot.
 
-    values: Vector  # the worst value of each axis, shape (n,)
-    times: Vector | None = (
-        None  # when it occurred, shape (n,) [s]; None if it belongs to the whole run
-    )
-    limits: Vector | None = (
-        None  # what the values are shares of, shape (n,); None if they are no shares
-    )
-    limit_units: tuple[str, ...] = ()  # units of the limits
-    left_out: Mapping[int, str] = (
-        NOTHING_LEFT_OUT  # by index, the reason why an axis is not judged; its value is 0
-    )
+    Attributes:
+        values: the worst value of each axis, shape (n,).
+        times: when each value occurred, shape (n,) [s]. None if the values belong to the whole run.
+        limits: what the values are shares of, shape (n,). None if they are no shares.
+        limit_units: units of the limits. Empty if the values are no shares.
+        left_out: by index, the reason why an axis is not judged. The value of such an axis is 0.
+    """
+
+    values: Vector
+    times: Vector | None = None
+    limits: Vector | None = None
+    limit_units: tuple[str, ...] = ()
+    left_out: Mapping[int, str] = NOTHING_LEFT_OUT
 
 
 class LargestValues(NamedTuple):
-    """Largest values of k signals."""
+    """Largest values of k signals.
 
-    values: Vector  # shape (k,), in the unit of the signal
-    times: Vector  # when each occurred first, shape (k,) [s]
+    Attributes:
+        values: the values, shape (k,), in the unit of the signal.
+        times: when each occurred first, shape (k,) [s].
+    """
+
+    values: Vector
+    times: Vector
 
 
 MeasureOfRun = Callable[[RecordedRun], Measured | None]
@@ -141,6 +150,7 @@ def largest(values: Vector, times: Vector) -> LargestValues:
         values: k signals at m samples, shape (m, k).
         times: times of the samples, shape (m,) [s].
     """
+    # fmax ignores NaN, which a block that failed leaves behind; max would return it.
     found = np.fmax.reduce(values, axis=0)
     first_rows = (values == found).argmax(axis=0)
     return LargestValues(found, times[first_rows])
@@ -169,6 +179,7 @@ def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     left_out = _fingers(robot)
     left_out |= dict.fromkeys(np.flatnonzero(robot.gains.passive).tolist(), _IDLE)
     has_torque = run.axes("tau", robot.name).any(axis=0)
+    # A servo without gains may still be driven by feedforward, such as a torque that a controller computes.
     idle = (robot.gains.kp == 0) & ~has_torque
     if not idle.all():  # in a robot without any motor, all axes are judged
         left_out |= dict.fromkeys(np.flatnonzero(idle).tolist(), _IDLE)
@@ -202,6 +213,7 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     Returns None for a run that a fall ended, or that the next run of its program continues: the motion is not at its
     end there.
     """
+    # The user may interrupt a run anywhere, and a robot that fell lies anywhere: such an error shows nothing.
     if run.ending not in _REGULAR_ENDINGS or robot_that_fell(run) is not None or run.is_continued:
         return None
     ends = np.full(len(robot.axes), run.stop_time)
@@ -308,10 +320,12 @@ def _tcp_speed(run: RecordedRun) -> Measured | None:
     speeds = []
     for robot in robots:
         position = np.column_stack([run[f"{robot.prefix}tcp.{axis}"] for axis in "xyz"])
+        # No signal has this speed: it is the derivative of the recorded position, by central differences.
         velocity = np.gradient(position, run.times, axis=0)
         speeds.append(np.linalg.norm(velocity, axis=1))
     rated = np.array([robot.model.tcp_speed for robot in robots])
     worst = largest(np.column_stack(speeds) / rated, run.times)
+    # `robot_of` in the module of remedies reads these names.
     names = [f"tool of {robot.name}" for robot in robots]
     return Measured(
         names, worst.values, worst.times, limits=rated, limit_units=["m/s"] * len(robots)
@@ -338,6 +352,7 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     rated = rated_torques(robot.motors)  # infinite if it is not known: such a motor stays cold
     if not np.isfinite(rated).any():
         return None
+    # The loss in the winding is proportional to the square of the current, and so to that of the torque.
     load = (run.axes("tau", robot.name) / rated) ** 2
     steps = np.diff(run.times, prepend=run.times[0])
     # An axis without a motor has any time constant: its load is 0.
@@ -416,6 +431,7 @@ def _below_floor(run: RecordedRun) -> Measured | None:
         position = np.column_stack([run[f"{signal}.{axis}"] for axis in "xyz"])
         height = position[:, 2]
         is_level = ground.is_level_plane  # the ground is the plane z = 0
+        # On the usual floor the depth is the negative height: no terrain has to be searched for each sample.
         depths.append(-height if is_level else ground.beneath(position) - height)
     worst = largest(np.column_stack(depths), run.times)
     return Measured(list(signals), worst.values, worst.times)
@@ -432,6 +448,7 @@ def _distance(run: RecordedRun) -> Measured | None:
     if not signals:
         return None
     distances = np.column_stack([run[signal.names[0]] for signal in signals])
+    # The smallest distance is the largest negative one.
     nearest = largest(-distances, run.times)
     return Measured([signal.part for signal in signals], -nearest.values, nearest.times)
 
@@ -481,6 +498,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
     rows = np.linspace(0, len(run.times) - 1, _COUPLING_SAMPLES).astype(int)
+    # A short run has fewer samples than times; each is measured once.
     times = run.times[np.unique(rows)]
     gaps = np.zeros((len(times), len(couplings)))
     for row, positions in enumerate(run.positions_at(times)):
@@ -562,9 +580,8 @@ def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | N
     """
     try:
         return criterion.of(run)
-    except (
-        Exception
-    ) as problem:  # a function of somebody else must not cost the result of a long run
+    except Exception as problem:
+        # The function is of another package. Its error must not cost the user the result of a long run.
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
         warnings.warn(
             f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2
