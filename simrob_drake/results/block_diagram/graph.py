@@ -105,6 +105,7 @@ class BlockGraph:
         """
         if source == target:
             return
+        # A list, not a set: the same Diagram gives the same picture.
         carried = self.arrows.setdefault(Ends(source, target), [])
         for signal in signals:
             if signal not in carried:
@@ -156,6 +157,7 @@ class BlockGraph:
         """
         bars = [block for block in self.blocks.values() if block.shape in BARS]
         for bar in bars:
+            # A mux has many sources and one target, a bus the other way round.
             many_ends = self.sources(bar.key) if bar.shape == "mux" else self.targets(bar.key)
             roles = {self.blocks[end].role for end in many_ends}
             if len(many_ends) > 1 and len(roles) == 1:
@@ -190,6 +192,8 @@ class BlockGraph:
             if port == key:
                 graph.blocks[key] = replace(block)
             else:
+                # The first output of a group has made the port. Its copy is extended, so that this graph itself
+                # does not change.
                 graph.blocks[port].label += f"\n{block.label}"
         for ends, signals in self.arrows.items():
             graph.connect(ends.source, port_of_output.get(ends.target, ends.target), signals)
@@ -230,6 +234,7 @@ class BlockGraph:
             # The first block of a subsystem adds the common block, and all of them add their systems.
             graph.blocks.setdefault(shown_key, folded).systems += block.systems
         for ends, signals in self.arrows.items():
+            # Arrows within a folded subsystem would lead from a block to itself, and are dropped.
             graph.connect(shown_keys[ends.source], shown_keys[ends.target], signals)
         return graph
 
@@ -313,6 +318,7 @@ def nets_of(graph: BlockGraph) -> list[Net]:
     for arrow in graph.drawn_arrows():
         target = graph.blocks[arrow.target]
         if target.shape == "port":
+            # Ports wait until all other nets are known: they may join one of them.
             port_groups[_PortGroup(arrow.source, target.robot)].append(arrow.target)
             continue
         key = _NetKey(arrow.source, arrow.text, _net_group(graph, arrow))
@@ -394,7 +400,7 @@ def _is_output(graph: BlockGraph, block: DrawnBlock) -> bool:
 
 
 def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
-    """Largest count of blocks on a chain of arrows that leads to each block, within some blocks.
+    """Count, for each of some blocks, the largest number of blocks on a chain of arrows that leads to it.
 
     Arrows that lead back, or that close a loop, are ignored.
 
@@ -406,15 +412,16 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
         the counts by key. A block that no other block of these feeds has 0.
     """
     successors: dict[str, list[str]] = {}
-    finished: list[
-        str
-    ] = []  # in the order of depth-first search: each block after all of its successors
+    # In the order of depth-first search: each block comes after all of its successors.
+    finished: list[str] = []
 
     def visit(key: str, path: tuple[str, ...]) -> None:
+        """Search from a block in depth. The path has the keys from the first block to this one."""
         forward = _forward_targets(graph, key)
         successors[key] = [target for target in forward if target in keys and target not in path]
         for target in successors[key]:
             if target not in successors:
+                # The path finds loops: an arrow to a block that is already on it is ignored.
                 visit(target, (*path, target))
         finished.append(key)
 

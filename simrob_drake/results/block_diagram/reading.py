@@ -165,6 +165,7 @@ class _Reader:
         self._draw_outputs()
         self.graph.dissolve_bars()
         for signals in self.graph.arrows.values():
+            # In the order in which formulas have the symbols, whatever the order of Drake's connections.
             signals.sort(key=_rank_of_signal)
 
     def _draw(self, name: str, drawing: Drawn) -> None:
@@ -186,6 +187,7 @@ class _Reader:
             inside=drawing.inside,
             within=drawing.within,
         )
+        # Systems that share a block, such as the servos of all axes, declare it with the same key.
         block = self.graph.blocks.setdefault(drawing.key, new)
         if drawing.within:
             # The system of another block does the work, such as the plant for a servo in its actuators. The Diagram
@@ -253,6 +255,7 @@ class _Reader:
             key = drawing.key
             if drawing.net:
                 parts = list(drawing.net)
+                # The outputs of such a system are in the order of its parts.
                 key = f"{drawing.key}.{parts[output.port_index]}"
             return [_Origin(key, signals_here)]
 
@@ -323,6 +326,7 @@ def _rank_of_signal(signal: str) -> int:
 def station_description(config: StationConfig) -> str:
     """Description of a station; a message, if the station comes with the package, so that other languages have it."""
     file = station_files().get(config.name)
+    # A user may have copied a station of the package and described it anew.
     if file is None or read_yaml(file).get("description") != config.description:
         return config.description
     return description_message("station", config.name, config.description)
@@ -434,6 +438,7 @@ def _declared_drawing(name: str, ports: StationPorts) -> _Declaration:
     """Find the declaration for a system: the one with its name, or else with the longest part before a dot."""
     drawings = ports.picture.drawn
     while name not in drawings:
+        # A part declares its subsystem once, and all systems whose names begin with that name belong to it.
         name, dot, _ = name.rpartition(".")
         if not dot:
             return _Declaration(is_found=False, drawing=None)
@@ -535,6 +540,7 @@ def _dot_attributes(attributes: dict[str, str]) -> str:
 
 def _dot_string(text: str) -> str:
     """Write a text as a string in the language of Graphviz, in quotes."""
+    # Backslashes first: the other replacements add some.
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     return f'"{escaped}"'
 
@@ -564,6 +570,7 @@ def mermaid_text(graph: BlockGraph) -> str:
 
 def _mermaid_outline(block: DrawnBlock) -> str:
     """Write the outline, the text and the style class of a block for Mermaid, as they follow the block's name."""
+    # Mermaid has no thin bars: a small filled circle takes their place.
     if block.shape in BARS:
         return '((" ")):::bar'
     text = _mermaid_string(block.text)
@@ -576,5 +583,6 @@ def _mermaid_outline(block: DrawnBlock) -> str:
 
 def _mermaid_string(text: str) -> str:
     """Write a text as a string for Mermaid, in quotes."""
+    # Mermaid takes texts as HTML, with its own escapes. Line breaks come last, since they contain "<".
     escaped = text.replace('"', "#quot;").replace("<", "#lt;").replace("\n", "<br/>")
     return f'"{escaped}"'

@@ -65,6 +65,7 @@ def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
         InvalidConfig: a folder holds no result, or a damaged one.
     """
     results = [read_signals(folder) for folder in folders]
+    # A single result differs from no other: its name has the gains of its servos instead.
     if len(results) == 1:
         return results
     names = [
@@ -88,6 +89,7 @@ def read_signals(folder: Path) -> SavedSignals:
             signals=SIGNALS,
         )
         raise InvalidConfig(folder, "", problem)
+    # Units are not in the table of signals itself, whose first line has names only.
     summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
     names = column_names(table)
     values, _ = read_columns(table, names)
@@ -135,6 +137,7 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     for axes in lowest_of_columns:
         axes.set_xlabel(translate(TIME_LABEL))
         axes.tick_params(labelbottom=True)
+    # An odd count of signals leaves the last frame empty.
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)
     return figure
@@ -148,6 +151,7 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
         name: name of the signal.
         results: the results. Those without this signal have no curve.
     """
+    # Results of older versions may lack units; one result that has them is enough.
     units = [result.units[name] for result in results if name in result.units]
     unit = units[0] if units else "1"
     shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
