@@ -210,8 +210,9 @@ def _station_remarks(result: RecordedRun) -> str:
         remarks.append(
             message(
                 "results.station_alone",
-                "This is the station alone, without the diagram in which it was run. Its reference is the recorded one "
-                "(reference.csv); what else the diagram gave it, such as feedforward, is not repeated.",
+                "This file is the station alone, without the diagram in which it ran. Its reference is the "
+                "recorded one (reference.csv). Other inputs from the diagram, such as feedforward torques, are "
+                "missing.",
             )
         )
     if result.start_time > 0:

@@ -395,7 +395,7 @@ def join_runs(
     """
     if not runs:
         raise InvalidParameter(
-            "runs", "empty", message("results.what_was_run_last", "some: what was run last")
+            "runs", "empty", message("results.what_was_run_last", "at least one run")
         )
     stations = [run.config for run in runs]
     if left is not None:
@@ -466,8 +466,8 @@ def _check_same_names(stations: Sequence[StationConfig]) -> None:
         if len(names) > 1:
             raise InvalidParameter(
                 "runs",
-                message("results.stations_with_other", "of stations with other {key}", key=key),
-                message("results.one_station", "of one station"),
+                message("results.stations_with_other", "of stations with different {key}", key=key),
+                message("results.one_station", "of stations with the same robots and pieces"),
             )
 
 

@@ -127,7 +127,7 @@ def test_a_motor_that_presses_on_a_box_is_not_called_too_weak_to_hold(tmp_path):
     result = perform(Workcell(config), carried_program(config))
     assert result["tau.lift"][-1] < -100  # downwards: gravity pulls that way, too
     remedies = [remark.remedy.text for remark in result.verdict.remarks if remark.remedy]
-    assert any("presses on something" in text for text in remedies)
+    assert any("presses against an obstacle" in text for text in remedies)
     assert not any("too weak" in text for text in remedies)
 
 

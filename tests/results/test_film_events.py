@@ -27,9 +27,9 @@ def test_a_ball_touches_when_it_has_fallen(ball):
     events = events_of(ball)
     assert [text for _, text in events] == [
         "start",
-        "ball touches",
-        "ball touches",
-        "ball touches",
+        "ball touches the ground",
+        "ball touches the ground",
+        "ball touches the ground",
         "end",
     ]
     fall = np.sqrt(2 * 0.1 / 9.81)

@@ -127,16 +127,16 @@ def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
     joint = next(iter(state.joints))
     odd = replace(state, joints={joint: JointState(np.zeros(1), np.zeros(3))})
     with pytest.raises(
-        SimrobError, match=f"'{joint}' is of size 3; it must be of a station where it is of 1"
+        SimrobError, match=f"'{joint}' has size 3; it must be a state in which it has size 1"
     ):
         simulate(load_station("double_pendulum"), duration=0.01, start=odd)
 
 
 def test_the_state_of_other_robots_is_refused():
     state = simulate(load_station("double_pendulum"), duration=0.1).final_state
-    with pytest.raises(SimrobError, match="start is a state in which 'robot' is of size 2"):
+    with pytest.raises(SimrobError, match="start is a state in which 'robot' has size 2"):
         simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
-    with pytest.raises(SimrobError, match="start is a state in which 'left' is unknown"):
+    with pytest.raises(SimrobError, match="start is a state in which 'left' is missing"):
         simulate(load_station("two_irb120"), duration=0.1, start=state)
 
 

@@ -200,7 +200,7 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     if not file.parent.is_dir():
         problem = message(
             "results.no_folder_for_file",
-            "{file} cannot be written: there is no folder {folder}",
+            "{file} cannot be written: the folder {folder} does not exist",
             file=file,
             folder=file.parent,
         )
@@ -268,7 +268,7 @@ def _check_video(file: Path) -> None:
     except RuntimeError as error:
         problem = message(
             "results.video_broke_off",
-            "{work} cannot be written: it broke off, the disk may be full",
+            "{work} cannot be written: the video is incomplete. The disk may be full",
             work=file,
         )
         raise OutputError(problem) from error

@@ -223,12 +223,14 @@ def _legend(result: RecordedRun) -> list[_LegendEntry]:
     for robot in result.plant.robots.values():
         if robot.tcp:
             owner = f" of {robot.name}" if has_several_robots else ""
-            entries.append(_LegendEntry(path_colour(result, robot.name), f"way of the tool{owner}"))
+            entries.append(
+                _LegendEntry(path_colour(result, robot.name), f"path of the tool{owner}")
+            )
     if any(len(move.search) for part in result.parts for move in part.moves):
-        entries.append(_LegendEntry(SEARCH, "what the search tried"))
+        entries.append(_LegendEntry(SEARCH, "paths that the search tried"))
     if result.contacts_at is not None:
         entries.append(_LegendEntry(FORCE, "contact forces"))
-        entries.append(_LegendEntry(SUM_OF_FORCES, "their sum on a body"))
+        entries.append(_LegendEntry(SUM_OF_FORCES, "sum of the forces on a body"))
     return entries
 
 

@@ -244,7 +244,7 @@ _ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
 _LOCK_ANGLE = 80.0
 """Ry beyond which small rotations are large angles Rz and Rx [deg]. At 90 deg the two turn about the same axis."""
 
-_LOCK_NOTE = message("results.near_gimbal_lock", "large where Ry is near ±90")
+_LOCK_NOTE = message("results.near_gimbal_lock", "large where Ry is near ±90 deg (gimbal lock)")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a diverging run may have infinite poses

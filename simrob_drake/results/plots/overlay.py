@@ -85,7 +85,7 @@ def read_signals(folder: Path) -> SavedSignals:
     if not table.is_file():
         problem = message(
             "results.no_result_folder",
-            "must be the folder of a result, with {signals}",
+            "must be the folder of a result, which contains {signals}",
             signals=SIGNALS,
         )
         raise InvalidConfig(folder, "", problem)
@@ -116,14 +116,16 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     names = _named_signals(results, patterns) if patterns else _signals_of_moving_joints(results)
     if not 0 < len(names) <= _MOST:
         expected = message(
-            "results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST
+            "results.count_of_plots",
+            "1 to {most} signals; a pattern such as q.joint_2 selects fewer",
+            most=_MOST,
         )
         raise InvalidParameter("--signal", len(names), expected)
     column_count = 1 if len(names) == 1 else 2
     row_count = ceil(len(names) / column_count)
     width, height = _FRAME
     figure, frames = panels(
-        message("results.overlaid", "results over each other"),
+        message("results.overlaid", "overlaid results"),
         row_count,
         column_count,
         size=(column_count * width, row_count * height + 0.9),

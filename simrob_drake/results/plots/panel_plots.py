@@ -215,7 +215,7 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
     if constants:
         remark = message(
             "results.left_out_constant",
-            "left out, as it does not change: {values}",
+            "constant, not plotted: {values}",
             values=join_texts(constants),
         )
     drawn_panels: _Panels = shown or panels
@@ -315,7 +315,7 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
     if left_out:
         names = join_texts(left_out)
         remark = message(
-            "results.left_out_still", "left out, as they hardly change: {names}", names=names
+            "results.left_out_still", "almost constant, not plotted: {names}", names=names
         )
     stacks = [Stack(group.name, _axis_plots(group, robot, changing)) for group in moving]
     return Sheet(

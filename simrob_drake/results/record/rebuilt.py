@@ -128,9 +128,9 @@ class RebuiltRun:
             raise SimrobError(
                 message(
                     "results.context_lost_by_pickle",
-                    "{station}: a result that was pickled has no context of a diagram of your own; build the diagram "
-                    "again, and continue with "
-                    'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
+                    "{station}: a pickled result does not contain the context of a diagram of your own. Build "
+                    "the diagram again, and continue with simulate_diagram(diagram, ports, "
+                    'start=result.final_state, start_time="keep")',
                     station=self._run.config.name,
                 )
             )
@@ -174,8 +174,8 @@ class RebuiltRun:
         return SimrobError(
             message(
                 "results.lost_by_pickle",
-                "{station}: a result that was pickled has no {lost} if its diagram cannot be built again "
-                "(blocks or a diagram of your own); evaluate them before it is pickled",
+                "{station}: a pickled result contains no {lost} if its diagram cannot be built again, as with "
+                "blocks or a diagram of your own; evaluate them before you pickle the result",
                 station=self._run.config.name,
                 lost=lost,
             )
@@ -282,8 +282,8 @@ def check_format(found: object) -> None:
         raise SimrobError(
             message(
                 "results.pickled_by_other_version",
-                "the pickled result is of another version of simrob_drake (format {found}, here {known}); "
-                "run the station again, or read the result with that version",
+                "another version of simrob_drake has pickled the result (format {found}; this version reads "
+                "format {known}). Run the station again, or read the result with that version",
                 found=found,
                 known=FORMAT,
             )

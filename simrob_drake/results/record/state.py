@@ -335,7 +335,7 @@ class State:
         Raises:
             InvalidParameter: the attribute is not a mapping, or an entry has another class.
         """
-        a_mapping = message("results.mapping_by_name", "a mapping by name")
+        a_mapping = message("results.mapping_by_name", "a mapping from names to values")
         entries = instance(getattr(self, key), f"start: {key}", Mapping, a_mapping)
         for name, entry in entries.items():
             instance(entry, f"start: {name}", kind, f"a {kind.__name__}")
@@ -533,7 +533,7 @@ def _bad_start_file(problem: object) -> InvalidConfig:
     """
     text = message(
         "results.start_names_file",
-        "{problem}; `start` names the start.json of a result",
+        "{problem}; the key `start` expects the file start.json of a result",
         problem=problem,
     )
     return InvalidConfig("", "", text)
@@ -552,17 +552,15 @@ def _check_size(name: str, values: Vector | None, size: int) -> None:
     """
     if values is not None and len(values) == size:
         return
-    found = (
-        "unknown"
-        if values is None
-        else message("results.of_size", "of size {size}", size=len(values))
-    )
+    found = message("results.is_missing", "is missing")
+    if values is not None:
+        found = message("results.of_size", "has size {size}", size=len(values))
     raise InvalidParameter(
         "start",
         message(
-            "results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found
+            "results.state_in_which", "a state in which '{name}' {found}", name=name, found=found
         ),
-        message("results.station_of_size", "of a station where it is of {size}", size=size),
+        message("results.station_of_size", "a state in which it has size {size}", size=size),
     )
 
 

@@ -56,7 +56,7 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
             )
             further = len(spans) - _MOST_SPANS
             more = (
-                message("results.and_times_more", " and {count} times more", count=further)
+                message("results.and_times_more", " and {count} more times", count=further)
                 if further > 0
                 else ""
             )

@@ -84,22 +84,18 @@ def onsets(
             # A pair that never touched before has been apart for ever.
             time_apart = time - last_contact.get(pair, -np.inf)
             if time > start and time_apart > _TIME_APART:
-                yield Event(time, _touch_in_words(sorted(pair - {_WORLD})))
+                yield Event(time, _touch_in_words(pair))
         # The time is kept while a contact lasts, so that it is the end of the contact once the bodies part.
         last_contact.update(dict.fromkeys(pairs, time))
         pairs_before = pairs
 
 
-def _touch_in_words(bodies: Sequence[str]) -> Message:
-    """Sentence about a contact: one body touches another one, or a single body touches the ground.
-
-    Args:
-        bodies: names of the bodies in contact, without the world.
-    """
-    # One name is left if the world was removed, and if both bodies have the same name, as two equal robots
-    # have.
-    if len(bodies) == 1:
-        return message("results.body_touches", "{body} touches", body=bodies[0])
+def _touch_in_words(pair: BodyPair) -> Message:
+    """Write a sentence about a contact: a body touches the ground, or two bodies touch each other."""
+    bodies = sorted(pair - {_WORLD})
+    if _WORLD in pair:
+        return message("results.body_touches", "{body} touches the ground", body=bodies[0])
+    # If both bodies have the same name, as links of two equal robots, the first name is also the last one.
     return message(
         "results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1]
     )

@@ -55,7 +55,7 @@ from simrob_drake.robots.motors import rated_torques
 _COUPLING_SAMPLES = 40
 """Count of times at which the gaps of couplings are measured. The plant is set to each, which is slow."""
 
-_PRESSES = "a finger, which presses on what it holds as hard as it may"
+_PRESSES = "a finger, which grips with its full torque"
 _IDLE = "no motor drives it"
 """Reasons in ``summary.json`` why an axis is not judged."""
 
@@ -370,37 +370,38 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 
 MOTION = (
     Criterion(
-        "final_error", "rad", "final error", "{of} ended {value} off what was asked{during}",
+        "final_error", "rad", "final error", "{of} ended {value} from its target position{during}",
         _final_error, remedy=sag_or_saturation,
     ),
     Criterion(
-        "largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}",
+        "largest_error", "rad", "largest error", "{of} was {value} from its reference{when}",
         _largest_error, remedy=lag,
     ),
-    Criterion("beyond_stop", "rad", "beyond a stop", "{of} was pressed {value} beyond its range{when}", _beyond_stop),
+    Criterion("beyond_stop", "rad", "beyond a stop", "{of} was {value} beyond its range{when}", _beyond_stop),
     Criterion(
-        "torque_share", "1", "torque", "{of} needed {value} of its torque, {amount},{when}",
+        "torque_share", "1", "torque", "{of} needed {value} of its torque limit, {amount},{when}",
         _torque_share, remedy=more_time_for_motors,
     ),
     Criterion(
-        "torque_time", "1", "time at torque limit", "{of} was at its limit of torque for {value} of the run",
+        "torque_time", "1", "time at torque limit", "{of} was at its torque limit for {value} of the run",
         _torque_time, per_time=True, remedy=more_time_for_motors,
     ),
     Criterion(
-        "speed_share", "1", "speed", "{of} moved at {value} of its speed, {amount},{when}",
+        "speed_share", "1", "speed", "{of} moved at {value} of its speed limit, {amount},{when}",
         _speed_share, remedy=more_time_for_speed,
     ),
     Criterion(
-        "speed_time", "1", "time over speed limit", "{of} was beyond its limit of speed for {value} of the run",
+        "speed_time", "1", "time over speed limit", "{of} exceeded its speed limit for {value} of the run",
         _speed_time, per_time=True,
     ),
     Criterion(
         "rated_time", "1", "time over rated torque",
-        "{of} was beyond the rated torque of its motor for {value} of the run",
+        "{of} exceeded the rated torque of its motor for {value} of the run",
         _rated_time, per_time=True, remedy=rest_for_motor,
     ),
     Criterion(
-        "heat", "1", "motor heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}",
+        "heat", "1", "motor heat",
+        "the motor of {of} reached {value} of the temperature rise at its rated torque{when}",
         _heat, remedy=rest_for_motor,
     ),
 )  # fmt: skip
@@ -511,7 +512,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
 CRITERIA = (
     *MOTION,
     Criterion(
-        "tcp_speed", "1", "tool speed", "{of} was at {value} of its rated speed, {amount},{when}",
+        "tcp_speed", "1", "tool speed", "{of} moved at {value} of its rated speed, {amount},{when}",
         _tcp_speed, remedy=more_time_for_speed,
     ),
     Criterion(
@@ -523,29 +524,29 @@ CRITERIA = (
     ),
     Criterion("distance", "m", "nearest distance", "{of} measured a distance of {value}{when}", _distance, least=True),
     Criterion(
-        "penetration", "m", "penetration", "{of} were {value} deep in each other{when}",
+        "penetration", "m", "penetration", "{of} penetrated each other by {value}{when}",
         _penetration, remedy=stiffer_contact,
     ),
     Criterion(
         "resting_force", "1", "contact force at rest",
-        "the contact forces on {of}, which rests, are {value} off its weight{when}", measure_resting_force,
+        "the contact forces on {of} at rest differ from its weight by {value}{when}", measure_resting_force,
     ),
     Criterion(
         "friction_share", "1", "friction",
-        "the friction between {of} is {value} of what their surfaces can give{when}", measure_friction_share,
+        "the friction between {of} is {value} of the largest that their surfaces allow{when}", measure_friction_share,
     ),
     Criterion(
         "lost_piece", "m", "lost piece",
-        "{of} slipped out of the fingers{when}: it is {value} from where they held it",
+        "{of} slipped out of the fingers{when} and ended {value} from where they held it",
         measure_lost_piece, remedy=firmer_grip,
     ),
-    Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
+    Criterion("coupling_gap", "m", "open coupling", "coupling {of} opened by {value} (or mrad){when}", _coupling_gap),
     Criterion(
-        "foot_slip", "m", "foot slip", "{of} slid {value} before it was lifted again{when}",
+        "foot_slip", "m", "foot slip", "{of} slid {value} over the ground during one stance{when}",
         _foot_slip, remedy=more_grip,
     ),
     Criterion(
-        "shortened_steps", "1", "solver retries", "{of} tried steps again, shorter: {amount}",
+        "shortened_steps", "1", "solver retries", "{of} repeated {amount} with a shorter length",
         _shortened_steps, remedy=other_solver, shows_share=True,
     ),
 )  # fmt: skip

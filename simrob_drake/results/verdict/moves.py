@@ -197,7 +197,7 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     if bounds.move_end != "none" and verdict.position_error > bounds.move_end and not is_stopped:
         text = message(
             "results.move_misses_target",
-            "{move} ends {distance} beside its target (bound {bound})",
+            "{move} ends {distance} from its target (bound {bound})",
             move=name,
             distance=in_words(verdict.position_error, "m"),
             bound=in_words(bounds.move_end, "m"),
@@ -206,7 +206,7 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     if bounds.move_following != "none" and verdict.following_error > bounds.move_following:
         text = message(
             "results.move_leaves_path",
-            "{move} was {distance} off its path (bound {bound})",
+            "{move} deviates by {distance} from its path (bound {bound})",
             move=name,
             distance=in_words(verdict.following_error, "m"),
             bound=in_words(bounds.move_following, "m"),
@@ -232,7 +232,7 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     ):
         text = message(
             "results.move_too_near",
-            "{move} comes within {distance}, {bodies} (bound {bound})",
+            "the smallest distance of {move} is {distance}, {bodies} (bound {bound})",
             move=name,
             distance=in_words(verdict.distance, "m"),
             bodies=verdict.nearest,
@@ -304,8 +304,9 @@ def meaning_of_distances(moves: Sequence[MoveVerdict]) -> str:
         return ""
     return message(
         "results.meaning_of_distances",
-        "nearest and itself: smallest distance to another body, and between two bodies of the robot; empty if the move "
-        "changes none. Fingers and what they hold do not count",
+        "nearest: smallest distance to another body. itself: smallest distance between two bodies of the robot."
+        " Cells are empty if the move changes no such distance. Fingers and the piece that they hold are left "
+        "out",
     )
 
 

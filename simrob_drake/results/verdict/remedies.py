@@ -105,14 +105,14 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if saturated.any() and _presses_on_something(run, robot, saturated):
         text = message(
             "results.remedy_pressing",
-            "at the end the motor presses on something, and does not carry a load: remove what is in the way, or move "
-            "the target",
+            "at the end the motor presses against an obstacle instead of carrying a load: remove the obstacle, "
+            "or move the target",
         )
         return Remedy(text)
     if saturated.any():
         text = message(
             "results.remedy_weak_motor",
-            "the motor is too weak to hold this: carry less, or raise its limit",
+            "the motor is too weak to hold this posture: reduce the load, or raise its torque limit",
         )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
     jump = _start_at_reference(run, robot, entry.subject)
@@ -175,7 +175,8 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
 # Some robots on legs do not walk: a reference or a loop of the user moves their joints.
 _SLOWER_MOTION = message(
     "results.remedy_slower_motion",
-    "let the reference or the loop move this joint less far or more slowly, or choose a faster motor",
+    "change the reference or the loop so that this joint moves less far or more slowly, or choose a faster "
+    "motor",
 )
 
 
@@ -233,7 +234,7 @@ def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         return None
     text = message(
         "results.remedy_less_load",
-        "carry less than {pieces}, or take a robot with a larger payload",
+        "reduce the load ({pieces}), or choose a robot with a larger payload",
         pieces=robot.load_in_words,
     )
     return Remedy(text)
@@ -319,7 +320,7 @@ def rest_for_motor(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a motor that becomes too hot."""
     del run, entry  # the remedy is the same for all motors
     return Remedy(
-        message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less")
+        message("results.remedy_cooler_motor", "add pauses between the moves, or reduce the load")
     )
 
 

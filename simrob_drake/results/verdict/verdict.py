@@ -286,7 +286,7 @@ class Measure:
             )
         return message(
             "results.with_bound_and_others",
-            "{sentence} (bound {bound}; {others} more beyond it)",
+            "{sentence} (bound {bound}; {others} more {others:violation|violations})",
             sentence=sentence,
             bound=bound,
             others=violations - 1,
@@ -430,7 +430,7 @@ class Verdict:
             UnknownName: there is no such criterion, or it had nothing to measure.
         """
         known = {measure.criterion.name: measure for measure in self.measures}
-        return known[one_of("figure", name, known)]
+        return known[one_of(message("results.criterion", "criterion"), name, known)]
 
     @property
     def beyond(self) -> list[str]:
