@@ -505,7 +505,8 @@ def _marks(
             if before.pieces[name].parent != piece.parent:
                 hand_overs.append(f"{name} to {piece.parent}")
         is_last = index == len(runs) - 1
-        if hand_overs:  # these say more than the end of the run at the same time
+        # A hand-over replaces the end of the run at the same time: it is the more important event.
+        if hand_overs:
             marks.append(Event(end, ", ".join(hand_overs)))
         elif not is_last:
             marks.append(Event(end, _end_in_words(run)))

@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.parts.controllers.section import ControllerSection, commanded_sections
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, robots_to_follow, side
@@ -289,8 +290,8 @@ class Steering:
     Attributes:
         controls: controls of the page, by label. With several commanded controllers, the label begins with the name of
             the controller. Only those of the first controller have keys.
-        hands: functions that command the controllers, as ``simulate(commands=...)`` takes them. They return None until
-            the user touches a control.
+        commands: functions that command the controllers, by name, as ``simulate(commands=...)`` takes them. They return
+            None until the user touches a control.
         board: the page. It shows where the program has set the sliders.
     """
 
@@ -298,7 +299,7 @@ class Steering:
         """Make the controls for a station. Without a controller that takes commands, the page has no controls."""
         sections = commanded_sections(config.controllers)
         self.controls = dict[str, Control]()
-        self.hands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
+        self.commands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
         self._shown = dict[str, float]()
         station = resolve(config)
         for number, (name, section) in enumerate(sections.items()):
@@ -306,7 +307,7 @@ class Steering:
             robot = station.robot(section.robot_name, f"controllers.{name}")
             # A key can only command one controller.
             self.controls |= _controls(section, robot, prefix, keys=number == 0)
-            self.hands[name] = partial(self._command, prefix, section)
+            self.commands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None
         self._begun = set[str]()
 
@@ -356,6 +357,9 @@ class Steering:
                 if self.board is not None:
                     self.board.show(name)
             self._shown[name] = value
+
+
+keep_former_attributes(Steering, hands="commands")
 
 
 def _controls(

@@ -61,10 +61,14 @@ class _Size(NamedTuple):
     height: int
 
 
-_HEIGHT = 360
-_LOW_HEIGHT = 240
 _FEW = 7
-"""Height of the images of a strip of a few images, and of more images [pixels]; and the largest count of a few."""
+"""Largest count of images of a strip that are high."""
+
+_HEIGHT = 360
+"""Height of the images of a strip with at most `_FEW` images [pixels]."""
+
+_LOW_HEIGHT = 240
+"""Height of the images of a strip with more images [pixels], which are more in a row and in more rows."""
 
 _LEAST_HEIGHT = 16
 """Least height of an image of a strip [pixels]."""

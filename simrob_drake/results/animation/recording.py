@@ -72,8 +72,10 @@ _SMALLEST = 0.01
 """A force is drawn if it is at least this part of a large one."""
 
 _RADIUS = 0.003
+"""Radius of the shaft of an arrow [m]."""
+
 _HEAD = 0.02
-"""Radius of the shaft of an arrow, and length of its head [m]."""
+"""Length of the head of an arrow [m]."""
 
 _SPHERE = Rgba(*rgb(FORCE), 0.6)
 """Colour of contact spheres. The arrow is visible through them."""

@@ -61,7 +61,7 @@ _REACH = 5.0
 """Distance up to which a page has lines around the origin of the world [m]."""
 
 _CONFIGURATION_COUNT = 24
-"""Count of configurations, at even times, that stand for a motion."""
+"""Count of configurations, at even times, that represent a motion."""
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 """Corners of a cube with half edges of length 1, shape (8, 3)."""
@@ -140,7 +140,7 @@ class ViewedStation(PosedStation):
 
         Args:
             result: the run.
-            displacement: displacement of a camera that goes beside the only robot. Then the points are those of this
+            displacement: displacement of a camera that follows the only robot. Then the points are those of this
                 robot, relative to the camera's start.
 
         Returns:

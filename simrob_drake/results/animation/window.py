@@ -1,7 +1,7 @@
 """A page on this computer that a program draws into, and whose sliders and buttons only its user can set.
 
-The page is Meshcat's. It receives its commands as server-sent events, so that the browser lets no other page read
-them. The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
+The page is Meshcat's. It receives its commands as server-sent events, which the browser allows no other page to read.
+The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
 """
 
 import json

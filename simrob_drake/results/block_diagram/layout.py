@@ -1,12 +1,12 @@
 """Sizes and positions of the blocks of a picture: in columns along the signal flow.
 
-The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes stand in columns;
+The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes are in columns;
 within its column, a box is as close as possible to the heights of the boxes that it is connected to, so that most
 arrows are straight. Each net (a signal that one block sends to others) meets the left side of the boxes that read it,
 its *inlets*, and the right side of its source, its *outlet*.
 
 Positions are in pixels, x to the right and y down. Heights of inlets and outlets are measured from the middle of their
-box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, once it knows how many lines pass between
+box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, from the count of lines that pass between
 the columns.
 """
 
@@ -97,7 +97,7 @@ class Box:
         entry_height: height of the centre of all inlets, from the middle [px].
         exit_height: height of the centre of all outlets, from the middle [px].
         inlets: height of the end of each net that enters at the left, from the middle, by the index of the net [px].
-        outlets: height of each net that leaves at the right, likewise.
+        outlets: height of the end of each net that leaves at the right, from the middle, by the index of the net [px].
     """
 
     blocks: list[DrawnBlock]
@@ -188,7 +188,7 @@ class Layout:
     def _blocks_of_boxes(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
         """Group the blocks that share a box: output ports by robot, in the order of their nets; others are alone.
 
-        The groups are ordered by robots. Forces are the last of their robot, because they stand below the servos.
+        The groups are ordered by robots. Forces are the last of their robot, because they are drawn below the servos.
         """
         port_lists: dict[str, list[DrawnBlock]] = defaultdict(list)
         targets = [target for net in self.nets for target in net.targets]
@@ -353,8 +353,8 @@ class Layout:
 
         Args:
             box: the box. A bar keeps its height, because the boxes that it joins determine that.
-            to_the_right: whether nets that enter decide. If there are none, those that leave do; and the other way
-                round if the columns are aligned to the left.
+            to_the_right: whether the columns are aligned to the right. The nets that enter the box then decide, or
+                those that leave if none enters. For an alignment to the left, the nets that leave come first.
         """
         if box.is_bar:
             return box.y
@@ -367,7 +367,7 @@ class Layout:
                 # A list of ports is high: it is only placed in the middle of its sources.
                 distant.append(other.y)
             elif not other.is_port_list and not other.is_force:
-                # Ports and forces adapt to this box, not the other way round.
+                # Ports and forces are aligned to this box. It is not aligned to them.
                 own_ends = box.inlets if connection.is_incoming else box.outlets
                 # A force stays below the line of the torques, which leads from the servos to the plant.
                 below_torques = box.height / 2 + 2 * PITCH if box.is_force else 0.0
@@ -479,7 +479,7 @@ def _move_end(box: Box, ends: dict[int, float], net: int, offset: float) -> None
         net: index of the net.
         offset: new height from the middle of the box [px].
     """
-    # Ends at the corner of a box would look as if the line passed the box.
+    # An end at the corner of a box would look as if the line passed the box. A bar has no visible corners [px].
     distance_to_corner = 2 if box.is_bar else 6
     reach = box.height / 2 - distance_to_corner
     others = [height for other, height in ends.items() if other != net]

@@ -394,7 +394,7 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
         x = label.x + text_width(f"{net.text} ", _SIGNAL_SIZE)
         y = label.y
     else:
-        # The line is so short that the value would reach into the next block, so it stands above both.
+        # The line is so short that the value would reach into the next block, so it is written above both.
         x = label.x - _VALUE_HEIGHT / 2
         y = label.y - _VALUE_HEIGHT
     return (

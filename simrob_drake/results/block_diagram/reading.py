@@ -225,7 +225,8 @@ class _Reader:
                 continue
             for origin in self._origins(feed):
                 signals = self._signals_at(_PortId(name, "in", index)) or origin.signals
-                # A force reads the poses of bodies from the plant. That says nothing about the force, and is not drawn.
+                # A force reads the poses of bodies from the plant to find its point of application. An arrow would
+                # suggest a feedback, and is not drawn.
                 is_pose_for_force = (
                     drawing.role == "force" and self.graph.blocks[origin.block].role == "robot"
                 )
@@ -245,7 +246,7 @@ class _Reader:
     def _origins(self, output: _OutputId) -> list[_Origin]:
         """Find the blocks from which the values of an output come.
 
-        If the output's system is wiring, the search goes on at its inputs. An input that nothing feeds is drawn as an
+        If the output's system is wiring, the search continues at its inputs. An input that nothing feeds is drawn as an
         input of the station. The symbols are those of the port nearest to the output.
         """
         name = output.system
@@ -271,7 +272,7 @@ class _Reader:
 
     def _signals_at(self, port: _PortId) -> Signals:
         """Symbols of the signals at a port; empty if the port has none."""
-        # The station's own names come first: they say more than the names of Drake's ports.
+        # The station's own symbols come first: they are more specific than those of Drake's ports.
         if port in self._symbols:
             return self._symbols[port]
         system = self._systems[port.system]

@@ -291,7 +291,7 @@ class Routing:
         """Add the lanes of a net that leads ahead: one to each channel where it enters boxes."""
         height = self._start_height(passage.net)
         begin = passage.first
-        # Each lane begins at the height of the one before, so that a straight way on is preferred.
+        # Each lane begins at the height of the one before, so that a straight continuation is preferred.
         for stop in passage.stops:
             height = self._height_of_lane(passage.net, height, begin, stop)
             self._reserve(height, begin, stop)

@@ -1,4 +1,4 @@
-"""Keys in which saved results differ, by which a legend tells them apart."""
+"""Keys in which saved results differ, with which a legend distinguishes the results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -98,7 +98,7 @@ def _values_by_key(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield each value of nested mappings and lists with its dotted key. Entries of lists have their index, from 0."""
     if isinstance(content, Mapping):
         entries = [(str(name), value) for name, value in content.items()]
-    # A list of numbers, such as a position, is one value: single components would say nothing in a legend.
+    # A list of numbers, such as a position, is one value: single components would mean nothing in a legend.
     elif isinstance(content, list) and any(isinstance(value, Mapping | list) for value in content):
         entries = [(str(index), value) for index, value in enumerate(content)]
     else:

@@ -75,7 +75,7 @@ _RELIABLE = 0.95
 """Part of a diverging run, from its start, that sets the scale. After that the values grow without limit."""
 
 _HUGE = 1e9
-"""Values beyond this are drawn at this value: nobody reads them off a plot, and Matplotlib cannot draw infinity."""
+"""Values beyond this are drawn at this value: a plot cannot be read there, and Matplotlib cannot draw infinity."""
 
 _MOST_STACKS = 48
 """Most stacks of a figure. A figure of 300 takes a minute and half a gigabyte."""
@@ -174,7 +174,7 @@ def grid_figure(
     Args:
         result: the run whose times the curves have.
         title: title of the figure, after the name of the station.
-        stacks: the stacks. Only the first 48 are drawn; then the title says so.
+        stacks: the stacks. Of more than 48, the first 48 are drawn, and the title has both counts.
         columns: count of stacks in a row. If it is None, up to three stacks are one row, and more are about a square.
         width: width of the figure [inches]. The figure is wider if the frames would be too narrow.
         legend: width of a legend right of each frame [inches]. If it is 0, the figure has one legend at its top.
@@ -586,6 +586,6 @@ def _turn_count(values: Vector, least_span: float) -> float:
 
 def _readable(values: Vector) -> Vector:
     """Values without NaN, and within a range that a plot can show, shape (k,). If none is left, a single 0."""
-    # NaN stands for samples without a value, such as those of a controller before its first sample.
+    # Samples without a value are NaN, such as those of a controller before its first sample.
     found = values[~np.isnan(values)]
     return np.asarray(np.clip(found, -_HUGE, _HUGE)) if found.size else np.zeros(1)

@@ -92,7 +92,7 @@ class SideGroup:
         Args:
             values: values of all axes of the robot, shape (m, n).
             label: name of the curve in the legend, if the robot has no sides. Otherwise the side is the name.
-            colour: colour of the curve, likewise.
+            colour: colour of the curve, if the robot has no sides. Otherwise each side has its colour.
         """
         curves = []
         for side, axis in self.axes.items():
@@ -104,7 +104,7 @@ class SideGroup:
 
 
 def side_groups(robot: StationRobot) -> list[SideGroup]:
-    """Group the axes of a robot by sides, in the order of the axes. A pair stands where its first axis is."""
+    """Group the axes of a robot by sides, in the order of the axes. A pair has the position of its first axis."""
     groups = []
     for index in range(len(robot.axes)):
         pair = _pair_of(robot, index)
@@ -352,7 +352,7 @@ _PATH_COLOUR = "0.35"
 """Matplotlib's name of a dark grey: 0 is black, 1 white."""
 
 _NARROWEST = 0.1
-"""Least width of the picture of the path [m], so that the trembling of a robot that stands is not shown large."""
+"""Least width of the picture of the path [m], so that the trembling of a standing robot is not shown large."""
 
 _ARROW_COUNT = 8
 """Count of arrows along the path."""

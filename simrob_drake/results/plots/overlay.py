@@ -46,7 +46,7 @@ class SavedSignals:
     """Signals of a result that was saved to a folder.
 
     Attributes:
-        name: name in the legend: the folder, and what tells the result apart.
+        name: name in the legend: the folder, and the settings in which the result differs from the others.
         times: times of the samples, shape (m,) [s].
         columns: the signals by name, shape (m,) each.
         units: units of the signals by name.
@@ -184,18 +184,22 @@ def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> 
 
 
 def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
-    """Names of positions and torques of the joints that move in one of the results: both of a joint, then the next.
+    """Names of the positions and torques of the joints that move in at least one of the results.
 
-    If no joint moves, those of all joints are named; if there are no joints, all signals as far as a figure has room.
+    Each position is followed by the torque of the same joint. If no joint moves, the signals of all joints are named.
+    Results without joints have all of their signals, up to the largest count of frames.
     """
     names = list(dict.fromkeys(name for result in results for name in result.columns))
     positions = [name for name in names if _is_position(name)]
     moving = [name for name in positions if any(_moves(result, name) for result in results)]
+    known = set(names)
     found: list[str] = []
     for name in moving or positions:
         # The first "q" that is a whole part of the name, such as in "left.q.joint_1".
         torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
-        found += [signal for signal in (name, torque) if signal in names]
+        found.append(name)
+        if torque in known:
+            found.append(torque)
     return found or names[:_MOST]
 
 

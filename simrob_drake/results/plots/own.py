@@ -91,7 +91,7 @@ def panels(
     for index, axes in enumerate(frames.flat):
         style(axes, titles[index] if index < len(titles) else "")
         axes.set_prop_cycle(color=colours, linestyle=lines)
-    # Only save_figure() knows whether the title is above a legend.
+    # The label keeps the title until save_figure() writes it, with or without a legend below it.
     figure.set_label(translate(title))
     return figure, np.asarray(frames)
 

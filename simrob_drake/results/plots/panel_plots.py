@@ -327,7 +327,7 @@ def _moved_axes(panels: _Panels) -> set[str]:
     """Names of the axes that change in one of the panels, by more than a little of the largest change there."""
     names = set[str]()
     for quantities in panels.values():
-        # Relative to the axis that moves most: servos let every axis tremble a little.
+        # Relative to the axis that moves most: under servos, every axis trembles a little.
         least_change = _LITTLE * max(quantity.change for quantity in quantities)
         for quantity in quantities:
             if quantity.varies and quantity.change > least_change:

@@ -452,7 +452,7 @@ class StateHistory:
 
 
 def python_value(value: AbstractValue) -> Any:
-    """Object in an abstract value. It is None for types of Drake's own that Python does not know.
+    """Object in an abstract value. It is None for types of Drake without Python bindings.
 
     A discrete plant of a user's diagram has such a value. It can be copied, but not read.
     """

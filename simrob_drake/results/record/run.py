@@ -119,7 +119,7 @@ class MoveSpan:
         index: index of the move in its program, from 0.
         begin: when the move began, since the start of the program [s].
         end: when the move ended, or was ended by a monitor or the user, since the start of the program [s].
-        is_named: whether messages name the move by its number. They do not if nobody stored moves, and the program only
+        is_named: whether messages name the move by its number. It is False if no moves are stored, and the program only
             plays the station's references.
     """
 
@@ -201,12 +201,12 @@ class RecordedRun:
             run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
-        wandering: for a program, names of the pieces that change hands.
+        wandering: for a program, names of the handed-over pieces, which hang on different things in its runs.
         trace: recorded states, from which the run can be continued; None for a program, and for other engines.
         in_own_diagram: whether the station was part of a diagram of the user's own.
         is_continued: whether a change of the station cut the motion at the end of the run, so that the next run of the
-            program goes on with it.
-        continues: whether the run goes on with a motion that a change of the station cut.
+            program continues it.
+        continues: whether the run continues a motion that a change of the station cut.
     """
 
     config: StationConfig
@@ -406,7 +406,7 @@ class RecordedRun:
 
     def at_place(self, place: str) -> Self:
         """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
-        # Warnings about moves name them, so the name goes to the moves as well.
+        # Warnings about a move contain its name, so the moves get the name as well.
         moves = tuple(replace(move, place=place) for move in self.moves)
         return replace(self, place=place, moves=moves)
 
@@ -442,7 +442,7 @@ class RecordedRun:
                 monitor=self.stopped_by,
                 reason=self.message,
             )
-        # The reason says already that the robot fell. The name of the monitor, mostly "fall", would repeat it.
+        # The reason contains already that the robot fell. The name of the monitor, mostly "fall", would repeat it.
         end = message("results.stopped_by_fall", "stopped because {reason}", reason=self.message)
         cause = last_disturbance(self)
         # A push long before the fall is most likely not its cause.

@@ -138,7 +138,7 @@ class Sampler:
                     :, plant.positions.start : plant.velocities.stop
                 ]
 
-        # An output that hands on a discrete group was recorded as well. All others are evaluated by Drake.
+        # An output whose value is a discrete group was recorded as well. All others are evaluated by Drake.
         # A dict, not a set: the ports stay in order and occur once, also if the state port was added above.
         needed = dict.fromkeys(others)
         for port in needed:

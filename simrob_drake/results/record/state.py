@@ -1,7 +1,7 @@
 """The state of a station at the end of a run, from which another run can begin.
 
 A state contains the positions and velocities of joints, and the memory of *blocks*: of the systems in the station's
-diagram other than the plant, such as controllers and sensors. Everything goes by name, so that a state fits a station
+diagram other than the plant, such as controllers and sensors. All entries have names, so that a state fits a station
 that was changed in between. A state can be written to a JSON file.
 """
 
@@ -188,7 +188,7 @@ class Trace:
 class State:
     """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
-    Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
+    All entries have names, so the state fits a station that was rebuilt and changed: with a piece on another parent,
     other gains, another solver. Joints and blocks that the new station does not have are ignored. Joints and blocks
     that the state does not have begin as at the start of any run. So do monitors, whose times count from the start of
     a run.

@@ -29,7 +29,7 @@ from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.config import StationConfig
 
 FASTEST = 50.0
-"""Largest rate of the looks [Hz]. A look takes some 50 µs, half as long as simulating a robot that stands."""
+"""Largest rate of the looks [Hz]. A look takes some 50 µs."""
 
 _MOST_STEPS = 4000
 """Largest count of steps of a run at which contact results are evaluated."""

@@ -230,7 +230,7 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     """Measure the largest distance of each axis from its reference [rad or m].
 
-    Returns None if a controller leaves the reference on the way to a posture of its own.
+    Returns None if a controller has a target posture of its own, to which it leaves the reference.
     """
     errors = _errors(run, robot)
     if errors is None or _errors_at_end(run, robot) is not None:

@@ -61,7 +61,8 @@ class MoveVerdict:
             at the start, or whose distance the move does not change, do not count, nor does a finger with the piece
             that it holds. It is negative if the bodies overlap, and None if no distance counts.
         nearest: names of these two bodies.
-        own_distance: smallest distance between two bodies of the robot, with what it carries [m], likewise.
+        own_distance: smallest distance between two bodies of the robot, with what it carries [m]. The exceptions are
+            those of ``distance``.
         own_nearest: names of these two bodies.
         misses_target: whether the move was completed, and ended too far from its target.
         remarks: a remark for each value that violates its bound.

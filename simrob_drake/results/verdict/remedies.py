@@ -203,7 +203,7 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
     axis = next(
         (index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None
     )
-    # A run that goes on with a motion begins where the robot is, which lags behind its reference.
+    # A run that continues a motion begins where the robot is, which lags behind its reference.
     if axis is None or run.continues:
         return None
     positions = run.axes("q", robot.name)
