@@ -128,9 +128,8 @@ def save_result(
         frame_writer()  # raises an error if the extra is missing
     # The summary marks a folder as a result: only a folder with one may be replaced.
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
-        # Before the copy of the process is made, which needs none of this in its memory.
         _write_data(result, verdict, work)
-        # Plots and pictures take about as long as each other, and need nothing of each other.
+        # Plots and pictures need nothing of each other: the copy of the process draws the plots meanwhile.
         with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")
@@ -326,7 +325,7 @@ def in_background(work: Callable[[], object]) -> Iterator[None]:
         yield
         _, status = os.waitpid(copy, 0)
     except BaseException:
-        # Without mercy: files of a copy that is still at work would appear after the error.
+        # Killed, not asked to end: files of a copy that is still at work would appear after the error.
         os.kill(copy, signal.SIGKILL)
         os.waitpid(copy, 0)  # otherwise the copy remains as a zombie process
         raise

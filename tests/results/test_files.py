@@ -144,7 +144,8 @@ def test_a_start_that_is_none_is_refused(tmp_path, content, what):
     if content is not None:
         (tmp_path / "start.json").write_text(content)
     with pytest.raises(
-        InvalidConfig, match=rf"start\.json: {what}; `start` names the start\.json of a result"
+        InvalidConfig,
+        match=rf"start\.json: {what}; the key `start` expects the file start\.json of a result",
     ):
         simulate(load_station("double_pendulum", {"start": str(tmp_path / "start.json")}))
 

@@ -8,6 +8,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.results.record.run import events_of
+from simrob_drake.results.record.touch import _touch_in_words
 from simrob_drake.results.result import join_runs
 
 
@@ -39,6 +40,19 @@ def test_a_ball_touches_when_it_has_fallen(ball):
     for time, _ in events[1:4]:
         assert np.interp(time, ball.times, heights) < 0.06  # its radius
         assert np.interp(time - 2 * step, ball.times, heights) > 0.06
+
+
+@pytest.mark.parametrize(
+    ("pair", "sentence"),
+    [
+        ({"box", "world"}, "box touches the ground"),
+        ({"box", "table"}, "box touches table"),
+        # two robots of the same model have links of the same names
+        ({"link_6"}, "link_6 touches link_6"),
+    ],
+)
+def test_a_contact_names_both_bodies_or_the_ground(pair, sentence):
+    assert _touch_in_words(frozenset(pair)) == sentence
 
 
 def test_runs_that_follow_each_other_end_moves(ball):

@@ -145,7 +145,7 @@ def test_boxes_that_sink_into_each_other_are_warned_of():
     # it is level to some mrad
     assert worst.value == pytest.approx(0.202 - result["piece.box.z"].min(), abs=2e-5)
     (warning,) = result.warnings
-    assert warning.startswith("board and box were ")
+    assert warning.startswith("board and box penetrated each other by ")
     assert result.verdict.contact_rate == 50
     assert not simulate(boxes(1e5), duration=0.5, progress=False).verdict["penetration"].warning
 

@@ -159,7 +159,7 @@ class Board:
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if math.isfinite(value):
-            # The page keeps sliders within their limits, but any program on this computer could send a message.
+            # The page keeps sliders within their limits, but the message may come from another program.
             control.value = min(max(value, control.low), control.high)
             with self._news:  # a value that the program has set is no longer valid
                 self._commands.pop(f"control {name}", None)

@@ -307,7 +307,7 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
     plant = robot.plant
     tool = robot.tools[robot.tcp]
     context = plant.CreateDefaultContext()
-    # The recorded positions with the axes replaced: the base of a robot stays where it was, so that only the
+    # The recorded positions with the axes replaced: the base of a robot is where it was at each time, so that only the
     # errors of the axes are shown.
     positions = robot.axis_map.spread_positions(
         result.axes("q_ref", robot.name), result.positions_at(result.times)

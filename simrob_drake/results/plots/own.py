@@ -84,7 +84,7 @@ def panels(
     Returns:
         the figure, and its frames, shape (rows, columns).
     """
-    # Figures of users have few frames, so that Matplotlib may find margins itself, unlike in :mod:`.grid`.
+    # Figures of users have few frames, so that Matplotlib may find their margins itself.
     figure = Figure(figsize=size, layout="constrained")
     frames = figure.subplots(rows, columns, squeeze=False, **how)
     colours, lines = zip(*looks(_CURVE_STYLES), strict=True)

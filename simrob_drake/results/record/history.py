@@ -145,8 +145,7 @@ class Recorder:
         """Append the time and the state of a context to the record."""
         self.times.append(time)
         if self._continuous_size:
-            # Bytes of a whole vector are copied at once: appending each number would cost more than the step of
-            # a small station.
+            # The bytes of a whole vector are copied at once, which is much faster than appending its numbers.
             self._continuous.frombytes(self._continuous_vector.CopyToVector().tobytes())
         if self._discrete_size:
             self._discrete.frombytes(np.concatenate(self._groups).tobytes())

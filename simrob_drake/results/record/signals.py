@@ -400,7 +400,7 @@ class Watch:
                 signals = [values[port][row] for port in ports_of_monitors[name]]
                 onset = trigger.next_onset(self._onsets[name], time, signals)
                 self._onsets[name] = onset
-                # Of monitors that are met at the same step, the first in the station's file ends the run.
+                # Of monitors that are met at the same step, the one that was declared first ends the run.
                 if trigger.ends_run(onset, time):
                     reason = trigger.condition.why(*signals)
                     self.stop = Stop(name, count=self._count + row + 1, onset=onset, why=reason)

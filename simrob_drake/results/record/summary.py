@@ -100,7 +100,6 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         run: the run.
         verdict: the verdict about the run.
     """
-    # Keys of this dict are read by scripts of users: new entries may be added, but none is renamed.
     torques = _columns(run, "tau")
     models = {name: robot.model.name for name, robot in run.plant.robots.items()}
     return {
@@ -240,7 +239,7 @@ def _final_pose(run: RecordedRun, signal: str) -> Any:
     recorded = set(run.names)
     poses = {}
     for name, robot in run.plant.robots.items():
-        # A robot without a tool has no signal `tcp`, and one whose base is fixed has no signal `base`.
+        # A robot without a tool has no signal `tcp`.
         if f"{robot.prefix}{signal}.x" in recorded:
             poses[name] = pose_vector(run.pose(signal, name)[-1])
     return _without_only_robot(run, poses)

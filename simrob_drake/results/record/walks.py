@@ -153,7 +153,7 @@ def _peak_torque(result: RecordedRun, robot: StationRobot, shares: Vector) -> Pe
     return PeakTorque(
         axis=robot.axes[axis],
         torque=float(np.abs(torques)[sample, axis]),
-        # The limit at rest, as data sheets give it, and not the smaller one at the speed of this sample.
+        # The limit at rest, and not the smaller one at the speed of this sample.
         limit=float(robot.gains.torque_limit[axis]),
         ratio=float(shares[sample, axis]),
     )

@@ -278,7 +278,7 @@ def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of two bodies that are too deep in each other: a stiffer contact."""
     del entry  # the remedy is the same for all bodies
     contact = run.config.contact
-    # Without a given stiffness Drake estimates one from the weights, and there is no number to multiply.
+    # Without the key, the stiffness is that of each shape's file or of Drake: there is no number to multiply.
     if contact is None or contact.stiffness is None:
         return None
     text = message("results.remedy_stiffer_contact", "make the contact stiffer")
