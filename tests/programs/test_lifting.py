@@ -159,7 +159,7 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
     assert up.distance == pytest.approx(0.015, abs=2e-3)
     assert up.own_distance is None
     assert meaning_of_distances([down, grip, up]).startswith(
-        "nearest and itself: smallest distance to another body"
+        "nearest: smallest distance to another body. itself: "
     )
 
 
