@@ -110,7 +110,6 @@ BOUNDS = {
 
 LOOSER: dict[str, dict[str, float]] = {
     "parts": {"comments": 7.4},
-    "stations": {"comments": 7.5},
     "programs": {"comments": 5.1},
     "simulation": {"comments": 4.7},
     "base": {"comments": 4.1, "participles": 3.7},

@@ -176,6 +176,7 @@ def _culprits(
     matching = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong_key)]
     if matching:
         return matching[-1:]
+    # The error names no key of an override: try each override alone.
     for key, value in overrides.items():
         if not is_valid({key: value}):
             return [key]
@@ -366,7 +367,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         if controller.runs_code and not allow_code:
             expected = message(
                 "stations.would_run_code",
-                "would run the code {code}; if you trust it, say allow_code=True, or --allow-code",
+                "would run the Python code {code}; if you trust this code, use allow_code=True or --allow-code",
                 code=controller.class_,
             )
             raise InvalidConfig(where, f"controllers.{name}", expected)
@@ -391,6 +392,7 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     Raises:
         InvalidConfig: an extension is not installed, or is left out.
     """
+    # Without the extension, its kinds of sensors and moves are unknown, and that error would name no package.
     entries = content.get("extensions", ())
     # If the value has a wrong type, the validation reports it later.
     are_names = isinstance(entries, list | tuple) and all(
@@ -414,14 +416,14 @@ def _check_extensions(content: Content, where: Path | str) -> None:
             if found.problem:
                 state = message(
                     "stations.extension_left_out",
-                    "the extension {extension} of {package} is left out: {problem}",
+                    "the extension {extension} of {package} is not used: {problem}",
                     extension=found.name,
                     package=found.package,
                     problem=found.problem,
                 )
                 problem = message(
                     "stations.needs_and",
-                    "the station needs {package}, and {state}",
+                    "the station needs {package}, but {state}",
                     package=entry,
                     state=state,
                 )
@@ -471,6 +473,7 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
     entries = content["add_directives"]
     added: Content = {}
     for entry in entries if isinstance(entries, list) else [entries]:
+        # FILE#NAME selects one scenario of a file with several.
         name, _, scenario = str(entry).partition("#")
         file = Path(name)
         if not isfile(file):
@@ -492,21 +495,22 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
                 if key in known:
                     problem = message(
                         "stations.name_in_two_scenes",
-                        "two files have a model {name}; the names of models differ",
+                        "two files have a model {name}; give the models different names",
                         name=key,
                     )
                     raise InvalidConfig(where, "add_directives", problem)
                 known[key] = value
-    return _merged(added, rest)
+    # The station's own keys win, so that a user can change a robot of a scene without editing the scene.
+    return _merge(added, rest)
 
 
-def _merged(lower: Content, upper: Content) -> Content:
+def _merge(lower: Content, upper: Content) -> Content:
     """Merge two nested mappings. Where both have a value, that of `upper` counts."""
     result = dict(lower)
     for key, value in upper.items():
         below = result.get(key)
         result[key] = (
-            _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+            _merge(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
         )
     return result
 
@@ -582,7 +586,7 @@ def _station_file(name_or_path: str | Path) -> Path:
             )
         problem = message(
             "stations.is_a_folder",
-            "is a folder, and a station is a name or a YAML file{hint}",
+            "is a folder, but a station is given by its name or a YAML file{hint}",
             hint=hint,
         )
         raise InvalidConfig(path, "", problem)
@@ -660,6 +664,7 @@ def _override(
         section[int(key)] = value
         return
     is_entry = len(path) == 2 and path[0] in ENTRIES
+    # None removes an entry. For other keys, such as `floor`, None is a value.
     if value is None and is_entry and key in section:
         del section[key]
         return
@@ -672,6 +677,7 @@ def _override(
     if not _changes_keys_only(value, section.get(key), path):
         section[key] = _copy(value, path, where)
         return
+    # YAML turns a key such as 1 or on into a number or a truth value, which no key of a station is.
     text_keys = message("stations.section_of_texts", "a section whose keys are texts")
     for inner_key in value:
         instance(inner_key, ".".join(path), str, text_keys)
@@ -777,7 +783,7 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
     except Exception as problem:  # an object may raise any exception when it is copied
         text = message(
             "stations.no_file_could_hold",
-            "is {value}, which no station's file could hold",
+            "is {value}, which cannot be written in a station's file",
             value=quoted(value),
         )
         raise InvalidConfig(where, ".".join(path), text) from problem
@@ -806,7 +812,10 @@ def _with_robots_section(content: Content, where: Path | str) -> Content:
     if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
-        problem = message("stations.robot_or_robots", "a station has either robot: or robots:")
+        problem = message(
+            "stations.robot_or_robots",
+            "a station has either the section robot or the section robots, not both",
+        )
         raise InvalidConfig(where, "robot", problem)
     # A loop instead of `pop`, so that the section keeps its place in the order of keys.
     changed = Content()

@@ -1,4 +1,4 @@
-"""What a file may read, the user allows and never the file itself; and a result carries what its station names."""
+"""Files that a station may read: only the user widens the border, never the file; and a result carries copies."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Numbers that are hardly meant are doubted, in robots of every format and in a station's keys; real ones are not."""
+"""Doubts about implausible numbers in robots of every format and in a station's keys; published robots raise none."""
 
 import re
 
@@ -43,7 +43,7 @@ GOOD = {"com": 0.1, "moment": 0.01, "effort": 100}
 
 
 def doubts(file):
-    """Return what an import or a description says of its numbers."""
+    """Collect the doubts about the numbers of a robot that is imported or described."""
     if file.suffix == ".yaml":
         content = {"robot": {"model": str(file)}, "duration": 0.01}
         (file.parent / "station.yaml").write_text(yaml.safe_dump(content))
@@ -134,7 +134,7 @@ def box(**keys):
             box(box=[100, 100, 100], mass=1e9),
             "pieces.crate: a side of 100 m; were millimetres meant?",
         ),
-        (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: 500 m from where it is measured"),
+        (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: a coordinate of 500 m"),
         (
             box(pose=[0, 0, 0.1, 90, 0, 0]),
             r"crate.pose: an angle of 90 rad is 14.3 turns; .* 90° are 1.5708 rad",
@@ -144,7 +144,7 @@ def box(**keys):
         (box(mass=1e-4), "0.0125 kg/m³; were grams"),
         (box(com=[25, 0, 0]), "centre of mass is 25 m from"),
         (box(inertia=[0.01e6] * 3), "moments are .* times"),
-        ({**box(), "gravity": -9.81}, "gravity: -9.81 m/s² pulls up"),
+        ({**box(), "gravity": -9.81}, "gravity: -9.81 m/s² points up"),
         ({**box(), "gravity": 9810}, "gravity: 9810 m/s² is 1e.03 times"),
         (
             {**box(), "contact": {"friction": {"static": 50, "dynamic": 40}}},
@@ -154,7 +154,10 @@ def box(**keys):
             {"robot": {"model": "irb120", "base": [0, 0, 0, 180, 0, 0]}},
             r"robots.robot.base: an angle of 180 rad",
         ),
-        ({"robot": {"model": "irb120", "tcp_offset": [0, 0, 120, 0, 0, 0]}}, "tcp_offset: 120 m"),
+        (
+            {"robot": {"model": "irb120", "tcp_offset": [0, 0, 120, 0, 0, 0]}},
+            "tcp_offset: a coordinate of 120 m",
+        ),
         (
             {"robot": {"model": "irb120", "mass_factors": {"link_1": 50}}},
             "mass_factors.link_1: the mass is 50 times",
