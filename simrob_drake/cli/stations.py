@@ -231,7 +231,7 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
     try:
         # The browser shows the time, so a progress bar would only repeat it. Commands of the user reach the station
         # through the steering.
-        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.commands)
         view.say(result.end_in_words)
         return result
     finally:

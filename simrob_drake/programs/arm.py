@@ -37,7 +37,7 @@ from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import MoveSpan
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
@@ -456,7 +456,9 @@ class Workcell(RecordedStation):
             raise
         # The result is saved with the station in which it began, so its program refers to that file.
         text = loaded.on(STATION).text()
-        return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
+        return join_runs(
+            runs, begun=(config, state), left=self.config, program=text, move_spans=spans
+        )
 
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
         """Check that arms can do a program, as far as this can be known without a run.
@@ -528,7 +530,7 @@ class Workcell(RecordedStation):
             begin = now
             if run is not None:
                 now = begin + run.stop_time
-                runs.append(run.numbered(number) if is_named else run)
+                runs.append(run.with_move_number(number) if is_named else run)
             spans.append(MoveSpan(index=number, begin=begin, end=now, is_named=is_named))
             # A monitor or the user has ended the run: the moves that follow would begin elsewhere.
             if run is not None and run.ending != "completed":

@@ -44,7 +44,7 @@ from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import MoveSpan, robot_that_fell
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.station import StationLike
 
@@ -455,8 +455,8 @@ class LeggedRobot(LeggedGeometry):
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Join :attr:`runs` to one result; see :func:`~simrob_drake.results.result.joined`."""
-        return joined(self.runs, move_spans=self.move_spans)
+        """Join :attr:`runs` to one result; see :func:`~simrob_drake.results.result.join_runs`."""
+        return join_runs(self.runs, move_spans=self.move_spans)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :meth:`SimulationResult.film`."""

@@ -14,7 +14,7 @@ from simrob_drake.programs.tape import Entry, Stage, Take
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.stations.station import StationLike, config_of
 
 
@@ -100,11 +100,11 @@ class RecordedStation(StatefulStation):
         ends_with_run = self.tape.entries[-1] is last_take
         final_station = last_take.config if ends_with_run else self.config
         runs = [
-            entry.result.numbered(number)
+            entry.result.with_move_number(number)
             for number, entry in enumerate(self.tape.entries)
             if isinstance(entry, Take)  # a change has a number as well
         ]
-        return joined(runs, left=final_station, program=text)
+        return join_runs(runs, left=final_station, program=text)
 
     def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
         """Write the recording to a folder; see :meth:`SimulationResult.save`.
@@ -162,7 +162,7 @@ class RecordedStation(StatefulStation):
             runs.append(cell.follow(stage.references, stage.duration))
             if runs[-1].ending not in GOES_ON:
                 break
-        return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
+        return runs[0] if len(runs) == 1 else join_runs(runs, left=cell.config)
 
     def _repeat_change(self, entry: Entry) -> None:
         """Change this station by a recorded entry: attach or release a piece, or change a tool."""

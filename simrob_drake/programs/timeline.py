@@ -31,7 +31,7 @@ from simrob_drake.blocks.references import Reference, later
 from simrob_drake.parts.controllers.section import commanded_sections
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.config import StationConfig
@@ -492,7 +492,7 @@ def run_timed(
             state = run.final_state
     finally:
         line.now = begin
-    return runs[0] if len(runs) == 1 else joined(_marked_as_cut(runs))
+    return runs[0] if len(runs) == 1 else join_runs(_marked_as_cut(runs))
 
 
 def _marked_as_cut(runs: Sequence[SimulationResult]) -> list[SimulationResult]:

@@ -6,7 +6,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
@@ -34,7 +34,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     # A program that only plays the station's references has no moves that a user could know by their numbers.
     is_named = not program.plays_references
     spans = [replace(span, is_named=is_named) for span in robot.move_spans]
-    return joined(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
+    return join_runs(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:

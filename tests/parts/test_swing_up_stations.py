@@ -138,7 +138,7 @@ def test_its_gain_is_that_of_the_linearised_station(case: Case) -> None:
 def test_a_run_that_ends_too_early_is_not_called_balanced() -> None:
     result = simulate(load_station("acrobot", {"duration": 1.5}), progress=False)
     (warning,) = result.verdict.warnings
-    assert "off what was asked" in str(warning)
+    assert "from its target position" in str(warning)
     errors = result.verdict["final_error"]
     assert {entry.subject for entry in errors.entries} == {"shoulder", "elbow"}
     assert not errors.left_out

@@ -151,7 +151,7 @@ class TestTheWay:
         np.testing.assert_array_equal(shown.end, plain.end)
         cell.run(shown)
         page = save_recording(cell.result(), tmp_path / "recording.html").read_text()
-        assert "what the search tried" in page
+        assert "paths that the search tried" in page
         drawn = (base64.b64decode(found) for found in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
         assert any(b"search/robot/1" in message for message in drawn)
 

@@ -29,7 +29,7 @@ from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
@@ -106,7 +106,7 @@ class ClimbMove(Move):
                 with naming(name):
                     motion = planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
                 runs.append(perform(robot, motion))
-            return replace(joined(runs), did=self.caption()) if runs else None
+            return replace(join_runs(runs), did=self.caption()) if runs else None
 
         return run_stage
 
