@@ -34,6 +34,7 @@ def draft(
         report: report of the import, which gets an entry for each value that the import has chosen.
         semantics: content of the robot's SRDF.
     """
+    # The order is that of the file: first what a reader looks for, at last the long lists of gains.
     content: dict[str, Any] = {
         "name": robot.name,
         "description": f"{robot.name}, imported",
@@ -48,6 +49,7 @@ def draft(
     if home:
         content["home_deg"] = home
     if robot.gripper is not None:
+        # Without the fields that have no value, so that the file shows only what was found.
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         _report_fingers(list(robot.gripper.axes), report)
     if robot.loops:
@@ -57,6 +59,7 @@ def draft(
     # Gains follow from masses. A robot with links that lack them can only move kinematically, without servos.
     if not robot.links_without_inertia:
         content["servo"] = _draft_gains(robot, notes, report)
+    # Lists and short mappings stand on one line each, as a person would write them.
     text = yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
     )
@@ -133,6 +136,7 @@ def _draft_gains(
         notes: gains that the source contains, by joint.
         report: gets entries about the origin of the gains.
     """
+    # First gains for all axes: the report needs them, and a file may have actuators at some joints only.
     first = first_gains(robot)
     first_kp = dict(zip(robot.axes, first.kp.tolist(), strict=True))
     first_kd = dict(zip(robot.axes, first.kd.tolist(), strict=True))
@@ -148,6 +152,7 @@ def _draft_gains(
                 count=len(source_kp),
             ),
         )
+    # Passive axes have no servo, so they need no gains.
     if len(source_kp) < np.count_nonzero(~robot.passive):
         report.add(
             "defaulted",
@@ -155,6 +160,7 @@ def _draft_gains(
             message("importer.gains_of_mass_matrix", "servo gains from the mass matrix"),
         )
     _report_stiff_joints(first_kp, report)
+    # Gains of the file win, as its author has tuned them.
     return {"kp": first_kp | dict(source_kp), "kd": first_kd | dict(source_kd)}
 
 
@@ -166,6 +172,7 @@ def _report_stiff_joints(kp: dict[str, float], report: ImportReport) -> None:
             up to LARGEST_GAIN.
         report: report of the import.
     """
+    # A gain at the limit means that the damping would demand a larger one, see `first_gains`.
     stiff_axes = [axis for axis, gain in kp.items() if gain >= LARGEST_GAIN]
     if stiff_axes:
         report.add(

@@ -25,8 +25,13 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of files that the core reads as robots."""
+
 _CORE_NAMES = (*CORE_SUFFIXES, "<robot>", "<sdf>")
-_BEGINNING = 65536  # bytes of a file in which its outermost element is expected
+"""Names at the extension point that no extension can announce, because the core reads such files itself."""
+
+# A licence in a comment before the element may be long. Not the whole file: it may be a mesh of gigabytes.
+_BEGINNING = 65536
+"""Count of bytes of a file in which its outermost element is expected."""
 
 register_core_names("importers", lambda: _CORE_NAMES)
 
@@ -118,7 +123,7 @@ class ImportOutcome:
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """What a user says about a scene of another tool that is run as a station.
+    """Options of the user for a scene of another tool that is run as a station.
 
     Attributes:
         packages: folders of packages that the user names, by the name of the package.
@@ -256,6 +261,7 @@ def _announced_list(path: Path) -> str:
 
     The value of the key must be a list. Returns an empty text if there is none, or if the file cannot be read.
     """
+    # Extensions of this project that are not installed count, so that the user can be told to install them.
     names = dict.fromkeys((*additions("importers"), *known_names("importers")))
     announced = [name for name in names if name.endswith(":")]
     lists = keys_of_lists(path, [name.removesuffix(":") for name in announced])
@@ -278,6 +284,7 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
     if key in _CORE_NAMES:
         return None
     addition = additions("importers").get(key)
+    # If an extension of this project has the importer, the error says which one to install.
     if addition is None:
         check_provided(
             "importers",
@@ -287,6 +294,7 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
             else str(file),
         )
         return None
+    # The code of an extension is imported here, and not before a file needs it.
     importer: Importer = load_addition_class(addition, Importer)()
     importer.owner = addition.owner
     return importer
@@ -304,6 +312,7 @@ def outermost_element(path: Path) -> str:
         return ""
     found = list[str]()
     parser = expat.ParserCreate()
+    # The beginning of a file is no complete XML, so that a tree cannot be made of it.
     parser.StartElementHandler = lambda name, _: found.append(name)
     with suppress(expat.ExpatError, ValueError):  # an element before a fault of the file counts
         parser.Parse(beginning, False)

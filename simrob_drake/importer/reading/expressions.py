@@ -22,6 +22,7 @@ from simrob_drake.base.messages import message
 LARGEST = 1_000_000
 """Largest size of a value: its characters, and ten for each number and each entry in it."""
 
+# Python's parser calls itself for each level of a nested expression, and could exhaust its stack.
 _LONGEST = 20_000
 """Largest count of characters of an expression."""
 
@@ -132,9 +133,11 @@ def size_of(value: Any, size_before: int = 0) -> int:
                 bits=_MOST_BITS,
             )
         )
+    # A number counts as ten characters, as it takes about as much memory.
     size = size_before + (len(value) if isinstance(value, str) else 10)
     parts: Iterable[Any] = ()
     if isinstance(value, dict):
+        # Keys may be long texts, too.
         parts = [*value.keys(), *value.values()]
     elif isinstance(value, list | tuple | set | range):
         parts = value
@@ -192,11 +195,12 @@ def _constant(_: _Scope, node: ast.Constant) -> Any:
 
 
 def _name(scope: _Scope, node: ast.Name) -> Any:
-    """Value that a name stands for.
+    """Look up the value of a name.
 
     Raises:
         NameError: there is no such name.
     """
+    # Names of a comprehension are found first, as in Python.
     values = scope.own if node.id in scope.own else scope.names
     try:
         value = values[node.id]
@@ -211,6 +215,7 @@ def _name(scope: _Scope, node: ast.Name) -> Any:
 def _list(scope: _Scope, node: ast.List | ast.Tuple) -> list[Any]:
     """Values of the entries of a list or a tuple."""
     values = [scope.value(part) for part in node.elts]
+    # The parts may be small, and their sum may not.
     size_of(values)
     return values
 
@@ -242,6 +247,7 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
     left = scope.value(node.left)
     right = scope.value(node.right)
     # Some results must be refused before they are computed, because the computation itself would take too long.
+    # Powers of floats end at 1e308 by themselves, with an OverflowError.
     are_whole = isinstance(left, int) and isinstance(right, int)
     if isinstance(node.op, ast.Pow) and are_whole:
         _check_power(left, right)
@@ -312,6 +318,7 @@ def _comparison(scope: _Scope, node: ast.Compare) -> bool:
         right = scope.value(comparator)
         if not _operator(op)(left, right):
             return False
+        # A chain compares neighbours: in 0 < x <= 1, the x is the next left side.
         left = right
     return True
 
@@ -338,6 +345,7 @@ def _entry(scope: _Scope, node: ast.Subscript) -> Any:
         )
     if isinstance(node.slice, ast.Slice):
         ends = (node.slice.lower, node.slice.upper, node.slice.step)
+        # A slice is a part of a text or list, so that it cannot be too large.
         values = [None if end is None else scope.value(end) for end in ends]
         return owner[slice(*values)]
     entry = owner[scope.value(node.slice)]
@@ -360,6 +368,7 @@ def _call(scope: _Scope, node: ast.Call) -> Any:
         raise NotAllowed(message("importer.no_double_star", "** before an argument is not allowed"))
     run = _function(scope, node.func)
     by_name = {str(keyword.arg): scope.value(keyword.value) for keyword in node.keywords}
+    # *arguments are refused here, as no rule exists for them.
     arguments = [scope.value(argument) for argument in node.args]
     return check_value(run(*arguments, **by_name))
 
@@ -372,13 +381,16 @@ def _function(scope: _Scope, node: ast.expr) -> Callable[..., Any]:
     """
     if isinstance(node, ast.Attribute):
         owner = scope.value(node.value)
+        # The exact type counts: only the types themselves are known to have harmless methods.
         method = _METHODS.get((type(owner), node.attr))
         if method is not None:
+            # The method gets its value as the first argument, as if Python had bound it.
             return partial(method, owner)
         # Not a method: a function in a mapping, such as the namespace `math`.
         found = _value_of_key(owner, node.attr)
     else:
         found = scope.value(node)
+    # Also for 3(1) or "a"(): Python would call what it finds.
     if not isinstance(found, Function):
         raise NotAllowed(
             message(
@@ -526,6 +538,7 @@ def symbols(**xacro_functions: Callable[..., Any]) -> dict[str, Any]:
     """
     math_functions = {name: getattr(math, name) for name in _MATH_FUNCTIONS}
     math_constants = {name: getattr(math, name) for name in _MATH_CONSTANTS}
+    # Constants are plain values, all others must be wrapped to be called.
     math_names = {**_functions(math_functions), **math_constants}
     python_names = {**_functions(_PYTHON_FUNCTIONS), "True": True, "False": False}
     xacro_names = _functions({**xacro_functions, "dotify": dict, "tokenize": _tokenize})
@@ -590,6 +603,7 @@ def _replace_in_text(text: str, old: str, new: str, count: int = -1) -> str:
 
 def _join_by_text(text: str, parts: Iterable[str]) -> str:
     """Join texts, with a text between them. Raises NotAllowed if the result would be too large."""
+    # The size of the text between them counts once for each part.
     checked_parts = list(check_value(parts))
     _check_size(len(text) * len(checked_parts))
     return text.join(checked_parts)
@@ -619,6 +633,7 @@ def _check_size(size: int) -> None:
 # Functions that return iterators in Python return lists here: an iterator has no size that could be checked.
 _PYTHON_FUNCTIONS: dict[str, Callable[..., Any]] = {
     **_TYPES,
+    # Their results are no larger than their arguments. A range is counted entry by entry.
     **{run.__name__: run for run in (abs, all, any, divmod, len, max, min, ord, range)},
     "enumerate": lambda values, start=0: list(enumerate(values, start)),
     "isinstance": _isinstance,
@@ -640,6 +655,7 @@ _PYTHON_METHODS = {
 
 _METHODS: dict[tuple[type, str], Callable[..., Any]] = {
     **{
+        # getattr() is called with names of this module only, never with those of a file.
         (kind, name): getattr(kind, name)
         for kind, names in _PYTHON_METHODS.items()
         for name in names.split()

@@ -19,6 +19,7 @@ from simrob_drake.importer.sdf.reading import read_sdf
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE
 
+# Authors of files switch off a joint or a shape by a comment. The user of the file may take it for a part of the robot.
 _HIDDEN_TAG = re.compile(
     r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>"
 )
@@ -41,6 +42,7 @@ def read_source(
         InvalidModel: the file cannot be read, is too large, is no XML, declares entities, or contains no robot.
     """
     options = options or ImportOptions()
+    # The text is kept, as xacro needs it unparsed.
     text = xml_text(path, report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
@@ -55,17 +57,20 @@ def read_source(
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options, report)
     if robot.tag != "robot":
+        # An element that the core does not read may belong to an extension, such as <mujoco>.
         importer = _importer_of(robot.tag, report)
         if importer is None:
             raise report.refusal(f"<{robot.tag}>", _wrong_element(robot.tag))
         return importer.robot_element(robot, path.absolute(), options, report)
     _report_hidden_elements(comments, report)
+    # Only a URDF is cleaned: importers of other formats know all of their names.
     _remove_foreign_names(robot, report)
     return robot
 
 
 def _wrong_element(tag: str) -> str:
     """Sentence about a file whose outermost element is not ``robot``, with its format if that is known."""
+    # Formats that users confuse with a URDF, with what their files are.
     formats = read_yaml(Path(__file__).with_name("other_formats.yaml"))
     kind = formats.get(tag)
     if kind:
@@ -80,6 +85,7 @@ def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
     for comment in comments:
         tags = _HIDDEN_TAG.findall(comment)
         tag_counts.update(tags)
+        # A comment counts once, however many elements it hides.
         hiding_count += bool(tags)
     if not hiding_count:
         return
@@ -114,6 +120,7 @@ def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
         raise report.refusal(
             "", message("importer.cannot_be_read", "cannot be read: {problem}", problem=problem)
         ) from problem
+    # Importers of other things than robots are used by `simrob import` alone.
     return importer if isinstance(importer, RobotImporter) else None
 
 

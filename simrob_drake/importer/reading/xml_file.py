@@ -25,6 +25,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
+# Writing a tree calls a function within itself for each level, and Python limits the depth of calls.
 MAX_DEPTH = 60
 """Largest depth of nested elements. A URDF has six levels."""
 
@@ -78,6 +79,7 @@ def xml_text(path: Path, report: ImportReport) -> str:
     Raises:
         InvalidModel: the file cannot be read, is too large, or is no text.
     """
+    # Bytes become text before anything else: a null in UTF-16 is no sign of a binary file.
     text = _decode(_file_content(path, report), report)
     if "\0" in text:
         raise report.refusal(
@@ -85,6 +87,7 @@ def xml_text(path: Path, report: ImportReport) -> str:
         )
     if not text.strip():
         raise report.refusal("", message("importer.is_empty", "is empty"))
+    # Counted in the text, before a tree is made of it, which takes much more memory.
     if text.count("<") > MOST_TAGS:
         raise report.refusal(
             "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS)
@@ -102,6 +105,7 @@ def read_included(
         path: the included file.
         report: report of the including file. Entries about the included file get its name.
     """
+    # Errors name the included file, as they use the report that its reader gets.
     own_report = ImportReport(path)
     content = read(path, own_report)
     for entry in own_report.entries:
@@ -111,6 +115,7 @@ def read_included(
 
 def _remove_late_declaration(text: str, report: ImportReport) -> str:
     """Remove an XML declaration that does not stand at the beginning. The numbers of lines stay the same."""
+    # Parsers refuse such a file with an error that few users understand.
     late = _LATE_DECLARATION.match(text)
     if not late:
         return text
@@ -145,6 +150,7 @@ def _repair_comments(text: str, report: ImportReport) -> str:
             count=bad_count,
         ),
     )
+    # Each character is replaced by one, so that errors name the line and column of the file.
     repaired = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end])
     return repaired + text[end:]
 
@@ -159,6 +165,7 @@ def _decode(content: bytes, report: ImportReport) -> str:
     Raises:
         InvalidModel: the content is no text of the encoding that its mark stands for.
     """
+    # A mark is certain. A declared encoding is often copied from another file.
     for mark, encoding in _ENCODING_OF_MARK:
         if content.startswith(mark):
             report.add(
@@ -171,6 +178,7 @@ def _decode(content: bytes, report: ImportReport) -> str:
                 ),
             )
             return _decode_by_trial(content.removeprefix(mark), (encoding,), report)
+    # Without a declaration, XML is UTF-8.
     declaration = _DECLARED_ENCODING.match(content)
     declared = declaration.group(1).decode("ascii") if declaration else "utf-8"
     # Latin-1 comes last, because it accepts all bytes.
@@ -217,6 +225,7 @@ def _file_content(path: Path, report: ImportReport) -> bytes:
     Raises:
         InvalidModel: the file does not exist, is a folder, is too large, or cannot be read.
     """
+    # Users often name the folder of a robot. Python's own error does not say what to do.
     if isdir(path):
         raise report.refusal(
             "", message("importer.is_a_folder", "is a folder; name the URDF file in it")
@@ -266,6 +275,7 @@ class _Parser:
     def parse(self, text: str) -> tuple[ET.Element, list[str]]:
         """Parse the text. See :func:`parse_tree`."""
         parser = expat.ParserCreate()
+        # One piece of text for each element, and not one for each line.
         parser.buffer_text = True
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
@@ -297,6 +307,7 @@ class _Parser:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         """Begin an element: read the prefixes that it declares, and keep its other attributes."""
         prefixes = dict(self._prefixes[-1])
+        # xmlns attributes are no data. They would come out as attributes of the robot.
         kept_attributes = {}
         for name, value in attributes.items():
             if name.startswith("xmlns:"):
@@ -305,6 +316,7 @@ class _Parser:
                 kept_attributes[name] = value
         self._prefixes.append(prefixes)
 
+        # The list has an entry for each open element.
         if len(self._prefixes) > MAX_DEPTH:
             raise self._report.refusal(
                 "",
@@ -320,6 +332,7 @@ class _Parser:
 
     def _end(self, tag: str) -> None:
         """End an element."""
+        # The prefixes of an element apply to its end tag, too: they are removed afterwards.
         self._builder.end(self._full_name(tag))
         self._prefixes.pop()
 
@@ -328,6 +341,7 @@ class _Parser:
         prefix, colon, rest = name.partition(":")
         if not colon:
             return name
+        # A prefix of the name drake counts as Drake's without a declaration, as in Drake's own parser.
         known = self._prefixes[-1].get(prefix, "")
         if _DRAKE_PREFIX in (prefix, known):
             return DRAKE + rest
@@ -348,4 +362,5 @@ def _known_prefix(uri: str) -> str:
     """Prefix of a namespace: ``drake`` or ``xacro``, or empty for other namespaces."""
     if uri == DRAKE.strip("{}"):
         return _DRAKE_PREFIX
+    # Files declare xacro by several addresses, such as http://ros.org/wiki/xacro and http://www.ros.org/wiki/xacro.
     return _XACRO_PREFIX if "xacro" in uri else ""

@@ -58,6 +58,7 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
         InvalidModel: the text is no pose.
     """
     pose = None if element is None else element.find("pose")
+    # An empty <pose> may still name a frame with relative_to: then the element is where that frame is.
     if pose is None or not (pose.text or "").strip():
         return RigidTransform()
     numbers = numbers_in(pose.text or "") or []
@@ -90,6 +91,7 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
                 text=shortened(" ".join((pose.text or "").split())),
             ),
         )
+    # Roll, pitch and yaw about fixed axes, as in a URDF.
     angles = np.deg2rad(rotation) if pose.get("degrees") == "true" else rotation
     return RigidTransform(RollPitchYaw(angles), position)
 
@@ -161,17 +163,20 @@ class Frames:
             self._poses[WORLD] = self.place.inverse()
             self._add(model_frame, model, model_frame, self._canonical_link(model, prefix))
         for link in model.iterfind("link"):
+            # A link is a frame to which others are attached: it moves with itself.
             name = prefix + name_of(link)
             self._add(name, link, self._base_of_pose(link, prefix, model_frame), name)
             self.links[name] = link
         for joint in model.iterfind("joint"):
             self._add_joint_frame(joint, prefix)
         for frame in model.iterfind("frame"):
+            # Without relative_to, the pose of a frame is given in the frame to which it is attached.
             carrier = full_name(prefix, frame.get("attached_to") or MODEL)
             base = self._base_of_pose(frame, prefix, carrier)
             self._add(prefix + name_of(frame), frame, base, carrier)
         for nested in model.iterfind("model"):
             nested_name = prefix + name_of(nested)
+            # The own frame of a nested model is given in the outer model, and moves with a link of the nested one.
             nested_prefix = nested_name + SCOPE
             self._models.add(nested_name)
             carrier = self._canonical_link(nested, nested_prefix)
@@ -219,6 +224,7 @@ class Frames:
         Raises:
             InvalidModel: there is a frame of this name already, or the pose is no pose.
         """
+        # A model is named in messages, and not its own frame: hand and not hand::__model__.
         where = compound("{tag} '{name}'", tag=element.tag, name=name.removesuffix(SCOPE + MODEL))
         if name in self._frames:
             raise self.report.refusal(
@@ -241,6 +247,7 @@ class Frames:
             default: full name of the frame that counts if the file names no frame.
         """
         pose = element.find("pose")
+        # The frame is named within the model that contains the element.
         relative_to = None if pose is None else pose.get("relative_to")
         return full_name(prefix, relative_to) if relative_to else default
 
@@ -269,6 +276,7 @@ class Frames:
                 )
             chain.append(base)
             base = self._frame_name(frame.base)
+        # Back from there: each base is known when the frame that is given in it is computed.
         for inner in reversed(chain):
             frame = self._frames[inner]
             base_pose = self._poses[self._frame_name(frame.base)]
@@ -285,6 +293,7 @@ class Frames:
             InvalidModel: there is no such frame, or frames are attached to each other.
         """
         for _ in range(_MOST_FRAMES):
+            # A frame may be attached to a whole model: to the link with which the model's own frame moves.
             name = self._frame_name(name)
             if name == WORLD or name in self.links:
                 return name
@@ -349,8 +358,10 @@ class Frames:
             if name == base:
                 return pose
             frame = self._find(self._frame_name(name))
+            # X_BaseName = X_BaseNext X_NextName.
             pose = frame.pose @ pose
             name = frame.base
+            # The chain has left the nested model: its own frame is not on the way.
             if name == WORLD or self._frame_name(name) not in self._frames:
                 break
         raise self.report.refusal(

@@ -19,6 +19,7 @@ from simrob_drake.importer.sdf.robot import RobotWriter, moves, text_at
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, name_of
 
+# Gazebo uses this name, too.
 _MAIN_FILE = "model.sdf"
 """Name of the SDF file in a model's folder that has no manifest."""
 
@@ -58,6 +59,7 @@ def read_sdf(
     owners = [element for element in root.iter() if element.tag in ("world", "model", "sdf")]
     for owner in owners:
         includes.insert_models(owner)
+    # Only after all includes: the robot may be in one of them.
     model = _choose_model(root, options.model, report)
     _report_losses(model, report)
     return RobotWriter(model, version_of(root), report).write()
@@ -74,6 +76,7 @@ def _report_losses(model: ET.Element, report: ImportReport) -> None:
             compound("{count} ×: {lost}", count=count, lost=_LOST[tag]),
         )
     for link in model.iter("link"):
+        # Arms in files of Gazebo often have no gravity, in place of a controller that compensates it.
         if (link.findtext("gravity") or "1").strip() in ("0", "false"):
             report.add(
                 "lost",
@@ -98,13 +101,16 @@ def _choose_model(root: ET.Element, name: str, report: ImportReport) -> ET.Eleme
         InvalidModel: the file has no model, or several robots, and the user has not chosen one.
         UnknownName: there is no model of the name.
     """
+    # A file may contain a model without a world, or a world with models.
     models = root.findall("model")
     for world in root.iterfind("world"):
         models += world.findall("model")
     if name:
         names = [name_of(model) for model in models]
         what = message("importer.model_option", "model (for --model)")
+        # one_of() lists the names if the chosen one is not among them.
         return models[names.index(one_of(what, name, names))]
+    # A file of one model that does not move is a robot without joints, which is refused later with the reason.
     robots = [model for model in models if moves(model)] or models
     if not robots:
         raise report.refusal("", message("importer.holds_no_model", "contains no model"))
@@ -169,6 +175,7 @@ class _Includes:
             InvalidModel: a model may not be read, includes never end, or the model becomes too large.
         """
         for include in owner.findall("include"):
+            # The order of models and links decides which link is the canonical one.
             index = list(owner).index(include)
             owner.remove(include)
             uri = text_at(include, "uri")
@@ -219,6 +226,7 @@ class _Includes:
                     "importer.file_without_model", "{path} contains no model", path=file.path.name
                 )
             )
+        # Meshes are looked for from the folder of the main file, and not from that of the included one.
         for name in model.iter("uri"):
             text = (name.text or "").strip()
             # URIs with a scheme and absolute paths mean the same in all files.
@@ -236,6 +244,7 @@ class _Includes:
         border = self.places.border
         scheme, separator, rest = uri.partition("://")
         if separator and scheme in ("model", "package"):
+            # Gazebo and ROS have different schemes for packages. Both are found in the same folders.
             package, _, path_in_package = rest.partition("/")
             package_folder = border.package(package)
             if package_folder is None:
@@ -247,6 +256,7 @@ class _Includes:
                     )
                 )
             found = border.readable(package_folder / path_in_package)
+            # The base keeps the package, so that the names of meshes stay independent of folders of this machine.
             base = uri.rstrip("/")
         else:
             main_folder = self.places.source.parent
@@ -259,6 +269,7 @@ class _Includes:
                     message("importer.no_name_of_file", "is not a possible name of a file")
                 ) from problem
             base = os.path.relpath(found, main_folder)
+        # A URI names the folder of a model, or its SDF file itself.
         if isdir(found):
             return _ModelFile(self._main_file(found), base)
         return _ModelFile(found, os.path.dirname(base))
@@ -275,6 +286,7 @@ class _Includes:
         if manifest.is_file():
             content = xml_element(manifest, ImportReport(manifest))
             names += [(sdf.text or "").strip() for sdf in content.iter("sdf")]
+        # Backwards from the newest file to the usual name, which is the last resort.
         for name in reversed(names):
             if name and (folder / name).is_file():
                 return self.places.border.readable(folder / name)
@@ -296,6 +308,7 @@ def _parts_of_include(model: ET.Element, include: ET.Element) -> list[ET.Element
         include: the ``include`` element.
     """
     name = text_at(include, "name")
+    # One model may be included twice, under different names.
     if include.findtext("name"):
         model.set("name", name)
     for tag in _OVERRIDES:
@@ -319,8 +332,10 @@ def _merged_parts(model: ET.Element) -> list[ET.Element]:
     Args:
         model: the included model, which is changed.
     """
+    # Names that begin with an underscore are unusual, so that no link has this one.
     frame_name = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=frame_name)
+    # The pose of the include counts here, as it has replaced that of the model.
     frame.extend(model.findall("pose"))
     parts = [part for part in model if part.tag in _MERGED_TAGS]
     for part in parts:

@@ -5,6 +5,7 @@ frame of a link is the frame of the joint that leads to it. So shapes and inerti
 """
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -51,6 +52,7 @@ _MOVING_TYPES = (
 )
 """Types of SDF joints that move."""
 
+# Each of the three joints turns about one axis of the ball, one after the other, as roll, pitch and yaw do.
 _BALL_AXES = {"x": np.array([1.0, 0, 0]), "y": np.array([0, 1.0, 0]), "z": np.array([0, 0, 1.0])}
 """Axes of the three joints that take the place of a ball joint, in its frame, by the ends of their names."""
 
@@ -73,6 +75,7 @@ _DEFAULT_MASS = "1"
 _DEFAULT_INERTIA = {"ixx": "1", "iyy": "1", "izz": "1"}
 """Moments of inertia of a link without ``<inertia>`` [kg m²], as the SDF format defines them."""
 
+# Files write infinity as a large number, such as 1e16 or 1e18.
 _UNLIMITED = 1e15
 """A limit of this size or more is none [rad, m, N·m ...]. SDF's own defaults are 1e16."""
 
@@ -89,6 +92,7 @@ def moves(model: ET.Element) -> bool:
     """Whether a joint of a model moves. Joints of a static model do not, whatever their type."""
     if is_static(model):
         return False
+    # Joints of nested models count, too: an arm may be included in a model that has no joint of its own.
     return any(joint.get("type") in _MOVING_TYPES for joint in model.iter("joint"))
 
 
@@ -154,10 +158,13 @@ class RobotWriter:
 
     def __post_init__(self) -> None:
         where = message("importer.model_called", "model '{name}'", name=name_of(self.model))
+        # The pose of the model in the world only counts if a joint connects the two. The place of a loose robot is
+        # given by the station.
         place_in_world = own_pose(self.model, self.report, where)
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place_in_world)
         self._frames.add_model(self.model)
+        # Edges are removed as their links are added to the robot. Those that remain close loops.
         self._edges = self._find_edges()
         self._names = self._choose_names()
         self._free_names = FreeNames(self._names.values())
@@ -174,12 +181,14 @@ class RobotWriter:
             InvalidModel: an element refers to a frame that does not exist, or an axis has no direction.
         """
         has_world_joint = any(WORLD in (edge.parent, edge.child) for edge in self._edges)
+        # Everything grows from the world, if the file connects it with a link: the robot is then fixed there.
         if is_static(self.model) or has_world_joint:
             self._names[WORLD] = self._free_names.take(ROOT)
             self._add_link(WORLD, RigidTransform())
         if is_static(self.model):
             self._fix_first_link()
         self._grow()
+        # The order matters from here: mimics and loops need all joints, frames need all links.
         self._add_further_trees()
         self._write_mimics()
         self._write_loop_joints()
@@ -195,6 +204,8 @@ class RobotWriter:
         """
         edges = []
         for name, (prefix, joint) in self._frames.joints.items():
+            # A gearbox names two links as well, but does not hold them: as an edge it would be taken for a joint of the
+            # tree.
             if joint.get("type") == "gearbox":
                 self.report.add(
                     "lost",
@@ -217,9 +228,10 @@ class RobotWriter:
         A URDF has no scopes. A name that is unique without its scope is shortened, others keep the scope: the link
         ``hand::finger`` becomes ``finger`` or, if another model has a link or joint of that name, ``hand_finger``.
         """
+        # Links come first, so that a joint gets another name if both have the same.
         full_names = [*self._frames.links, *self._frames.joints]
         short_names = [name.rsplit(SCOPE, 1)[-1] for name in full_names]
-        counts = {name: short_names.count(name) for name in short_names}
+        counts = Counter(short_names)
         free_names = FreeNames()
         chosen = {}
         for name, short_name in zip(full_names, short_names, strict=True):
@@ -239,6 +251,7 @@ class RobotWriter:
                 self._join(edge, is_forward=True)
                 self._edges.remove(edge)
                 continue
+            # Nothing is reached from parents any more. A link that is only reached from its child is next.
             edge = self._next_edge(is_forward=False)
             if edge is None:
                 return
@@ -255,13 +268,14 @@ class RobotWriter:
             )
 
     def _next_edge(self, *, is_forward: bool) -> _Edge | None:
-        """Find the first joint of which the robot has one link only. Returns None if there is no such joint.
+        """Find the first joint of which the robot has one link only. Returns None if no joint is of this kind.
 
         Args:
             is_forward: whether this link is the joint's parent. Otherwise it is the child.
         """
         for edge in self._edges:
             present, absent = _ends(edge, is_forward=is_forward)
+            # A joint with both links in the robot would make a loop of the tree.
             if present in self._origins and absent not in self._origins:
                 return edge
         return None
@@ -291,17 +305,21 @@ class RobotWriter:
         joint = edge.element
         kind = joint.get("type", "")
         axis_tags = _AXES_OF_TYPE.get(kind, ("axis",))
+        # From the child back to the parent, the axes are met in the reverse order.
         if not is_forward:
             axis_tags = axis_tags[::-1]
+        # The child that turns about +z against its parent sees the parent turn about -z.
         sense = 1.0 if is_forward else -1.0
         parent, child = _ends(edge, is_forward=is_forward)
         joint_pose = self._frames.pose(edge.name)
+        # In a URDF the frame of a link is that of the joint that leads to it.
         self._add_link(child, joint_pose)
 
         carrier = self._names[parent]
         pose_in_carrier = self._origins[parent].inverse() @ joint_pose
         has_one_axis = len(axis_tags) == 1
         for tag in axis_tags:
+            # A URDF joint has one axis. Each further axis needs a joint, and a link between the joints.
             name = self._names[edge.name]
             if not has_one_axis:
                 name = self._free_names.take(f"{name}_{tag}")
@@ -312,17 +330,9 @@ class RobotWriter:
                 self.robot, name, parent=carrier, child=carried, pose=pose_in_carrier, kind=kind
             )
             if kind != "fixed":
-                axis = joint.find(tag)
-                direction = _BALL_AXES[tag] if kind == "ball" else self._direction(edge, axis)
-                ET.SubElement(urdf_joint, "axis", xyz=format_numbers(sense * direction))
-                write_limits(urdf_joint, axis)
                 # Drake's elements of a motor do not name an axis. They are lost if there are several.
                 motor_source = joint if has_one_axis else None
-                write_drive(self.robot, urdf_joint, axis, motor_source, self.report)
-                self._joint_of_axis[_AxisName(edge.name, tag)] = urdf_joint
-                if axis is not None:
-                    for mimic in axis.findall("mimic"):
-                        self._mimics.append(_Mimic(edge.prefix, urdf_joint, mimic))
+                self._write_axis(edge, tag, urdf_joint, sense, motor_source)
             # All axes of an SDF joint pass through the origin of its frame: the further joints are at the same place.
             carrier = carried
             pose_in_carrier = RigidTransform()
@@ -340,6 +350,36 @@ class RobotWriter:
                 ),
             )
 
+    def _write_axis(
+        self,
+        edge: _Edge,
+        tag: str,
+        urdf_joint: ET.Element,
+        sense: float,
+        motor_source: ET.Element | None,
+    ) -> None:
+        """Write direction, limits and drive of an axis of an SDF joint into the URDF joint that stands for the axis.
+
+        Args:
+            edge: the SDF joint.
+            tag: tag of the axis, such as ``axis2``.
+            urdf_joint: the joint of the URDF.
+            sense: 1.0, or -1.0 if the joint is turned round.
+            motor_source: joint of the SDF with Drake's elements of its motor, or None if it has several axes.
+        """
+        axis = edge.element.find(tag)
+        # A ball joint of SDF has no elements for its axes.
+        is_ball = edge.element.get("type") == "ball"
+        direction = _BALL_AXES[tag] if is_ball else self._direction(edge, axis)
+        ET.SubElement(urdf_joint, "axis", xyz=format_numbers(sense * direction))
+        write_limits(urdf_joint, axis)
+        write_drive(self.robot, urdf_joint, axis, motor_source, self.report)
+        # Joints that follow this axis may be anywhere in the file: they are written at the end.
+        self._joint_of_axis[_AxisName(edge.name, tag)] = urdf_joint
+        if axis is not None:
+            for mimic in axis.findall("mimic"):
+                self._mimics.append(_Mimic(edge.prefix, urdf_joint, mimic))
+
     def _write_mimics(self) -> None:
         """Write the ``mimic`` of every follower, after all joints: its leader may be later in the file.
 
@@ -349,6 +389,7 @@ class RobotWriter:
         for mimic in self._mimics:
             leader_name = full_name(mimic.prefix, mimic.element.get("joint", ""))
             axis_tag = mimic.element.get("axis", "axis")
+            # Without such a joint, the next stages see a name that no joint has, and report it.
             leader = self._joint_of_axis.get(_AxisName(leader_name, axis_tag))
             values = {
                 key: float(_number_at(mimic.element, key) or default)
@@ -409,6 +450,7 @@ class RobotWriter:
                 message("importer.axis_of_joint", "joint '{joint}' <axis>", joint=edge.name),
                 message("importer.is_no_direction", "must be three numbers that are not all zero"),
             )
+        # The direction need not have the length 1: a later stage of the import normalises it.
         direction = np.array(numbers)
 
         # Versions have different frames for axes: the joint's frame, the model's, or a frame that the axis names.
@@ -418,13 +460,14 @@ class RobotWriter:
             frame = MODEL
         if not frame:
             return direction
+        # A URDF gives the axis in the frame of the joint: turn it from its own frame to the model, and from there back.
         joint_rotation = self._frames.pose(edge.name).rotation()
         frame_rotation = self._frames.pose(full_name(edge.prefix, frame)).rotation()
         in_joint: Vector = joint_rotation.inverse() @ frame_rotation @ direction
         return in_joint
 
     def _fix_first_link(self) -> None:
-        """Fix the first link to the world, for a static model. A model without links stays as it is."""
+        """Fix the first link to the world, for a static model. A model without links is not changed."""
         link = next(iter(self._frames.links), "")
         if not link:
             return
@@ -468,6 +511,7 @@ def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
         joint: the joint of the URDF.
         axis: the axis of the SDF, or None if the file has none.
     """
+    # Texts are copied, so that a limit keeps the digits of the file.
     limit = ET.SubElement(joint, "limit")
     ends = {}
     for key in ("lower", "upper"):
@@ -483,6 +527,7 @@ def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
         # Negative values, such as SDF's default -1, are no limit.
         if value and 0 <= float(value) < _UNLIMITED:
             limit.set(key, value)
+    # Drake reads this element of its own in both formats.
     acceleration = _number_at(axis, f"limit/{DRAKE}acceleration")
     if acceleration:
         limit.set(f"{DRAKE}acceleration", acceleration)
@@ -510,12 +555,14 @@ def write_drive(
         if value and float(value):
             dynamics[key] = value
     ET.SubElement(joint, "dynamics", dynamics)
+    # Damping and friction have elements in a URDF, a spring has none.
     if float(_number_at(axis, "dynamics/spring_stiffness") or 0):
         report.add(
             "lost",
             message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
             message("importer.has_spring", "has a spring; springs at joints are not simulated"),
         )
+    # Elements of Drake: an SDF has no others for the motor of a joint.
     gear_values = {}
     for key in _GEAR_TAGS:
         value = _number_at(source, f"{DRAKE}{key}")
@@ -533,6 +580,8 @@ def _add_described_motors(robot: ET.Element) -> None:
     A joint without an effort has a motor without a limit in SDF. Files in which no joint has the effort 0 and no joint
     has Drake's elements of a motor do not describe motors, and get no motors here.
     """
+    # As in Drake, an effort of 0 means a joint without a motor. A file with such a joint
+    # describes which joints have motors.
     joints = [joint for joint in robot.iterfind("joint") if joint.get("type") != "fixed"]
     without_effort = [joint for joint in joints if number(joint.find("limit"), "effort") == 0]
     driven = transmissions_of(robot)
@@ -586,6 +635,7 @@ def _add_inertia(
         return
     urdf_inertial = ET.SubElement(link, "inertial")
     place(urdf_inertial, pose @ own_pose(inertial, report, where))
+    # Mass and inertia may be missing independently of each other.
     mass = None if inertial is None else inertial.findtext("mass")
     inertia = None if inertial is None else inertial.find("inertia")
     ET.SubElement(urdf_inertial, "mass", value=(mass or _DEFAULT_MASS).strip())
@@ -686,6 +736,7 @@ def _convert_geometry(geometry: ET.Element) -> ET.Element:
     if geometry.tag == "mesh":
         mesh = ET.Element("mesh", filename=text_at(geometry, "uri"))
         scale = text_at(geometry, "scale")
+        # 1 1 1 is the default of both formats.
         if scale and not np.array_equal(numbers_in(scale) or [], [1, 1, 1]):
             mesh.set("scale", scale)
         return mesh
@@ -709,6 +760,7 @@ def _add_colour_of_visual(visual: ET.Element, geometry: ET.Element, shape: ET.El
         shape: the visual of the SDF.
     """
     material = shape.find("material")
+    # Without a material, the visual gets the default of a later stage.
     if material is None:
         return
     text = material.findtext("diffuse") or material.findtext("ambient") or ""
@@ -726,6 +778,7 @@ def _add_colour_of_visual(visual: ET.Element, geometry: ET.Element, shape: ET.El
         # A colour may have no opacity: it is 1 then.
         rgba = [*diffuse, 1.0][:4]
     if geometry.tag == "mesh":
+        # A material without a usable colour must not hide the colours of the mesh file.
         if not (named_colour or diffuse):
             return
         geometry.set(PLAIN, "true")
