@@ -97,7 +97,7 @@ def _draft_home(
             ROBOT_FILE,
             message(
                 "importer.start_midway",
-                "the limits of {axes} exclude zero; the home posture has the middle of the range",
+                "the limits of {axes} exclude zero, so the home posture is in the middle of the range",
                 axes=", ".join(at_middle),
             ),
         )

@@ -99,7 +99,7 @@ def add_hand(
         message("robots.link_called", "link '{link}'", link=root),
         message(
             "importer.hand_put_on",
-            "of {hand}, put on '{mount}'",
+            "root of the hand {hand}, attached to '{mount}'",
             hand=options.hand.name,
             mount=mount,
         ),
@@ -152,7 +152,7 @@ def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
             message("robots.joint_called", "joint '{joint}'", joint=joint),
             message(
                 "importer.gripper_without_limits",
-                "has no limits, so that no end of its range is that of a closed jaw",
+                "has no limits; the jaw of a gripper needs a closed and an open position",
             ),
         )
     for element in robot.iterfind("joint"):

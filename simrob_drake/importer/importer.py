@@ -183,7 +183,7 @@ class FileImporter(Importer, ABC):
             "",
             message(
                 "importer.import_reads_it",
-                "is {title}, which simrob import reads, and simrob check cannot",
+                "is {title}, which `simrob check` cannot read; use `simrob import`",
                 title=self.title,
             ),
         )
@@ -208,7 +208,7 @@ class FileImporter(Importer, ABC):
             "",
             message(
                 "importer.is_no_scene",
-                "is {title}, which simrob import reads, and simrob run cannot",
+                "is {title}, which `simrob run` cannot simulate; use `simrob import`",
                 title=self.title,
             ),
         )
@@ -232,7 +232,7 @@ def find_station_importer(file: Path | str) -> FileImporter | None:
 def find_importer(file: Path | str) -> Importer | None:
     """Find the importer of an extension for a file.
 
-    It is found by the suffix of the file, by the outermost element of an XML file, or by a list that a YAML file has.
+    The suffix of the file decides, the outermost element of an XML file, or a list under a certain key of a YAML file.
 
     Returns None if the core itself reads the file, or if nothing reads such files.
 
@@ -250,8 +250,8 @@ def find_importer(file: Path | str) -> Importer | None:
         return load_importer(key, path) if key else None
     if suffix not in CORE_SUFFIXES:
         return load_importer(suffix, path) if suffix else None
-    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element tells whose
-    # file it is. For the elements that the core reads, load_importer() returns None.
+    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element decides. For
+    # the elements that the core reads, load_importer() returns None.
     element = outermost_element(path)
     return load_importer(f"<{element}>", path) if element else None
 
@@ -259,7 +259,7 @@ def find_importer(file: Path | str) -> Importer | None:
 def _announced_list(path: Path) -> str:
     """Find a key of a YAML file by which an extension announces an importer, such as ``directives:``.
 
-    The value of the key must be a list. Returns an empty text if there is none, or if the file cannot be read.
+    The value of the key must be a list. Returns an empty text if the file has no such key or cannot be read.
     """
     # Extensions of this project that are not installed count, so that the user can be told to install them.
     names = dict.fromkeys((*additions("importers"), *known_names("importers")))
@@ -271,7 +271,7 @@ def _announced_list(path: Path) -> str:
 def load_importer(key: str, file: Path | None = None) -> Importer | None:
     """Load the importer that an extension announces by a suffix or an element.
 
-    Returns None if there is none, or if the core itself reads such files.
+    Returns None if no extension announces one, or if the core itself reads such files.
 
     Args:
         key: the suffix in lower case, the element as ``<element>``, or the key of a list as ``key:``.

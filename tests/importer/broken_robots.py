@@ -830,7 +830,7 @@ TREE = [
     Defect(
         "dashes in a comment",
         swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"),
-        "repaired: 1 comment(s) hold --",
+        "repaired: 1 comment contains --",
     ),
     Defect(
         "gazebo",
@@ -1200,7 +1200,7 @@ FILES = [
     Defect(
         "Latin-1",
         content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
-        "repaired: is not utf-8",
+        "repaired: is not valid utf-8",
     ),
     Defect(
         "late declaration",

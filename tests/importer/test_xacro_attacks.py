@@ -94,7 +94,7 @@ def test_no_code_runs(tmp_path, attack):
     with pytest.raises(InvalidModel) as refusal:
         examine_robot(xacro_file(tmp_path, attack))
     told = str(refusal.value)
-    assert "xacro cannot expand it" in told
+    assert "xacro cannot expand the file" in told
     assert "is not allowed" in told or "is no function" in told or "there is no key" in told
     assert not (tmp_path / "owned").exists()
 

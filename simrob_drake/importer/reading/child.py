@@ -104,7 +104,11 @@ def in_child(
                 cast(IO[bytes], child.stdin).close()
         if result is None and not is_in_time:
             raise ChildFailed(
-                message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds)
+                message(
+                    "importer.did_not_end",
+                    "the process does not end within {seconds:g} s",
+                    seconds=seconds,
+                )
             )
         if result is None:
             raise ChildFailed(_crash_reason(errors, child))
@@ -119,7 +123,7 @@ def in_child(
             "",
             message(
                 "importer.read_unconfined",
-                "read without {missing}, which would confine the process that does it on Linux, too",
+                "read in a process without the protection of {missing}, which this system does not have",
                 missing=missing,
             ),
         )
@@ -134,7 +138,7 @@ def _crash_reason(errors: IO[bytes], child: subprocess.Popen[bytes]) -> str:
     if lines:
         return lines[-1]
     return message(
-        "importer.its_process_ended", "its process ended with code {code}", code=child.wait()
+        "importer.its_process_ended", "the process ended with exit code {code}", code=child.wait()
     )
 
 
@@ -158,7 +162,7 @@ def _exchange(
                 return {
                     "problem": message(
                         "importer.gives_too_much",
-                        "it gives more than {megabytes} MB",
+                        "the result is larger than {megabytes} MB",
                         megabytes=MAX_OUTPUT // 1_000_000,
                     )
                 }
@@ -217,7 +221,7 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
     except MemoryError:
         too_much = message(
             "importer.takes_too_much_memory",
-            "it takes more than {megabytes} MB of memory",
+            "the process needs more than {megabytes} MB of memory",
             megabytes=MEMORY // 1_000_000,
         )
         end = {"problem": as_data(too_much)}

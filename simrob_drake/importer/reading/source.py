@@ -11,7 +11,6 @@ from pathlib import Path
 
 from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
 from simrob_drake.importer.reading.xacro import XACRO, expand_xacro
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
@@ -24,6 +23,20 @@ _HIDDEN_TAG = re.compile(
     r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>"
 )
 """An element of a URDF in the text of a comment."""
+
+_OTHER_FORMATS = {
+    "gazebo": message("importer.kind_gazebo", "an old SDF file"),
+    "world": message("importer.kind_world", "an SDF world"),
+    "model": message("importer.kind_model", "an SDF model"),
+    "mujocoinclude": message(
+        "importer.kind_mujocoinclude", "a part of an MJCF file of MuJoCo, which other files include"
+    ),
+    "COLLADA": message("importer.kind_collada", "a COLLADA mesh"),
+    "launch": message("importer.kind_launch", "a ROS launch file"),
+    "package": message("importer.kind_package", "a ROS package manifest"),
+    "html": message("importer.kind_html", "a web page, perhaps in place of the raw file"),
+}
+"""Files that users take for a robot's file, by their outermost element: what they are, in words."""
 
 
 def read_source(
@@ -51,9 +64,15 @@ def read_source(
         if _is_xacro(robot, path):
             raise report.refusal(
                 "",
-                message("importer.still_xacro", "still holds xacro elements after its expansion"),
+                message(
+                    "importer.still_xacro", "still contains xacro elements after its expansion"
+                ),
             )
-        report.add("read", "", message("importer.xacro_expanded", "xacro, expanded"))
+        report.add(
+            "read",
+            "",
+            message("importer.xacro_expanded", "the macros of the xacro file are expanded"),
+        )
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options, report)
     if robot.tag != "robot":
@@ -70,10 +89,8 @@ def read_source(
 
 def _wrong_element(tag: str) -> str:
     """Sentence about a file whose outermost element is not ``robot``, with its format if that is known."""
-    # Formats that users confuse with a URDF, with what their files are.
-    formats = read_yaml(Path(__file__).with_name("other_formats.yaml"))
-    kind = formats.get(tag)
-    if kind:
+    kind = _OTHER_FORMATS.get(tag)
+    if kind is not None:
         return message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
     return message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
 
@@ -97,7 +114,7 @@ def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
         "",
         message(
             "importer.comments_hide",
-            "{count} comment(s) hide elements ({elements}); they are ignored",
+            "{count} {count:comment contains|comments contain} elements ({elements}), which are ignored",
             count=hiding_count,
             elements=join_texts(listed, ", "),
         ),
@@ -161,7 +178,7 @@ def _remove_foreign_names(robot: ET.Element, report: ImportReport) -> None:
             name,
             message(
                 "importer.namespace_unused",
-                "{count} ×: of a namespace that no simulation uses",
+                "{count} ×: belongs to a namespace of another program",
                 count=count,
             ),
         )

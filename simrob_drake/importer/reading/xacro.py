@@ -101,7 +101,7 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         arguments[late_argument] = str(offers.arguments[late_argument])
         sentence = message(
             "importer.declared_after_use",
-            "{argument}:={value}, which the file declares after its first use",
+            "{argument}:={value}; the file declares this default after the first use of the argument",
             argument=late_argument,
             value=arguments[late_argument],
         )
@@ -111,13 +111,13 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
     if offers.arguments:
         summary = message(
             "importer.xacro_arguments",
-            "arguments, given with --xacro-arg NAME:=VALUE: {summary}",
+            "arguments, which --xacro-arg NAME:=VALUE sets: {summary}",
             summary=offers.summary(),
         )
     if attempt.problem:
         refusal: str = message(
             "importer.xacro_cannot_expand",
-            "xacro cannot expand it: {problem}",
+            "xacro cannot expand the file: {problem}",
             problem=attempt.problem,
         )
         raise report.refusal("", join_texts([refusal, summary], "; ") if summary else refusal)
@@ -132,7 +132,9 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         report.add(
             "read",
             "",
-            message("importer.file_says", "the file says: {text}", text=shortened(sentence, 400)),
+            message(
+                "importer.file_says", "message of the file: {text}", text=shortened(sentence, 400)
+            ),
         )
     return urdf
 
@@ -280,7 +282,7 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
     listed = ", ".join(f"{name}({parameters})" for name, parameters in macros.items())
     summary: str = message(
         "importer.macros_for_others",
-        "holds no robot, but macros that others call: {macros}",
+        "contains no robot, only macros for other files: {macros}",
         macros=shortened(listed, 900),
     )
     found = [str(file.relative_to(package)) for file in callers(macros, package)]
@@ -288,7 +290,7 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
         return summary
     return message(
         "importer.called_by",
-        "{summary}; called by {found}",
+        "{summary}; files that call these macros: {found}",
         summary=summary,
         found=shortened(", ".join(found), 300),
     )
@@ -381,12 +383,12 @@ class Outline:
             default = self.arguments[name]
             part = f"{name}:={default}"
             if default is None:
-                part = message("importer.argument_needed", "{name} (needed)", name=name)
+                part = message("importer.argument_needed", "{name} (required)", name=name)
             if name in self.choices:
                 choices = ", ".join(self.choices[name])
                 part = message(
                     "importer.argument_known",
-                    "{part} (known: {choices})",
+                    "{part} (known values: {choices})",
                     part=part,
                     choices=choices,
                 )

@@ -12,10 +12,9 @@ import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
-from os.path import (
-    exists,
-    isdir,
-)  # unlike Path's methods, they are false for names that no file can have
+
+# Unlike Path's methods, these functions are false for names that no file can have.
+from os.path import exists, isdir
 from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
@@ -124,7 +123,7 @@ def _remove_late_declaration(text: str, report: ImportReport) -> str:
         "",
         message(
             "importer.xml_line_misplaced",
-            "<?xml ...?> is not at the beginning, as it must be; left out",
+            "the declaration <?xml ...?> is not at the beginning of the file; it is left out",
         ),
     )
     return text[: late.start(1)] + text[late.end(1) :]
@@ -146,7 +145,7 @@ def _repair_comments(text: str, report: ImportReport) -> str:
         "",
         message(
             "importer.comments_with_dashes",
-            "{count} comment(s) hold --, which XML forbids; mended",
+            "{count} {count:comment contains|comments contain} --, which XML forbids; replaced by spaces",
             count=bad_count,
         ),
     )
@@ -173,7 +172,7 @@ def _decode(content: bytes, report: ImportReport) -> str:
                 "",
                 message(
                     "importer.byte_order_mark",
-                    "begins with a byte order mark ({encoding}); written without, in UTF-8",
+                    "begins with a byte order mark ({encoding}); converted to UTF-8 without a mark",
                     encoding=encoding.upper(),
                 ),
             )
@@ -203,7 +202,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
                 "",
                 message(
                     "importer.other_encoding",
-                    "is not {declared}, as it says or should be; read as {encoding}",
+                    "is not valid {declared}; read as {encoding}",
                     declared=expected,
                     encoding=encoding,
                 ),
@@ -213,7 +212,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
         "",
         message(
             "importer.no_text_of_encoding",
-            "cannot be read as {encoding} text",
+            "is not valid {encoding} text",
             encoding=expected.upper(),
         ),
     )
@@ -322,7 +321,7 @@ class _Parser:
                 "",
                 message(
                     "importer.nested_too_deep",
-                    "nests elements more than {depth} deep; a URDF has six levels",
+                    "has elements in more than {depth} levels; a URDF has six levels",
                     depth=MAX_DEPTH,
                 ),
             )

@@ -366,7 +366,7 @@ class Frames:
                 break
         raise self.report.refusal(
             message("importer.placement_frame", "placement_frame '{name}'", name=name),
-            message("importer.no_frame_of_model", "is no frame of its model"),
+            message("importer.no_frame_of_model", "is not a frame of its model"),
         )
 
 

@@ -202,7 +202,7 @@ class _Includes:
                     where,
                     message(
                         "importer.too_many_included",
-                        "more than {most} tags with all that is included",
+                        "has more than {most} tags, including those of the included models",
                         most=MOST_TAGS,
                     ),
                 )

@@ -629,7 +629,7 @@ def _add_inertia(
             where,
             message(
                 "importer.inertia_of_shapes",
-                "the file leaves its inertia to be computed from its shapes; --estimate-inertia does that",
+                'its inertia is to be computed from its shapes (auto="true"); use --estimate-inertia',
             ),
         )
         return
