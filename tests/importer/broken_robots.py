@@ -949,7 +949,7 @@ JOINTS = [
     Defect(
         "limits without zero",
         swap('lower="-1.5"', 'lower="0.5"'),
-        "defaulted: zero is outside of the limits of",
+        "defaulted: exclude zero, so the home posture is in the middle",
     ),
     Defect(
         "lower is nan",
@@ -1200,7 +1200,7 @@ FILES = [
     Defect(
         "Latin-1",
         content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
-        "repaired: is not valid utf-8",
+        "repaired: cannot be decoded as utf-8",
     ),
     Defect(
         "late declaration",

@@ -178,7 +178,7 @@ def test_limits_motors_gains_and_home_are_those_of_the_file(tmp_path, here):
     )
     assert model.tools == {"attachment_site": "attachment_site"}
     assert "keyframe 'home': is the posture at the start" in told(robot, "read")
-    assert "servo gains of 1 axes are those of the file's actuators" in told(robot, "read")
+    assert "servo gains of 1 axis are those of the file's actuators" in told(robot, "read")
     dropped = told(robot, "dropped")
     assert "<sensor>: 1 ×" in dropped
     assert "1 planes: a station has a floor of its own" in dropped

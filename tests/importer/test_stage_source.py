@@ -67,7 +67,7 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
         ),
         pytest.param(b"<COLLADA/>", "<COLLADA>: this is a COLLADA mesh", id="dae"),
         pytest.param(b"<cube/>", "<cube>: the outermost element of a URDF is <robot>", id="else"),
-        pytest.param(b"\xff\xfea", "is not valid UTF-16-LE text", id="half a character"),
+        pytest.param(b"\xff\xfea", "cannot be decoded as UTF-16-LE", id="half a character"),
     ],
 )
 def test_what_is_no_urdf_is_refused(tmp_path, content, words):
@@ -103,12 +103,12 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
         ),
         pytest.param(
             b'<?xml version="1.0" encoding="utf-8"?>' + ARM.replace("base", "pié").encode("cp1252"),
-            "is not valid utf-8; read as cp1252",
+            "cannot be decoded as utf-8; read as cp1252",
             id="not the encoding it claims",
         ),
         pytest.param(
             b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(),
-            "is not klingon",
+            "cannot be decoded as klingon; read as utf-8",
             id="unknown encoding",
         ),
         pytest.param(

@@ -202,7 +202,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
                 "",
                 message(
                     "importer.other_encoding",
-                    "is not valid {declared}; read as {encoding}",
+                    "cannot be decoded as {declared}; read as {encoding}",
                     declared=expected,
                     encoding=encoding,
                 ),
@@ -212,7 +212,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
         "",
         message(
             "importer.no_text_of_encoding",
-            "is not valid {encoding} text",
+            "cannot be decoded as {encoding}",
             encoding=expected.upper(),
         ),
     )

@@ -342,9 +342,9 @@ def _merged_parts(model: ET.Element) -> list[ET.Element]:
         # The model's own frame is the default of many references. They are written first, and then renamed.
         if part.tag == "frame" and not part.get("attached_to"):
             part.set("attached_to", MODEL)
-        is_given_in_model = part.tag in ("link", "model") or part.get("attached_to") == MODEL
+        is_in_model_frame = part.tag in ("link", "model") or part.get("attached_to") == MODEL
         pose = part.find("pose")
-        if is_given_in_model and (pose is None or not pose.get("relative_to")):
+        if is_in_model_frame and (pose is None or not pose.get("relative_to")):
             if pose is None:
                 pose = ET.SubElement(part, "pose")
             pose.set("relative_to", MODEL)
