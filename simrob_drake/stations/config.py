@@ -5,9 +5,11 @@ slides. A value "per axis" is one number for all axes, a list in axis order, or 
 """
 
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import yaml
 from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
@@ -271,6 +273,10 @@ class FloorConfig(Strict):
     """A field of uneven ground on it; it is even unless given."""
 
 
+NAME_OF_ONLY_ROBOT = "robot"
+"""Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""
+
+
 class StationConfig(Renamed):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
@@ -366,7 +372,7 @@ class StationConfig(Renamed):
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
     def __repr__(self) -> str:
-        """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""
+        """Summary in one line. :meth:`to_yaml` has the whole configuration."""
         robots = ", ".join(
             f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items()
         )
@@ -374,6 +380,36 @@ class StationConfig(Renamed):
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
 
     __str__ = __repr__
+
+    def to_content(self, *, only: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Convert the configuration to the content of a station's file: nested dicts and lists.
+
+        Args:
+            only: keys to convert, as pydantic's ``include``; all by default.
+        """
+        content = self.model_dump(mode="json", exclude_none=True, include=only)
+        # The short form, as most users write it.
+        if only is None and list(self.robots) == [NAME_OF_ONLY_ROBOT]:
+            content["robot"] = content.pop("robots")[NAME_OF_ONLY_ROBOT]
+        return content
+
+    def to_yaml(self, *, only: Mapping[str, Any] | None = None) -> str:
+        """Write the configuration as the text of a station's file. Loading a whole text gives an equal configuration.
+
+        Args:
+            only: keys to write, as pydantic's ``include``; all by default.
+        """
+        content = self.to_content(only=only)
+        return yaml.safe_dump(
+            content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
+        )
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: the summary, and the whole configuration as YAML to unfold."""
+        return (
+            f"<details><summary>{escape(repr(self))}</summary>"
+            f"<pre>{escape(self.to_yaml())}</pre></details>"
+        )
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "StationConfig":

@@ -62,7 +62,8 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
     """Find the configuration of what a user means by a station.
 
     Args:
-        station: a station's name, its YAML file, its configuration, or a built station.
+        station: a station's name, its YAML file, the content of such a file as a mapping, its configuration, or a built
+            station.
         overrides: new values, as :func:`load_station` takes them; None if there are none.
 
     Raises:
@@ -74,14 +75,15 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
             "stations.overrides_by_key", "a mapping of keys to values, as load_station() takes it"
         )
         instance(overrides, "overrides", Mapping, expected)
-    if isinstance(station, (str, Path)):
+    if isinstance(station, (str, Path, Mapping)):
         return load_station(station, overrides)
     if isinstance(station, (Station, StationConfig)):
         config = station.config if isinstance(station, Station) else station
         return with_settings(config, overrides or {}, "overrides")
     known = message(
         "stations.a_station",
-        "a name of `simrob list`, a YAML file, what load_station() gives, or a built station",
+        "a name of `simrob list`, a YAML file, a mapping with the keys of such a file, the value of load_station(), "
+        "or a built station",
     )
     raise InvalidParameter("station", quoted(station), known)
 
@@ -614,7 +616,7 @@ class Station(Diagram):
         return f"<Station of {self.config!r}>"
 
 
-StationLike: TypeAlias = str | Path | StationConfig | Station
+StationLike: TypeAlias = str | Path | Mapping[str, Any] | StationConfig | Station
 """Ways in which users name a station: its name, its YAML file, its configuration, or a built station."""
 
 

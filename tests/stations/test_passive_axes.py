@@ -230,7 +230,7 @@ REFUSED = [
     ),
     pytest.param(
         {"servo": {"passive": []}},
-        r"servo\.torque_limit: servo\.passive gives shoulder a motor; give shoulder a torque limit",
+        r"servo\.torque_limit: servo\.passive leaves out shoulder, so that shoulder has a motor",
         id="motor without limit",
     ),
     pytest.param(

@@ -283,7 +283,7 @@ WRONG = [
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
     (
         "{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}",
-        r"pieces\.part: .*'tcp' stands twice",
+        r"pieces\.part: .*there are two frames 'tcp'",
     ),
     ("{model: rok}", r"there is no piece 'rok'; did you mean 'rook'"),
     ("{model: none/piece.yaml}", r"none/piece\.yaml: cannot be read"),
