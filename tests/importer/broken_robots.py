@@ -830,7 +830,7 @@ TREE = [
     Defect(
         "dashes in a comment",
         swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"),
-        "repaired: 1 comment(s) hold --",
+        "repaired: 1 comment contains --",
     ),
     Defect(
         "gazebo",
@@ -949,7 +949,7 @@ JOINTS = [
     Defect(
         "limits without zero",
         swap('lower="-1.5"', 'lower="0.5"'),
-        "defaulted: zero is outside of the limits of",
+        "defaulted: exclude zero, so the home posture is in the middle",
     ),
     Defect(
         "lower is nan",
@@ -1200,7 +1200,7 @@ FILES = [
     Defect(
         "Latin-1",
         content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
-        "repaired: is not utf-8",
+        "repaired: cannot be decoded as utf-8",
     ),
     Defect(
         "late declaration",
@@ -1215,7 +1215,7 @@ FILES = [
     Defect(
         "deep",
         content(lambda text: b"<robot>" + b"<link>" * 9999),
-        "error: nests elements more than 60 deep",
+        "error: has elements in more than 60 levels",
     ),
     Defect(
         "SDF",
