@@ -54,7 +54,7 @@ class Distribution(Strict, ABC):
     """Values that a key takes, and how often it takes each of them."""
 
     when: Values = Field(default_factory=dict)
-    """Values of keys before this one, one or a list for each; under others this key is left as it is."""
+    """Condition: a value, or a list of values, for keys that come before this one. Otherwise this key is unchanged."""
     _text: str = PrivateAttr("")
 
     @model_serializer(mode="wrap")
@@ -64,6 +64,7 @@ class Distribution(Strict, ABC):
         Args:
             handler: pydantic's function that gives all keys.
         """
+        # A line of text goes back to the file as the user wrote it.
         if self._text:
             return self._text
         content = {}
@@ -115,6 +116,7 @@ class Distribution(Strict, ABC):
         """
         for key, needed in self.when.items():
             choices = needed if isinstance(needed, list) else [needed]
+            # A key that was left out itself, because of its own condition, meets no condition.
             if key not in values or values[key] not in choices:
                 return False
         return True
@@ -138,11 +140,11 @@ class Uniform(Distribution):
     low: Number
     high: Number
     start: Number | None = None
-    """Where a search begins; in the middle unless given."""
+    """Value with which a search begins. By default it is the middle of the range."""
     log: Boolean = False
-    """Whether factors count in place of differences: the logarithm is uniform."""
+    """Whether the logarithm of the value is uniform, so that equal factors are equally frequent."""
     integer: Boolean = False
-    """Whether it has whole numbers alone, `low` and `high` among them."""
+    """Whether the values are integers, `low` and `high` included."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -179,17 +181,22 @@ class Uniform(Distribution):
 
         With the ends a and b and the share p, it is a + (b - a) p, or a (b / a)^p if the logarithm is uniform.
         """
+        # A search may ask for parts slightly beyond the ends.
         part = min(max(float(part), 0.0), 1.0)
         low, high = self._ends
         value = low * (high / low) ** part if self.log else low + (high - low) * part
-        value = min(max(float(value), low), high)  # rounding may bring it beyond an end
+        # Rounding may bring the value beyond an end.
+        value = min(max(float(value), low), high)
         if not self.integer:
             return value
+        # Python's round() takes halves to the even number, which would be drawn more often.
         nearest = floor(value + 0.5)
+        # The upper end, high + 0.5, would become high + 1.
         return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
         """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        # The equation of `quantile`, solved for the share p.
         low, high = self._ends
         if self.log:
             return float(np.log(value / low) / np.log(high / low))
@@ -227,7 +234,7 @@ class Normal(Distribution):
 
     mean: Number
     deviation: NotNegative
-    """The standard deviation, before bounds cut anything off."""
+    """Standard deviation of the distribution without bounds."""
     low: Number | None = None
     high: Number | None = None
 
@@ -249,9 +256,11 @@ class Normal(Distribution):
         """Compute the value up to which a share of all draws lies, from 0 to 1."""
         # Share of the draws of the distribution without bounds.
         parts = self._parts
+        # The bounds cut off the draws below `parts.low` and above `parts.high`; the rest keeps its shape.
         unbounded_part = parts.low + float(part) * (parts.high - parts.low)
         unbounded_part = min(max(unbounded_part, _FAR), 1 - _FAR)
         value = self.mean + self.deviation * NormalDist().inv_cdf(unbounded_part)
+        # Rounding may bring the value beyond a bound, most of all where a bound cuts off nearly all draws.
         return min(max(value, self._low), self._high)
 
     def part(self, value: Any) -> float:
@@ -260,6 +269,7 @@ class Normal(Distribution):
         It is 0.5 for a distribution with a single value.
         """
         parts = self._parts
+        # Without a deviation all draws are the mean, and the quotient below would be 0 / 0.
         if parts.high <= parts.low:
             return 0.5
         return (self._unbounded_part(value) - parts.low) / (parts.high - parts.low)
@@ -270,12 +280,13 @@ class Normal(Distribution):
 
     def grid(self, count: int) -> list[Any]:
         """List the values in the middles of equal shares of all draws."""
+        # The ends themselves are infinite, or so rare that they would say little about the distribution.
         return [self.quantile((index + 0.5) / count) for index in range(count)]
 
     def draw(self, source: np.random.Generator) -> float:
         """Draw a value at random."""
         is_unbounded = self.low is None and self.high is None
-        # NumPy's own draws, without the cut at _FAR.
+        # NumPy's own draws are faster, and not cut off at _FAR.
         return (
             source.normal(self.mean, self.deviation)
             if is_unbounded
@@ -299,7 +310,8 @@ class Normal(Distribution):
 
     def _unbounded_part(self, value: float) -> float:
         """Share of the draws of the distribution without bounds that lie up to a value."""
-        if not self.deviation:  # all draws are the mean
+        # All draws are the mean, and the quotient below would divide by zero.
+        if not self.deviation:
             return float(value > self.mean)
         return NormalDist().cdf((value - self.mean) / self.deviation)
 
@@ -316,6 +328,7 @@ class Choice(Distribution):
 
     def quantile(self, part: float) -> Any:
         """Find the value up to which a share of all draws lies, from 0 to 1, in the order of the list."""
+        # The share 1 belongs to the last value, and has an index beyond the list.
         index = int(part * len(self.values))
         return self.values[min(max(index, 0), len(self.values) - 1)]
 
@@ -359,6 +372,7 @@ def _section(text: str) -> Values:
     Raises:
         ValueError: the line has none of the forms, or its range is empty. The message is what would be right.
     """
+    # A text without a known kind, even one with colons, is a list of values, such as a path of Windows.
     kind, *parameters = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
         return {"values": _values_of_list(text)}
@@ -366,6 +380,7 @@ def _section(text: str) -> Values:
         numbers = [float(parameter) for parameter in parameters]
     except ValueError as problem:
         raise ValueError(TEXTS) from problem
+    # float() reads "nan" and "inf" as numbers, which no range has.
     expected_count = 3 if kind in _GRIDS else 2
     if len(numbers) != expected_count or not np.isfinite(numbers).all():
         raise ValueError(TEXTS)
@@ -416,6 +431,7 @@ def _values_of_grid(kind: str, first: float, last: float, count: float) -> list[
             right.
     """
     is_count = 2 <= count <= _MOST and count % 1 == 0
+    # A grid may go down, from the larger end to the smaller one, so only equal ends are refused.
     if first == last or not is_count:
         raise ValueError(
             message(
@@ -439,9 +455,11 @@ def _values_of_list(text: str) -> list[Any]:
         ValueError: a value cannot be read, or is missing. The message is what would be right.
     """
     try:
+        # YAML decides what 1, true and "1" are, in the same way as in a file.
         values: Any = parse_yaml(f"[{text}]", "values")
     except SimrobError as problem:
         raise ValueError(TEXTS) from problem
+    # A missing value, as in "1,,2", is null in YAML.
     if not values or None in values:
         raise ValueError(TEXTS)
     return list(values)
@@ -463,6 +481,7 @@ def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         distribution = handler(_section(content))
     except ValueError as problem:
         raise ValueError(message("base.must_be", "must be {problem}", problem=problem)) from problem
+    # The section is frozen for users: its private attribute can still be set.
     distribution._text = content
     return distribution
 
@@ -473,9 +492,11 @@ def _kind(content: Any) -> str:
     Args:
         content: the section, or a distribution.
     """
+    # Pydantic asks for sections of a file, and for distributions that Python code has made.
     keys = set(content) if isinstance(content, Mapping) else set(getattr(content, "__dict__", {}))
     if "values" in keys:
         return "Choice"
+    # A section that is neither becomes a Uniform, whose error names the keys that are missing.
     is_normal = bool(keys & {"mean", "deviation"})
     return "Normal" if is_normal else "Uniform"
 

@@ -52,6 +52,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     with opened(file) as stream:
         size = os.fstat(stream.fileno()).st_size
         content = b""
+        # A file that is too large is not read at all: it could fill the memory.
         if size <= largest:
             # One byte more than allowed: the file may have grown. The result is None if reading would block.
             content = stream.read(largest + 1) or b""
@@ -69,7 +70,8 @@ def opened(file: Path | str) -> Iterator[BufferedReader]:
     Raises:
         NotRead: there is no such file, it is no regular file, or no file can have its name.
     """
-    file_state(file)  # caches record the file, if a value is made from it at this moment
+    # A cache that makes a value from this file at the moment records its state.
+    file_state(file)
     try:
         with _open(file) as content:
             yield content
@@ -83,7 +85,8 @@ def _open(file: Path | str) -> BufferedReader:
     """Open a regular file. Raises NotRead if it is another kind of file, and OSError as Python's own open."""
     try:
         return open(file, "rb", opener=_open_without_waiting)
-    except ValueError:  # the name contains a surrogate, or the character 0
+    # The name contains a surrogate, or the character 0.
+    except ValueError:
         raise NotRead(message("base.impossible_file_name", "no file can have this name")) from None
 
 
@@ -93,6 +96,7 @@ def _open_without_waiting(file: str, flags: int) -> int:
     Opening a pipe would wait until another process writes to it, hence O_NONBLOCK.
     """
     descriptor = os.open(file, flags | os.O_NONBLOCK)
+    # The type is read from the open descriptor. Between a check of the name and its opening, the file could change.
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
         return descriptor
@@ -113,6 +117,7 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
         NotRead: the file cannot be read, is too large, or contains no UTF-8.
     """
     try:
+        # Editors on Windows begin a file with a byte order mark, and end its lines with carriage return and line feed.
         text = content_of(file, largest).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
@@ -171,6 +176,7 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
             or contains something that is no finite number.
     """
     rows = _rows(file)
+    # The rows come from one iterator: taking the header leaves the rows of numbers.
     header = _header(rows, file)
     _check_header(header, names, file)
     indices = [header.cells.index(name) for name in names]
@@ -205,6 +211,7 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
     """
     values = list[list[float]]()
     for row in _rows(file):
+        # The numbers are checked first: in a table with text, a wrong count of cells is the smaller problem.
         values.append(_numbers(row, range(len(row.cells)), file))
         if len(row.cells) != len(values[0]):
             raise InvalidConfig(
@@ -264,6 +271,7 @@ def _rows(file: Path) -> Iterator[_Row]:
     """
     try:
         text = text_of(file, LARGEST_TABLE)
+        # The first line has names, never numbers, so a comma in it is a separator.
         first_line = text.lstrip().partition("\n")[0]
         has_semicolons = ";" in first_line and "," not in first_line
         # Each call of readline gives a line, or an empty text at the end of the file. A file in which no line ends is
@@ -305,6 +313,7 @@ def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
             hint=_separator_hint(header.cells),
         )
         raise InvalidConfig(file, line, lacking)
+    # Two columns of the same name: it is not clear which of them is meant.
     twice = next((name for name in names if header.cells.count(name) > 1), None)
     if twice is not None:
         raise InvalidConfig(
@@ -318,6 +327,7 @@ def _separator_hint(names: Sequence[str]) -> str:
     Args:
         names: names of the columns. Wrong separators are parts of a name.
     """
+    # A table that has another separator has a single column, whose name is the whole first line.
     for separator in (";", "\t"):
         if any(separator in name for name in names):
             return message(
@@ -340,6 +350,7 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
         InvalidConfig: there is no such cell, or it contains no finite number.
     """
     try:
+        # float() reads "nan" and "inf" without an error; they are refused below, together with all other texts.
         values = [float(row.cells[index]) for index in indices]
     except (ValueError, IndexError):
         values = [math.nan]
@@ -355,10 +366,15 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
     return values
 
 
-# Names of the files that describe a robot, a piece and an exercise of the course.
+# Each robot, each piece and each exercise of the course has a folder of its own, with one of these files in it.
 ROBOT_FILE = "robot.yaml"
+"""Name of the file that describes a robot."""
+
 PIECE_FILE = "piece.yaml"
+"""Name of the file that describes a piece."""
+
 EXERCISE_FILE = "exercise.yaml"
+"""Name of the file that describes an exercise."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 """Folder of the Python package."""
@@ -366,6 +382,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 def data_root() -> Path:
     """Folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
+    # The wheel contains these folders as `data`. A checkout has them next to the package.
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
 
@@ -443,7 +460,8 @@ def _model_files(point: str) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for folder in (_own_folder(point), *addition_folders(point)):
-        found = _files_by_name(point, folder) | found  # the name of an earlier folder stays
+        # The right operand of | wins: the name of an earlier folder stays.
+        found = _files_by_name(point, folder) | found
     return dict(sorted(found.items()))
 
 
