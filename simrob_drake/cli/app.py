@@ -135,6 +135,7 @@ class _Commands(_Group):
         Args:
             **options: options of typer's group.
         """
+        # Typer passes an empty mapping of commands, since none was added to the application.
         named = {name: _named_command(name, entry) for name, entry in core_commands().items()}
         super().__init__(**{**options, "commands": named})
 
@@ -321,12 +322,12 @@ def run_command(arguments: list[str]) -> int:
             code = app(arguments, prog_name="simrob", standalone_mode=False)
         # A broken pipe or a full disk may show only when the buffer is written. Here the error is still handled.
         sys.stdout.flush()
-    except (
-        BrokenPipeError
-    ):  # the reader of the output, such as `head`, has closed it: that is no error
+    # The reader of the output, such as `head`, has closed it: that is no error.
+    except BrokenPipeError:
         _discard_output()
         return ExitCode.DONE
-    except OSError as problem:  # an error of the system that no code expected, such as a full disk
+    # An error of the system that no code expected, such as a full disk.
+    except OSError as problem:
         _discard_output()
         say_error(_system_problem(problem))
         return ExitCode.BAD_INPUT
@@ -335,7 +336,8 @@ def run_command(arguments: list[str]) -> int:
         return ExitCode.BAD_INPUT
     except TyperException as problem:
         text = usage_problem(problem)
-        if text:  # empty if typer has shown a help instead
+        # The text is empty if typer has shown a help instead.
+        if text:
             say_error(text)
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:

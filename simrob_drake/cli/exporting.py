@@ -37,6 +37,7 @@ from simrob_drake.programs.exporter import (
 )
 from simrob_drake.programs.program_files import is_program_file
 
+# The formats are options of the command, so they are needed when this module is imported.
 _FORMATS = all_exporters()
 """Exporters by the name of their format, or the reason why one cannot be used."""
 
@@ -109,6 +110,7 @@ def export(
 
         simrob export program.yaml --rapid Module.mod
     """
+    # The fields of the dataclass are the formats, and None is the value of an option that is not given.
     targets = {name: file for name, file in vars(files).items() if file is not None}
     if not targets:
         raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
@@ -124,7 +126,8 @@ def export(
     if program_exporters and station_exporters:
         raise _wrong_formats(message("cli.asked_for_both", "asked for a station and a program"))
     for name, exporter in exporters.items():
-        if exporter.suffix:  # empty for a format whose files have any suffix
+        # The suffix is empty for a format whose files have any suffix.
+        if exporter.suffix:
             check_ending(targets[name], [exporter.suffix], flag_of(name))
     _check_targets_differ(targets)
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
@@ -156,7 +159,8 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
     Raises:
         InvalidParameter: two formats have the same file.
     """
-    format_of_file = dict[Path, str]()  # by absolute path: a file has several relative ones
+    # Absolute paths are compared, since a file has several relative ones.
+    format_of_file = dict[Path, str]()
     for name, file in targets.items():
         # `setdefault` returns the format of an earlier entry, if there is one with this file.
         first = format_of_file.setdefault(file.resolve(), name)
@@ -225,6 +229,7 @@ def _known_formats() -> str:
         if isinstance(exporter, ProgramExporter)
     ]
     separator = message("cli.or", " or ")
+    # A user may combine formats of one of the two lists only, so the lists are separated by a comma.
     lists = [join_texts(flags, separator) for flags in (station_flags, program_flags) if flags]
     if not lists:
         return message(
@@ -262,8 +267,10 @@ def _export_program(
         )
         raise InvalidConfig(source, "", problem)
     program, config = program_from(source, settings)
-    texts = dict[Path, str]()  # text of each file; a format may have several files
-    remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
+    # Text of each file. A format may have several files.
+    texts = dict[Path, str]()
+    # A set that keeps the order: two formats may have the same remark.
+    remarks = dict[str, None]()
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
         with code_of_extension(

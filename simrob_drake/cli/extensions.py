@@ -113,6 +113,7 @@ def schema() -> None:
     from simrob_drake.stations.schema import station_schema
 
     # Not through the console, which would break long lines.
+    # The output is the input of an editor or of another tool.
     print(json.dumps(station_schema(), indent=1))
 
 
@@ -198,7 +199,8 @@ def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, str,
     lines = [] if entry.extension is None else _added_lines(entry.extension)
     added = Text("\n".join(lines))
     for problem in problems:
-        if added:  # an extension that is left out adds nothing, so its problem is the first line
+        # An extension that is left out adds nothing, so its problem is the first line.
+        if added:
             added.append("\n")
         if entry.extension is None:
             sentence = message("cli.extension_left_out", "left out: {problem}", problem=problem)

@@ -140,8 +140,10 @@ def import_with(
     # Losses are shown even if they are allowed: the user should know about them.
     for loss in outcome.losses[:_SHOWN_LOSSES]:
         say_text(message("cli.lost", "lost: {loss}", loss=loss), target=errors)
+    # A station with losses is written as well: the exit code keeps a script from running it unnoticed.
     if not outcome.losses or allow_losses:
         return ExitCode.DONE
+    # Only a user who has not accepted the losses needs to know their count.
     hidden_count = len(outcome.losses) - _SHOWN_LOSSES
     if hidden_count > 0:
         rest = message(
@@ -210,6 +212,7 @@ def _unknowns_table(unknowns: Mapping[str, Sequence[str]]) -> Table:
     """
     rows = list[tuple[str, str]]()
     for name, places in unknowns.items():
+        # A variable of a large model may be used at hundreds of places.
         first_places = join_texts(places[:_SHOWN_PLACES], "; ")
         rest = " …" if len(places) > _SHOWN_PLACES else ""
         rows.append((name, compound("{places}{rest}", places=first_places, rest=rest)))

@@ -98,6 +98,7 @@ def walk(
 
     def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
         """Walk. Returns the run, and a sentence about the count of steps."""
+        # The gait keeps its own step time unless the user gives one: None would be a wrong value.
         changes: dict[str, Any] = {} if step_time is None else {"step_time": step_time}
         result = legged_robot.walk(steps, amplitude, gait, **changes)
         return result, _steps_taken(legged_robot, gait, steps)
@@ -160,6 +161,7 @@ def _missing_station(command: str, *, with_steps: bool) -> SimrobError:
     """
     names = _stations_with_gaits(with_steps=with_steps)
     # The stations named <robot>_dynamic are the plain ones, so one of them is the example.
+    # Others, such as humanoid_walking, have controllers or obstacles of their own.
     example = next((name for name in names if name.endswith("_dynamic")), names[0])
     text = message(
         "cli.name_a_station",
@@ -178,22 +180,22 @@ def _stations_with_gaits(*, with_steps: bool) -> list[str]:
         with_steps: whether gaits that consist of steps are meant, which need a floor and contact forces. Otherwise the
             acts are meant, which a robot also does on a kinematic station.
     """
-    # few commands need programs, which load scipy
-    from simrob_drake.programs.gaits.registry import (
-        gaits_of,
-    )
+    # Few commands need programs, which load scipy.
+    from simrob_drake.programs.gaits.registry import gaits_of
 
     @cache
     def has_gaits(model: str) -> bool:
         """Whether a robot of the package, given by name, has gaits of this kind."""
         try:
             return bool(gaits_of(model, steps=with_steps))
-        except InvalidParameter:  # the robot has no file of gaits
+        # The robot has no file of gaits.
+        except InvalidParameter:
             return False
 
     found = []
     for name in station_names():
         config = load_station(name)
+        # Contact forces move a robot that steps: a station without a floor, or a kinematic one, has none.
         can_walk = config.engine.moves_by_forces and config.contact is not None
         models = [robot.model for robot in config.robots.values() if robot.model is not None]
         if (can_walk or not with_steps) and any(has_gaits(model) for model in models):
@@ -212,7 +214,8 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
     Raises:
         SimrobError: the station has several robots and none is named, or the robot has no acts.
     """
-    from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
+    # Few commands need programs, which load scipy.
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.gaits.registry import gaits_of
 
     cell = Workcell(station_from(station, settings))
@@ -246,7 +249,9 @@ def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> s
         name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
     # Only gaits with full steps of one length begin and end with shorter ones.
     ramp_steps = getattr(gaits[name], "ramp_steps", 0)
+    # The shorter steps at both ends are extra steps: without a remark, a user who asks for 6 steps would count 8.
     taken = len(ramp_shares(steps, ramp_steps))
+    # The walk has no shorter steps, so the count is the one that the user asked for.
     if taken <= steps:
         return ""
     return message(
@@ -305,6 +310,7 @@ def _save_move(
 
         return move
 
+    # Errors of the move occur in `prepare`, before the browser is opened and before anything is simulated.
     code = done_in_workcell(station_from(station, settings), saving, prepare)
     # Users who want several moves would otherwise look for an option of this command.
     say_text(

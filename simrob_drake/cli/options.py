@@ -26,7 +26,7 @@ from simrob_drake.robots.imports import ImportOptions
 
 
 def completed_station(typed: str) -> list[str]:
-    """List the stations of the package that begin with a text, for the shell's completion."""
+    """List the stations whose names begin with a text, for the shell's completion."""
     return [name for name in station_files() if name.startswith(typed)]
 
 
@@ -46,7 +46,9 @@ OptionalStation = Annotated[
         autocompletion=completed_station,
     ),
 ]
-"""Argument of a command that lists the fitting stations if none is given."""
+"""Argument of a command that lists the suitable stations if no station is given."""
+
+# A setting and a file have the same option, so that a file of settings can be made from a command line.
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -70,6 +72,7 @@ MeshPath = Annotated[
     typer.Option(
         "--mesh-path",
         metavar="DIR",
+        # A missing folder would be ignored without a word, and the error would be about a mesh that is not found.
         exists=True,
         file_okay=False,
         resolve_path=True,
@@ -85,6 +88,7 @@ Force = Annotated[
     bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))
 ]
 
+# The options of `Saving`: all commands that simulate have them, with the same helps.
 ResultFolder = Annotated[
     Path | None,
     typer.Option(
@@ -265,6 +269,7 @@ def _option_parameter(name: str, annotation: Any, default: Any) -> inspect.Param
 
 def _parameters_of(group: type[Any]) -> list[inspect.Parameter]:
     """Make the parameters of a command for the options of a group, a dataclass."""
+    # The extras are typer's options in the annotations, which Python would drop.
     annotations = get_type_hints(group, include_extras=True)
     return [
         _option_parameter(option.name, annotations[option.name], option.default)
@@ -286,6 +291,7 @@ def with_group(group: type[Any], name: str) -> Decorator:
 
         @wraps(command)
         def call(**arguments: Any) -> Any:
+            # Typer passes every option, with its default value if the user has not given it.
             values = {parameter.name: arguments.pop(parameter.name) for parameter in parameters}
             return command(**arguments, **{name: group(**values)})
 
@@ -297,6 +303,7 @@ def with_group(group: type[Any], name: str) -> Decorator:
 
 def _set_signature(function: Callable[..., Any], signature: inspect.Signature) -> None:
     """Set the signature that Python's inspect, and so typer, sees of a function."""
+    # functools.wraps has copied the signature of the command itself, which has no parameter for each option.
     vars(function)["__signature__"] = signature
 
 
@@ -356,6 +363,7 @@ class ChosenOptions:
             allowed |= {field.name for field in fields(options_class)}
         for group in self.groups:
             for field in fields(group.options_class):
+                # Typer passes defaults like given values, so this is the only sign that the user has given an option.
                 is_default = self.values[field.name] == field.default
                 if not is_default and field.name not in allowed:
                     raise Unsuitable(
@@ -376,6 +384,7 @@ def with_groups(groups: Sequence[OptionGroup], name: str) -> Decorator:
     parameters = dict[str, inspect.Parameter]()
     for group in groups:
         for parameter in _parameters_of(group.options_class):
+            # Two importers may have an option of the same name, and typer refuses a second one.
             parameters.setdefault(parameter.name, parameter)
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -404,6 +413,7 @@ def _signature(
     """
     parameters = list[inspect.Parameter]()
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        # The new options take the position of the parameter, so that the help lists them there.
         if parameter.name == name:
             parameters += instead
         else:
@@ -416,6 +426,7 @@ def with_mesh_path(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def call(*, mesh_path: list[Path] | None = None, **options: Any) -> Any:
+        # The grant ends with the command: in one process, as in a test, the next command must ask for it again.
         with granting(mesh_path or ()):
             return command(**options)
 
@@ -434,6 +445,7 @@ def with_import_options(*names: str) -> Decorator:
         *names: names of the options, fields of :class:`ImportOptions`. Without names, the command has all of them.
     """
     chosen_names = names or tuple(ImportOptions.model_fields)
+    # The helps come from the class of the options, so that a station's file and the command line have the same ones.
     helps = import_option_messages()
     parameters = [
         _import_parameter(name, ImportOptions.model_fields[name], helps[name])
@@ -446,6 +458,7 @@ def with_import_options(*names: str) -> Decorator:
         @wraps(command)
         def call(**arguments: Any) -> Any:
             values = {name: arguments.pop(name) for name in chosen_names}
+            # An option that is not given takes the default of the class.
             content = {name: value for name, value in values.items() if value is not None}
             options = validated(
                 ImportOptions, content, message("cli.import_options", "import options")
@@ -476,11 +489,13 @@ def _import_parameter(name: str, field: FieldInfo, text: str) -> inspect.Paramet
         text: help of the option.
     """
     flag = flag_of(name)
+    # None means "not given" for all options but the last ones, whose type has no None.
     default: Any = None
     annotation: Any
     if field.annotation == tuple[Path, ...]:
         annotation = MeshPath
     elif field.annotation == tuple[str, ...]:
+        # The form "NAME:=VALUE" is that of xacro itself.
         form = "NAME=FOLDER" if name == "packages" else "NAME:=VALUE"
         several = join_texts(
             [text, message("cli.help_several", "May be given several times.")], " "

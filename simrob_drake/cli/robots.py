@@ -117,6 +117,7 @@ def import_file(
             importer, "options_class", importer_options, options, set_, out=out, force=force
         )
         return import_with(importer, file, request, allow_losses=allow_losses)
+    # The core imports this file, so the options of importers have no effect on it.
     importer_options.refuse_all_but([])
     # The report of a robot shows what is lost, but the import never stops for it: there is nothing to allow.
     refuse(
@@ -146,6 +147,7 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     show_robot(imported.model)
     _show_report(imported)
     # Drake cannot simulate such a link by forces: the user has to add inertias, or to estimate them by an option.
+    # A station with forces refuses such a robot later, with less about its file.
     names = imported.model.links_without_inertia
     links = join_texts(names) if names else message("cli.no_links", "none")
     say_text(
@@ -198,8 +200,9 @@ def view(
         "collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here",
     )
     say_text(hint)
+    # The call returns when the user stops the view in the browser.
     try:
-        window.run()  # returns when the user stops it in the browser
+        window.run()
     finally:
         window.close()
 
@@ -225,6 +228,7 @@ def station(
     """
     target = out or Path(f"{file.stem}.yaml")
     # The draft needs trial runs, which take time, so the target is checked first.
+    # A file with another ending would not be read as a station again.
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)
     with progress_note(message("cli.reading", "reading {file}", file=file)):
@@ -235,6 +239,7 @@ def station(
     for comment in comments[1:]:
         say_text(comment.removeprefix("# "))
     say_place(STATION, target)
+    # The next commands must be allowed to read what this command was allowed to read.
     mesh_folders = options.mesh_path if options else ()
     flags = _grant_robot_folders(target, [file, *mesh_folders])
     say_place(NEXT, f"simrob check {target}{flags}")
@@ -257,6 +262,7 @@ def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
     """
     folders = _packages_outside(station, sources)
     flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in folders)
+    # If the disk cannot be written, the user gives the folders as options of each command.
     if not folders or not remember_grants(station, folders):
         return flags
     text = message(
@@ -282,8 +288,10 @@ def _packages_outside(station: Path, sources: Iterable[Path]) -> list[Path]:
     own_package = package_root(resolved(station))
     folders = list[Path]()
     for source in map(resolved, sources):
+        # A file in the station's own package may be read without a grant.
         if not source.is_relative_to(own_package):
             folders.append(package_root(source))
+    # Meshes and robot are often in one package. A dict keeps the order and drops repeated folders.
     return list(dict.fromkeys(folders))
 
 

@@ -111,12 +111,15 @@ def run(
 
         simrob run Module.mod --robot irb120
     """
+    # The value is read first: a wrong one should not be found only after a long run.
     film_frames = _read_frames(frames)
     # Options without an effect on this kind of file are refused, before the file is read.
     is_in_language = is_language_file(station)
     is_program = not is_in_language and is_program_file(station)
+    # These options would have no effect on a station or on a program in YAML.
     if not is_in_language:
         refuse_language(language)
+    # The moves of a program take as long as they need, and its file names no code that could be allowed.
     if is_in_language or is_program:
         refuse(
             message("cli.program_has_duration", "a program has its own duration and names no code"),
@@ -158,6 +161,7 @@ def demo(
     ] = Path("runs/demo"),
 ) -> int:
     """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
+    # The demonstration needs no file of the user's, and can be repeated: its former result is replaced.
     config = station_from("irb120_dynamic", None)
     saving = Saving(out=out, force=True)
     prepared = prepared_folder(config, saving)
@@ -201,6 +205,7 @@ def _read_frames(text: str | None) -> Frames:
     Raises:
         InvalidParameter: the value is neither a number of at least 2 nor ``events``.
     """
+    # None is the default of the result: `events` for programs, otherwise a fixed count of frames.
     if text is None or text == "events":
         return cast(Frames, text)
     # A film strip shows at least the begin and the end.
@@ -232,6 +237,7 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
         # The browser shows the time, so a progress bar would only repeat it. Commands of the user reach the station
         # through the steering.
         result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        # The page stays open after the run, and shows how it ended.
         view.say(result.end_in_words)
         return result
     finally:
@@ -257,6 +263,7 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
         say_text(text)
         return ExitCode.DONE
     tighter_solver = result.config.solver.tighter()
+    # All other keys stay, and the seeds with them: the accuracy is the only difference.
     tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))
     console.print(convergence_table(result, tight))
     return exit_code(tight)
