@@ -66,15 +66,20 @@ def simulate_diagram(
             open, or the solver cannot run the station in this diagram.
     """
     _check_diagram(diagram, ports)
+    # An open input would be an error of Drake in the first step, which does not name the station's inputs.
     check_inputs(diagram, ports.inputs, may_be_exported=False)
     check_callback(on_step)
     config = with_duration(ports.config, duration)
     ports = _with_signals(diagram, ports, signals)
+    # The whole diagram of the user takes the place of the diagram that a Runner would build.
     built = ClosedStation(diagram, ports)
     root = _context_at_begin(diagram, ports, context=context, start=start, start_time=start_time)
+    # A context at rest is the usual start of a run, for which the solver chooses its first steps as usual.
     begins_in_motion = start is not None or (context is not None and _is_moving(ports, root))
     has_start = context is not None or start is not None
+    # The state is copied now, because the run advances the context.
     first_state = State.of(diagram, ports, root) if has_start else None
+    # The diagram is the same at all times. Robots with the same reference have the same edges, which are stepped once.
     stepper = Stepper(
         config,
         lambda time: built,
@@ -96,6 +101,7 @@ def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
     instance(diagram, "diagram", Diagram, expected)
     expected = message("simulation.station_ports", "what add_station() gave, or station.ports")
     instance(ports, "ports", StationPorts, expected)
+    # The station's plant may be in a diagram within the user's diagram.
     if not _contains(diagram, ports.state.get_system()):
         raise InvalidParameter(
             "ports",
@@ -153,6 +159,7 @@ def _context_at_begin(
         InvalidParameter: there are a context and a state, or one that does not fit the diagram, or no time to keep.
     """
     keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
+    # A context is at its own time in any case, so only the time of a state can be kept.
     if keeps_time and start is None:
         raise InvalidParameter(
             "start_time",
@@ -191,6 +198,7 @@ def _check_context(diagram: Diagram, context: Context) -> None:
     )
     instance(context, "context", Context, expected)
     try:
+        # Drake compares the identifiers of the systems, and raises a RuntimeError if they differ.
         diagram.ValidateContext(context)
     except RuntimeError as problem:
         found = message("simulation.context_of_other_system", "that of another system")
@@ -225,9 +233,11 @@ def _with_signals(
         "simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports"
     )
     instance(signals, "signals", Mapping, expected)
+    # The caller may run the same ports again without these signals.
     extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
+        # Both the part before the last dot and the part behind it have at least one letter.
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
         if not is_name:
             example = message(
@@ -248,5 +258,6 @@ def _with_signals(
         block, _, output = name.rpartition(".")
         units = getattr(port.get_system(), "units", {})
         declare_output(extended, block, port, str(units.get(port.get_name()) or "1"), called=output)
+        # The summary of the result describes each block once, although it may have several signals.
         extended.outputs.notes.setdefault(block, {"kind": type(port.get_system()).__name__})
     return extended
