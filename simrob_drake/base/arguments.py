@@ -52,7 +52,9 @@ def drake_asserts() -> Iterator[None]:
         if not is_assertion:
             raise
         raise DrakeRefused(
-            message("base.drake_refuses", "Drake cannot do that: {condition}", condition=condition)
+            message(
+                "base.drake_refuses", "a check of Drake fails: {condition}", condition=condition
+            )
         ) from problem
 
 
@@ -66,7 +68,7 @@ def number(value: object, name: str) -> float:
     Raises:
         InvalidParameter: it is no number, or not finite.
     """
-    expected = message("base.a_number", "a number")
+    expected = message("base.a_number", "a finite number")
     return _number_between(value, name, -_LARGEST_FLOAT, _LARGEST_FLOAT, expected)
 
 
@@ -200,7 +202,9 @@ def as_path(value: object, name: str) -> Path:
     path = Path(value)
     if not str(path).isprintable():
         raise InvalidParameter(
-            name, repr(str(path)), message("base.a_printable_path", "a path that can be printed")
+            name,
+            repr(str(path)),
+            message("base.a_printable_path", "a path of printable characters"),
         )
     return path
 

@@ -150,21 +150,21 @@ class Uniform(Distribution):
     def _check(self) -> Self:
         """Check that the range contains numbers."""
         if not self.low < self.high:
-            raise ValueError(message("base.low_not_below_high", "low must be below high"))
+            raise ValueError(message("base.low_not_below_high", "low must be less than high"))
         if self.log and self.low <= 0:
             raise ValueError(
-                message("base.low_not_positive", "low must be positive where it is logarithmic")
+                message("base.low_not_positive", "low must be positive if log is true")
             )
         if self.start is not None and not self.low <= self.start <= self.high:
             raise ValueError(
-                message("base.start_out_of_range", "start must lie between low and high")
+                message("base.start_out_of_range", "start must be between low and high")
             )
         numbers = [end for end in (self.low, self.high, self.start) if end is not None]
         if self.integer and any(number % 1 for number in numbers):
             raise ValueError(
                 message(
                     "base.range_not_whole",
-                    "low, high and start must be whole numbers where integer is true",
+                    "low, high and start must be integers if integer is true",
                 )
             )
         return self
@@ -242,9 +242,7 @@ class Normal(Distribution):
     def _check(self) -> Self:
         """Check that the mean is within the bounds."""
         if not self._low <= self.mean <= self._high:
-            raise ValueError(
-                message("base.mean_out_of_range", "mean must lie between low and high")
-            )
+            raise ValueError(message("base.mean_out_of_range", "mean must be between low and high"))
         return self
 
     @property
@@ -403,7 +401,7 @@ def _section_of_range(kind: str, first: float, second: float) -> Values:
     is_valid = second >= 0 if kind == "normal" else first < second
     if not is_valid:
         raise ValueError(
-            message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative")
+            message("base.a_range", "a range with LOW less than HIGH, or a DEVIATION of 0 or more")
         )
     is_not_positive = kind == "loguniform" and first <= 0
     is_not_whole = kind == "integer" and bool(first % 1 or second % 1)
@@ -411,7 +409,7 @@ def _section_of_range(kind: str, first: float, second: float) -> Values:
         raise ValueError(
             message(
                 "base.a_range_for_its_kind",
-                "a range of positive numbers for loguniform, and of whole ones for integer",
+                "a range of positive numbers for loguniform, and of integers for integer",
             )
         )
     return _DRAWN[kind](first, second)
@@ -436,14 +434,12 @@ def _values_of_grid(kind: str, first: float, last: float, count: float) -> list[
         raise ValueError(
             message(
                 "base.a_range_with_count",
-                "a range of two ends that differ, and a count of 2 to {most}",
+                "a range with FIRST different from LAST, and a COUNT from 2 to {most}",
                 most=_MOST,
             )
         )
     if kind == "log" and min(first, last) <= 0:
-        raise ValueError(
-            message("base.a_positive_range", "a range of positive numbers where it is logarithmic")
-        )
+        raise ValueError(message("base.a_positive_range", "a range of positive numbers for log"))
     values: list[float] = _GRIDS[kind](first, last, int(count)).tolist()
     return values
 

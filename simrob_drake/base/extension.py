@@ -330,7 +330,7 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
         raise BrokenExtension(
             message(
                 "base.class_lacks_methods",
-                "{owner}: {target} lacks {lacking}, see {name}",
+                "{owner}: {target} lacks {lacking}, which {name} requires",
                 owner=addition.owner,
                 target=addition.target,
                 lacking=lacking,
@@ -441,7 +441,7 @@ def _check_name(addition: Addition, found: Any, named_by: str) -> None:
     if own_name != addition.name:
         problem = message(
             "base.announced_under_other_name",
-            "has the {named_by} {own_name}, and is announced as {announced_name}",
+            "has the {named_by} {own_name}, but is announced as {announced_name}; both must be equal",
             named_by=named_by,
             own_name=repr(own_name),
             announced_name=repr(addition.name),
@@ -573,7 +573,7 @@ def check_addition(point: str, addition: Addition) -> None:
         raise BrokenExtension(
             message(
                 "base.addition_missing",
-                "{owner}: there is no {expected} {target}",
+                "{owner}: the {expected} {target} does not exist",
                 owner=addition.owner,
                 expected=expected,
                 target=addition.target,
@@ -724,7 +724,7 @@ def _version_problem(core: str) -> str:
         if fits
         else message(
             "base.other_version_needed",
-            "it works with simrob_drake {core}, and this is {version}",
+            "it needs simrob_drake {core}, but version {version} is installed",
             core=core,
             version=__version__,
         )
@@ -750,7 +750,7 @@ def _malformed_addition(extension: Extension) -> str:
         if is_below and above not in extension.commands:
             return message(
                 "base.no_command_above",
-                "there is no command {above} for the command {name} below it",
+                "the command {name} needs the command {above}, which the extension does not have",
                 above=repr(above),
                 name=repr(name),
             )
@@ -809,7 +809,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
             yield installed.with_problem(
                 message(
                     "base.extension_name_taken",
-                    "package {package} has an extension of this name, too",
+                    "package {package} already has an extension of this name",
                     package=packages[installed.name],
                 )
             )
@@ -826,7 +826,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
             yield installed.with_problem(
                 message(
                     "base.addition_name_taken",
-                    "the {point} {name} is also one of {owner}",
+                    "the {point} {name} already belongs to {owner}",
                     point=POINTS[point],
                     name=repr(name),
                     owner=owners[point, name].owner,

@@ -103,7 +103,7 @@ def _open_without_waiting(file: str, flags: int) -> int:
     os.close(descriptor)
     if stat.S_ISDIR(mode):
         raise NotRead(message("base.is_a_folder", "it is a folder"))
-    raise NotRead(message("base.no_regular_file", "it is no regular file"))
+    raise NotRead(message("base.no_regular_file", "it is not a regular file"))
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
@@ -124,7 +124,7 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
         raise NotRead(
             message(
                 "base.no_utf8",
-                "it is no text in UTF-8: {reason} in byte {start}",
+                "it is not text in UTF-8: {reason} in byte {start}",
                 reason=problem.reason,
                 start=problem.start,
             )
@@ -192,7 +192,7 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
                 message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_and_columns",
-                    "has {cells} cells, and the columns are {columns}",
+                    "has {cells} cells, but the table has {columns} columns",
                     cells=len(row.cells),
                     columns=len(header.cells),
                 ),
@@ -219,14 +219,14 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
                 message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_unlike_first_line",
-                    "has {cells} cells, and the first line {first_cells}",
+                    "has {cells} cells, but the first line has {first_cells}",
                     cells=len(row.cells),
                     first_cells=len(values[0]),
                 ),
             )
     if not values:
         raise InvalidConfig(
-            file, "", message("base.empty_table", "is empty; it must hold lines of numbers")
+            file, "", message("base.empty_table", "is empty; it must contain lines of numbers")
         )
     return np.array(values)
 
@@ -254,7 +254,7 @@ def _header(rows: Iterator[_Row], file: Path) -> _Row:
             "",
             message(
                 "base.empty_table_with_names",
-                "is empty; it must hold a line of names, and lines of numbers below",
+                "is empty; it must contain a line of names, and lines of numbers below it",
             ),
         )
     return header._replace(cells=[name.strip() for name in header.cells])
@@ -307,7 +307,7 @@ def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
     if missing:
         lacking = message(
             "base.lacks_columns",
-            "lacks the columns {missing}; needed: {names}{hint}",
+            "lacks the columns {missing}; required: {names}{hint}",
             missing=", ".join(missing),
             names=", ".join(names),
             hint=_separator_hint(header.cells),
@@ -317,7 +317,7 @@ def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
     twice = next((name for name in names if header.cells.count(name) > 1), None)
     if twice is not None:
         raise InvalidConfig(
-            file, line, message("base.column_twice", "names the column {twice} twice", twice=twice)
+            file, line, message("base.column_twice", "has the column {twice} twice", twice=twice)
         )
 
 
@@ -332,7 +332,7 @@ def _separator_hint(names: Sequence[str]) -> str:
         if any(separator in name for name in names):
             return message(
                 "base.other_separator",
-                "; it is separated by {other}, and must be by commas, with decimal points",
+                "; the separator is {other}, but it must be a comma, with decimal points",
                 other=repr(separator),
             )
     return ""
@@ -360,7 +360,9 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
             file,
             message("base.line", "line {line}", line=row.line),
             message(
-                "base.no_number_in_table", "holds something that is no number: {found}", found=found
+                "base.no_number_in_table",
+                "contains a value that is not a number: {found}",
+                found=found,
             ),
         )
     return values

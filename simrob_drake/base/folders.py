@@ -164,7 +164,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(
                 message(
                     "base.no_result_folder",
-                    "{folder} holds something else than a result; it is not replaced, choose another folder",
+                    "{folder} contains files that are not a result, and is not replaced; choose another folder",
                     folder=folder,
                 )
             )
@@ -277,7 +277,9 @@ def alone_in(folder: Path) -> Iterator[None]:
     except BlockingIOError as problem:
         raise OutputError(
             message(
-                "base.folder_in_use", "{folder}: another process is at work in it", folder=folder
+                "base.folder_in_use",
+                "{folder}: another process is using this folder",
+                folder=folder,
             )
         ) from problem
     finally:

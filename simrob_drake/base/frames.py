@@ -69,7 +69,10 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     return RigidTransform(rotation, matrix[:3, 3])
 
 
-_A_TRANSFORM = message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1")
+_A_TRANSFORM = message(
+    "base.a_transform_matrix",
+    "a homogeneous matrix: a rotation, a position, and the last row 0 0 0 1",
+)
 """Expected form of a matrix, for errors."""
 
 
@@ -107,7 +110,9 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
         raise InvalidParameter(
             "x2",
             second.tolist(),
-            message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist()),
+            message(
+                "base.other_point_than_x1", "a point different from x1 {x1}", x1=first.tolist()
+            ),
         )
     origin = first + (third - first) @ along / (along @ along) * along
     to_x2 = second - origin
@@ -119,7 +124,7 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
             third.tolist(),
             message(
                 "base.off_the_line",
-                "off the line through x1 and x2: three collinear points fix no frame",
+                "off the line through x1 and x2: three collinear points do not define a frame",
             ),
         )
     # The x axis needs a second point beyond the origin.
@@ -128,7 +133,8 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
             "x2",
             second.tolist(),
             message(
-                "base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"
+                "base.away_from_foot",
+                "different from the origin, which is the foot of the perpendicular from y1",
             ),
         )
     x_axis = to_x2 / np.linalg.norm(to_x2)
@@ -359,7 +365,9 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
             raise InvalidParameter(
                 name,
                 targets,
-                message("base.all_of_one_form", "{expected}, all of one form", expected=_EXPECTED),
+                message(
+                    "base.all_of_one_form", "{expected}, all of the same form", expected=_EXPECTED
+                ),
             )
         return np.array(
             [target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)]

@@ -150,7 +150,7 @@ class Arc:
             points = ", ".join(_short_point(place) for place in (p, q, r))
             expected = message(
                 "base.three_points_off_a_line",
-                "through three points that are not on one line, unlike {found} m",
+                "through three points that are not collinear, unlike {found} m",
                 found=points,
             )
             raise InvalidParameter(name, "straight", expected)

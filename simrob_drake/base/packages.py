@@ -278,7 +278,7 @@ class Border:
         raise OutsideBorder(
             message(
                 "base.outside_allowed_folders",
-                "lies outside of the allowed folders ({folders}); allow it with --mesh-path {grant}",
+                "is outside the allowed folders ({folders}); allow it with --mesh-path {grant}",
                 folders=listed,
                 grant=grant,
             )

@@ -47,7 +47,7 @@ def _check_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution
             raise ValueError(
                 message(
                     "base.when_key_later",
-                    "{key}.when.{other} must be a key that stands before {key}",
+                    "{key}.when.{other} must be a key that comes before {key}",
                     key=key,
                     other=other,
                 )

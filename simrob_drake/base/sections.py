@@ -87,7 +87,7 @@ def _check_file_name(name: str) -> str:
         raise ValueError(
             message(
                 "base.no_folder_name",
-                "must be a name that a folder could have: no /, not . or .., at most 200 letters",
+                "must be a valid folder name: without /, not . or .., at most 200 characters",
             )
         )
     return name
@@ -103,13 +103,13 @@ def check_plain(name: str) -> None:
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = message(
             "base.rule_of_plain_names",
-            "at most {most} letters, digits and _, no digit first",
+            "at most {most} letters, digits and _, not beginning with a digit",
             most=_LONGEST_PART,
         )
         raise ValueError(
             message(
                 "base.no_plain_name",
-                "'{name}' is no plain name ({rule})",
+                "'{name}' is not a valid name ({rule})",
                 name=shortened(name),
                 rule=rule,
             )
@@ -301,7 +301,7 @@ def _check_sizes(content: object, where: Path | str) -> None:
             if value and not _SMALLEST <= abs(value) <= _LARGEST and abs(value) < inf:
                 bounds = message(
                     "base.zero_or_range",
-                    "zero or {smallest:g} to {largest:g} in size",
+                    "zero, or {smallest:g} to {largest:g} in magnitude",
                     smallest=_SMALLEST,
                     largest=_LARGEST,
                 )
@@ -310,7 +310,7 @@ def _check_sizes(content: object, where: Path | str) -> None:
                     key,
                     message(
                         "base.number_out_of_range",
-                        "a figure is {bounds} (it is {value})",
+                        "must be {bounds} (it is {value})",
                         bounds=bounds,
                         value=quoted(value),
                     ),
@@ -404,13 +404,13 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
                 found=shortened(repr(found)),
             )
         case "missing":
-            text = message("base.key_needed", "this key is needed")
+            text = message("base.key_needed", "this key is required")
         case "union_tag_not_found":
             # The key selects one of several sections, each with a `kind` of its own.
             kinds = [kind for kind in map(section_kind, nodes) if kind is not None]
             text = message(
                 "base.key_needed_known",
-                "this key is needed; known: {kinds}",
+                "this key is required; known: {kinds}",
                 kinds=", ".join(kinds),
             )
         case "union_tag_invalid":
@@ -446,8 +446,10 @@ def _section_in_words(nodes: list[dict[str, Any]]) -> str:
     # Alternatives of a union share keys: each key is listed once, in the order of the first alternative that has it.
     keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
     if not keys:
-        return message("base.section_of_names", "a section of names and their entries")
-    return message("base.section_with_keys", "a section with keys of: {keys}", keys=", ".join(keys))
+        return message("base.section_of_names", "a section of names with their entries")
+    return message(
+        "base.section_with_keys", "a section with keys among: {keys}", keys=", ".join(keys)
+    )
 
 
 def _no_such(name: str, expected: str) -> str:
@@ -592,7 +594,7 @@ def _check_metres(place: Any) -> Any:
         raise ValueError(
             message(
                 "base.too_far",
-                "{most:g} m is too far; were these millimetres? lengths are in metres",
+                "{most:g} m is too far; lengths are in metres, and this may be in millimetres",
                 most=most,
             )
         )
@@ -618,7 +620,7 @@ def _check_time(time: float) -> float:
         raise ValueError(
             message(
                 "base.no_time",
-                "a time is of {shortest:g} to {longest:g} s",
+                "a time must be between {shortest:g} and {longest:g} s",
                 shortest=SHORTEST,
                 longest=LONGEST,
             )
@@ -647,7 +649,7 @@ def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
         raise ValueError(
             message(
                 "base.inertia_of_three_or_six",
-                "an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz",
+                "an inertia has three moments Ixx Iyy Izz, or six numbers with the products Ixy Ixz Iyz",
             )
         )
     # All mass is positive, from which the triangle inequality of the principal moments follows.
@@ -655,7 +657,8 @@ def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
         raise ValueError(
             message(
                 "base.impossible_inertia",
-                "no body has these moments of inertia: none is negative, none exceeds the sum of the others",
+                "no body can have these moments of inertia: one is negative, or larger than "
+                "the sum of the other two",
             )
         )
     return inertia

@@ -44,7 +44,7 @@ _PLAIN_PROBLEMS: dict[str, Message] = {
     "none_required": message("base.must_be_null", "must be null"),
     "path_type": _A_PATH,
     "path_format": _A_PATH,
-    "missing": message("base.key_needed", "this key is needed"),
+    "missing": message("base.key_needed", "this key is required"),
     "dict_type": message("base.must_be_a_mapping", "must be a mapping of keys to values"),
     "mapping_type": message("base.must_be_a_mapping", "must be a mapping of keys to values"),
     "invalid_key": message("base.keys_must_be_texts", "its keys must be texts"),

@@ -59,7 +59,7 @@ class _Loader(yaml.CSafeLoader):
         except (ValueError, LookupError, AttributeError) as problem:
             found = message(
                 "base.no_such_type",
-                "'{text}' is no {kind}",
+                "'{text}' is not a valid {kind}",
                 text=shortened(str(node.value)),
                 kind=node.tag.rpartition(":")[2],
             )
@@ -74,7 +74,7 @@ class _Loader(yaml.CSafeLoader):
         if "\0" in text or _SURROGATE.search(text):
             found = message(
                 "base.odd_character",
-                "{text} holds a character that is in no text",
+                "{text} contains a character that is not allowed in text",
                 text=shortened(ascii(text)),
             )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
@@ -85,7 +85,9 @@ class _Loader(yaml.CSafeLoader):
         # The nodes of the keys are counted: in the dict, equal keys are one.
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
-                found = message("base.key_twice", "'{key}' stands twice", key=shortened(key))
+                found = message(
+                    "base.key_twice", "the key '{key}' occurs twice", key=shortened(key)
+                )
                 raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
@@ -114,7 +116,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
         raise InvalidConfig(
-            path, "", message("base.no_mapping", "must hold a mapping of keys to values")
+            path, "", message("base.no_mapping", "must contain a mapping of keys to values")
         )
     return content
 
@@ -221,7 +223,7 @@ def _finite(text: str) -> float:
     number = float(text)
     if not isfinite(number):
         raise ValueError(
-            message("base.no_finite_number", "{text} is no finite number", text=shortened(text))
+            message("base.no_finite_number", "{text} is not a finite number", text=shortened(text))
         )
     return number
 
@@ -241,7 +243,7 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         raise ValueError(
             message(
                 "base.key_twice_among",
-                "a key stands twice among {keys}",
+                "a key occurs twice among {keys}",
                 keys=shortened(", ".join(key for key, _ in pairs)),
             )
         )
@@ -260,7 +262,8 @@ def _tag_problem(text: str) -> str:
         return ""
     return message(
         "base.has_tag",
-        "has the tag {tag} (line {line}), which only scenes of Drake have; these have a list under the key directives",
+        "has the tag {tag} (line {line}), which only Drake scenes have; a Drake scene has a "
+        "list under the key directives",
         tag=f"!{suffix}",
         line=tag.start_mark.line + 1,
     )
@@ -340,7 +343,7 @@ def _check_growth(text: str) -> None:
         is_too_deep = len(open_collections) > _DEEPEST
         if count > _MOST_VALUES or is_too_deep:
             limit = message(
-                "base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES
+                "base.values_with_aliases", "{most} values, counting aliases", most=_MOST_VALUES
             )
             if is_too_deep:
                 limit = message("base.levels", "{levels} levels", levels=_DEEPEST)
@@ -373,7 +376,7 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
                 whole,
                 message(
                     "base.no_such_entry",
-                    "has no place '{part}'; those there are 0 to {last}",
+                    "has no entry '{part}'; the entries are 0 to {last}",
                     part=part,
                     last=len(node) - 1,
                 ),

@@ -5,7 +5,7 @@ A command ends with one of these exit codes:
 * 0: the command is done. A run that a monitor stopped counts as done.
 * 2: the input is wrong. One line on the error stream says what, where and what would be right.
 * 3: the simulation diverged, or a block failed. The result up to this time is saved.
-* 4: an import has lost parts of the file; a result has warnings, with ``--strict``; or an answer of the course is wrong.
+* 4: an import has lost parts of the file; a result has warnings, with ``--strict``; or a course answer is wrong.
 * 130: the user interrupted the command. The result up to this time is saved. Files that are being written are
   finished, unless the user interrupts once more.
 

@@ -113,7 +113,8 @@ def _missing_package(module: str, arguments: list[str]) -> str:
     if package == "simrob_drake":
         return message(
             "cli.needs_module",
-            "{command} needs the module {module}, which this installation lacks: install simrob-drake again",
+            "{command} needs the module {module}, which is missing from this installation: "
+            "reinstall simrob-drake",
             command=command,
             module=module,
         )

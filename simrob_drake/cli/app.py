@@ -189,7 +189,7 @@ class _Commands(_Group):
             raise SimrobError(
                 message(
                     "cli.command_may_be_left_out",
-                    "{problem}. Extensions that are left out: {names}; simrob extensions says why.",
+                    "{problem}. Extensions that are left out: {names}; simrob extensions lists the reasons.",
                     problem=problem,
                     names=", ".join(left_out),
                 )
@@ -391,7 +391,7 @@ def _check_surroundings(arguments: list[str]) -> None:
             raise InvalidParameter(
                 "argument",
                 ascii(argument),
-                message("cli.text_in_utf8", "text in UTF-8, names of files, too"),
+                message("cli.text_in_utf8", "text in UTF-8, including the names of files"),
             )
     try:
         os.getcwd()
@@ -399,7 +399,7 @@ def _check_surroundings(arguments: list[str]) -> None:
         raise InvalidParameter(
             message("cli.working_folder", "working folder"),
             "gone",
-            message("cli.existing_folder", "one that is there; change to another"),
+            message("cli.existing_folder", "an existing folder; change to another one"),
         ) from problem
 
 

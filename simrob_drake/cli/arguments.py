@@ -93,7 +93,7 @@ def changes_of(
                     compound("{option} {one}", option=option, one=text),
                     message(
                         "cli.gives_key_already",
-                        "{option} gives this key already",
+                        "{option} already sets this key",
                         option=option_of_key[key],
                     ),
                     message("cli.leave_out_one", "leave out one of the two"),

@@ -57,7 +57,7 @@ def check(
             "--all",
             help=message(
                 "cli.help_check_all",
-                "Show a row for each axis of a station, also if it is far from its torque limit.",
+                "Show a row for each axis of a station, even if it is far from its torque limit.",
             ),
         ),
     ] = False,

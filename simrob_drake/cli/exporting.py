@@ -88,7 +88,8 @@ def export(
         typer.Argument(
             metavar="STATION|PROGRAM",
             help=message(
-                "cli.help_export_station", "A name from `simrob list`, or the YAML file of either."
+                "cli.help_export_station",
+                "A name from `simrob list`, or the YAML file of a station or a program.",
             ),
         ),
     ],
@@ -113,7 +114,7 @@ def export(
     # The fields of the dataclass are the formats, and None is the value of an option that is not given.
     targets = {name: file for name, file in vars(files).items() if file is not None}
     if not targets:
-        raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
+        raise _wrong_formats(message("cli.asked_for_nothing", "called without a format"))
     # For a format that cannot be used, this raises the error that says why.
     exporters = {name: load_exporter(name) for name in targets}
     program_exporters = {
@@ -124,7 +125,9 @@ def export(
     }
     # The argument is either a station or a program, so one of the formats could not be written.
     if program_exporters and station_exporters:
-        raise _wrong_formats(message("cli.asked_for_both", "asked for a station and a program"))
+        raise _wrong_formats(
+            message("cli.asked_for_both", "called with formats of stations and formats of programs")
+        )
     for name, exporter in exporters.items():
         # The suffix is empty for a format whose files have any suffix.
         if exporter.suffix:
@@ -146,7 +149,7 @@ def _wrong_formats(problem: Message) -> InvalidParameter:
     return InvalidParameter(
         message("cli.simrob_export", "simrob export"),
         problem,
-        message("cli.given_formats", "given {formats}", formats=_known_formats()),
+        message("cli.given_formats", "called with {formats}", formats=_known_formats()),
     )
 
 
@@ -170,7 +173,7 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
                 str(file),
                 message(
                     "cli.other_file_than",
-                    "another file than that of {option}",
+                    "a different file from that of {option}",
                     option=flag_of(first),
                 ),
             )
@@ -233,7 +236,8 @@ def _known_formats() -> str:
     lists = [join_texts(flags, separator) for flags in (station_flags, program_flags) if flags]
     if not lists:
         return message(
-            "cli.format_of_extension", "a format of an installed extension, and none adds one"
+            "cli.format_of_extension",
+            "a format of an extension, but no installed extension has one",
         )
     return join_texts(lists, message("cli.or_format", ", or "))
 
@@ -263,7 +267,9 @@ def _export_program(
     if not is_program_file(source):
         formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
         problem = message(
-            "cli.no_program", "is no program: {formats} write the moves of one", formats=formats
+            "cli.no_program",
+            "is not a program; only programs can be exported with {formats}",
+            formats=formats,
         )
         raise InvalidConfig(source, "", problem)
     program, config = program_from(source, settings)

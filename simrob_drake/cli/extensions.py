@@ -82,7 +82,8 @@ def extensions(
         typer.Option(
             "--check",
             help=message(
-                "cli.help_extensions_check", "Import everything that they add, and report failures."
+                "cli.help_extensions_check",
+                "Import everything that the extensions add, and report failures.",
             ),
         ),
     ] = False,
@@ -162,7 +163,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
         for name in sorted(core_names(point) & set(names)):
             problem = message(
                 "cli.name_of_core",
-                "the {described} {name} is one of simrob-drake already; choose another name",
+                "the {described} {name} already exists in simrob-drake; choose another name",
                 described=described,
                 name=repr(name),
             )
@@ -186,7 +187,7 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
             for model in hidden_models(point, folder):
                 problem = message(
                     "cli.hidden_model",
-                    "{model} of its {point} is hidden by another one of this name",
+                    "{model} of its {point} cannot be used: another one has this name",
                     model=repr(model),
                     point=_TITLES_OF_POINTS[point],
                 )

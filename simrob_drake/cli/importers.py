@@ -96,7 +96,9 @@ def importer_request(
     Raises:
         Unsuitable: an option is given that the importer does not take.
     """
-    no_effect = message("cli.no_effect_on", "it has no effect on {title}", title=importer.title)
+    no_effect = message(
+        "cli.no_effect_on", "the option has no effect on {title}", title=importer.title
+    )
     all_robot_options = robot_options or ImportOptions()
     # The options that the importer takes are set back to their defaults, so that only the others are refused.
     defaults = {name: getattr(ImportOptions(), name) for name in importer.robot_options}

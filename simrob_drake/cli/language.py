@@ -23,7 +23,7 @@ OutputLanguage = Annotated[
     typer.Option(
         _OPTION,
         envvar=LANGUAGE_VARIABLE,
-        help=message("cli.help_output_language", "Language of what is written on the screen."),
+        help=message("cli.help_output_language", "Language of the output on the screen."),
     ),
 ]
 """Option of a command that writes in several languages."""

@@ -31,7 +31,7 @@ RobotOption = Annotated[
     typer.Option(
         metavar="NAME",
         help=message(
-            "cli.help_robot_option", "Which robot of the station; needed where there are several."
+            "cli.help_robot_option", "Robot of the station; required if the station has several."
         ),
     ),
 ]
@@ -47,7 +47,7 @@ def walk(
         typer.Option(
             metavar="NAME",
             help=message(
-                "cli.help_walk_gait", "A gait of the robot; the first for its feet by default."
+                "cli.help_walk_gait", "Gait of the robot; by default the first one for its feet."
             ),
         ),
     ] = None,
@@ -56,7 +56,7 @@ def walk(
         typer.Option(
             help=message(
                 "cli.help_walk_steps",
-                "Full step lengths ahead; at both ends shorter steps are added.",
+                "Distance ahead, in full step lengths; shorter steps are added at both ends.",
             )
         ),
     ] = 6,
@@ -64,7 +64,7 @@ def walk(
         float,
         typer.Option(
             help=message(
-                "cli.help_walk_amplitude", "Scales the length of the steps, and their turns."
+                "cli.help_walk_amplitude", "Factor for the lengths and the turns of the steps."
             )
         ),
     ] = 1.0,
@@ -73,7 +73,7 @@ def walk(
         typer.Option(
             metavar="SECONDS",
             help=message(
-                "cli.help_walk_step_time", "Time of each step; the gait's own by default."
+                "cli.help_walk_step_time", "Duration of each step [s]; by default that of the gait."
             ),
         ),
     ] = None,
@@ -117,7 +117,7 @@ def act(
             metavar="[ACT]",
             help=message(
                 "cli.help_act_name",
-                "An act of the robot, such as `bow`. Without it, its acts are listed.",
+                "Act of the robot, such as `bow`. Without a name, the acts of the robot are listed.",
             ),
         ),
     ] = None,
@@ -165,7 +165,7 @@ def _missing_station(command: str, *, with_steps: bool) -> SimrobError:
     example = next((name for name in names if name.endswith("_dynamic")), names[0])
     text = message(
         "cli.name_a_station",
-        "{command} needs the name of a station, for example: {command} {example}. Stations for it: {names}",
+        "{command} needs the name of a station, for example: {command} {example}. Suitable stations: {names}",
         command=command,
         example=example,
         names=", ".join(names),
@@ -256,7 +256,8 @@ def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> s
         return ""
     return message(
         "cli.steps_taken",
-        "it took {taken} steps, which go as far as {steps} full ones: they grow at the start and shrink at the end",
+        "it took {taken} steps for the distance of {steps} full {steps:step|steps}: the "
+        "steps grow at the start and shrink at the end",
         taken=taken,
         steps=steps,
     )
@@ -292,7 +293,8 @@ def _save_move(
             raise Unsuitable(
                 message("cli.set_option", "--set {setting}", setting=setting),
                 message(
-                    "cli.gait_says_how", "the gait or act says how the robot moves, and how long"
+                    "cli.gait_says_how",
+                    "the gait or act decides how the robot moves, and for how long",
                 ),
             )
 
@@ -316,7 +318,8 @@ def _save_move(
     say_text(
         message(
             "cli.chain_moves",
-            "several moves: list them in a program.yaml (moves: [{entry}, ...]), and simrob run program.yaml",
+            "for several moves, list them in a program.yaml (moves: [{entry}, ...]) and run "
+            "it: simrob run program.yaml",
             entry=f"{{{entry}}}",
         ),
         "dim",

@@ -56,7 +56,7 @@ Settings = Annotated[
         metavar="KEY.PATH=VALUE|FILE",
         help=message(
             "cli.help_settings",
-            "Change a key of the station, or all that a YAML file has; may be given several times.",
+            "Change a key of the station, or all keys of a YAML file; may be given several times.",
         ),
     ),
 ]
@@ -85,7 +85,7 @@ MeshPath = Annotated[
     ),
 ]
 Force = Annotated[
-    bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))
+    bool, typer.Option("--force", help=message("cli.help_force", "Replace existing files."))
 ]
 
 # The options of `Saving`: all commands that simulate have them, with the same helps.
@@ -108,19 +108,21 @@ Live = Annotated[
 NoRecording = Annotated[
     bool,
     typer.Option(
-        "--no-recording", help=message("cli.help_no_recording", "No recording and no film strip.")
+        "--no-recording",
+        help=message("cli.help_no_recording", "Write no recording and no film strip."),
     ),
 ]
 Video = Annotated[
     bool,
     typer.Option(
-        "--video", help=message("cli.help_video", "Write an MP4, too (needs the extra `video`).")
+        "--video", help=message("cli.help_video", "Also write an MP4 (needs the extra `video`).")
     ),
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
-        min=1, help=message("cli.help_workers", "Processes; as many as processors by default.")
+        min=1,
+        help=message("cli.help_workers", "Count of processes; by default one for each processor."),
     ),
 ]
 Scheduler = Annotated[
@@ -128,7 +130,7 @@ Scheduler = Annotated[
     typer.Option(
         metavar="ADDRESS",
         help=message(
-            "cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do it."
+            "cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do the work."
         ),
     ),
 ]
@@ -136,7 +138,10 @@ Strictly = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help=message("cli.help_strictly", "Exit with 4 if the result has warnings; it is saved."),
+        help=message(
+            "cli.help_strictly",
+            "Exit with 4 if the result has warnings; the result is saved all the same.",
+        ),
     ),
 ]
 ShowVerdict = Annotated[
@@ -145,7 +150,7 @@ ShowVerdict = Annotated[
         "--verdict",
         help=message(
             "cli.help_show_verdict",
-            "Show all criteria with their bounds, even if all are within them.",
+            "Show all criteria with their bounds, even if no bound is violated.",
         ),
     ),
 ]
@@ -159,7 +164,7 @@ FileArgument = Annotated[
         metavar="FILE",
         help=message(
             "cli.help_file_argument",
-            "A URDF, xacro, MJCF or SDF file; for import a Simulink model or a RAPID module, too.",
+            "A URDF, xacro, MJCF or SDF file; import also reads a Simulink model or a RAPID module.",
         ),
     ),
 ]
@@ -198,7 +203,8 @@ class LanguageOptions:
         typer.Option(
             metavar="ROBOT",
             help=message(
-                "cli.help_language_robot", "Robot that does a RAPID module: alone, or one of --on."
+                "cli.help_language_robot",
+                "Robot that runs a RAPID module: alone, or a robot of the station --on.",
             ),
         ),
     ] = None
@@ -207,7 +213,7 @@ class LanguageOptions:
         typer.Option(
             "--on",
             metavar="STATION",
-            help=message("cli.help_language_on", "Station on which a RAPID module is done."),
+            help=message("cli.help_language_on", "Station in which a RAPID module runs."),
         ),
     ] = None
     io: Annotated[
@@ -216,7 +222,7 @@ class LanguageOptions:
             "--io",
             metavar="FILE",
             help=message(
-                "cli.help_language_io", "Table of what the signals of a RAPID module mean."
+                "cli.help_language_io", "Table with the meanings of the signals of a RAPID module."
             ),
         ),
     ] = None
@@ -244,7 +250,7 @@ class LanguageOptions:
             "--allow-losses",
             help=message(
                 "cli.help_language_allow_losses",
-                "Take a RAPID or Simulink import though parts of it are lost.",
+                "Accept a RAPID or Simulink import even if parts of it are lost.",
             ),
         ),
     ] = False
@@ -368,7 +374,9 @@ class ChosenOptions:
                 if not is_default and field.name not in allowed:
                     raise Unsuitable(
                         flag_of(field.name),
-                        message("cli.belongs_to", "it belongs to {owner}", owner=group.owner),
+                        message(
+                            "cli.belongs_to", "the option belongs to {owner}", owner=group.owner
+                        ),
                     )
 
 

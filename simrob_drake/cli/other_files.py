@@ -65,7 +65,9 @@ def refuse_other(text: str) -> None:
         remedy = _find_remedy(file, keys, descriptions)
         if remedy:
             raise InvalidConfig(
-                file, "", message("cli.is_no_station", "is no station but {remedy}", remedy=remedy)
+                file,
+                "",
+                message("cli.is_no_station", "is not a station, but {remedy}", remedy=remedy),
             )
     if isfile(file) and not is_yaml:
         raise InvalidConfig(

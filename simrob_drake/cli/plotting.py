@@ -21,7 +21,7 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="RESULT...",
-            help=message("cli.help_plot_results", "Folders that `simrob run` made."),
+            help=message("cli.help_plot_results", "Result folders of `simrob run`."),
         ),
     ],
     signal: Annotated[

@@ -112,7 +112,7 @@ def own_program(config: StationConfig) -> Program:
         raise InvalidConfig(
             config.name,
             "program",
-            message("cli.missing_moves", "missing: the moves that its robots make"),
+            message("cli.missing_moves", "this key is required: the moves of the robots"),
         )
     return program
 
@@ -139,7 +139,7 @@ def program_from(file: str, settings: list[str] | None) -> tuple[Program, Statio
             "station",
             message(
                 "cli.missing_station",
-                "missing: the name or the file of the station that it is to run on",
+                "this key is required: the name or the file of the station in which the program runs",
             ),
         )
     # A path in the program's file is relative to the folder of this file, not to the working folder.
@@ -246,7 +246,7 @@ def refuse_language(options: LanguageOptions) -> bool:
         name: value for name, value in asdict(options).items() if value != getattr(defaults, name)
     }
     allow_losses = bool(chosen.pop("allow_losses", False))
-    refuse(message("cli.belongs_to_rapid", "it belongs to RAPID modules"), **chosen)
+    refuse(message("cli.belongs_to_rapid", "the option belongs to RAPID modules"), **chosen)
     return allow_losses
 
 
@@ -286,7 +286,7 @@ def _losses_error(losses: Sequence[str]) -> SimrobError:
     )
     text = message(
         "cli.nothing_moved",
-        "{first}{more}; nothing moved: --allow-losses runs it without",
+        "{first}{more}; the program was not run: --allow-losses runs it without these lines",
         first=losses[0],
         more=rest,
     )
@@ -367,7 +367,10 @@ def _read_program(
         raise InvalidParameter(
             "--robot",
             "missing",
-            message("cli.who_does_it", "who does it, as --robot irb120; or --on a station"),
+            message(
+                "cli.who_does_it",
+                "the robot that runs the program, such as --robot irb120, or a station with --on",
+            ),
         )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.
@@ -395,5 +398,5 @@ def _show_remarks(imported: ImportedProgram) -> None:
     for remark in imported.remarks:
         text = remark.text
         if remark.is_lost:
-            text = message("cli.lost_line", "lost {text}", text=remark.text)
+            text = message("cli.lost_line", "lost: {text}", text=remark.text)
         say_text(text)

@@ -67,7 +67,7 @@ def import_file(
         typer.Option(
             help=message(
                 "cli.help_import_file_out",
-                "Folder of the result; by default NAME_imported, here or beside the file's package.",
+                "Folder of the result; by default NAME_imported, here or next to the file's package.",
             )
         ),
     ] = None,
@@ -79,7 +79,8 @@ def import_file(
             "--set",
             metavar="NAME=VALUE",
             help=message(
-                "cli.help_import_file_set", "A variable of a Simulink model; may be given often."
+                "cli.help_import_file_set",
+                "A variable of a Simulink model; may be given several times.",
             ),
         ),
     ] = None,
@@ -106,7 +107,9 @@ def import_file(
             options,
         )
         importer_options.refuse_all_but([])
-        refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_)
+        refuse(
+            message("cli.belongs_to_simulink", "the option belongs to Simulink models"), set=set_
+        )
         return import_program(file, out, language, force=force)
     # All imports share --allow-losses with programs, so it is passed on instead of refused.
     allow_losses = refuse_language(language)
@@ -121,7 +124,7 @@ def import_file(
     importer_options.refuse_all_but([])
     # The report of a robot shows what is lost, but the import never stops for it: there is nothing to allow.
     refuse(
-        message("cli.belongs_to_simulink", "it belongs to Simulink models"),
+        message("cli.belongs_to_simulink", "the option belongs to Simulink models"),
         set=set_,
         allow_losses=allow_losses,
     )
@@ -190,14 +193,17 @@ def view(
             window = RobotView(read_robot(robot, options))
     else:
         refuse_import(
-            message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"),
+            message(
+                "cli.no_file_of_robot", "this is not the file of a robot, and nothing is imported"
+            ),
             options,
         )
         window = RobotView(read_robot(robot))
     say(message("cli.shown_at", "{robot} is shown at {url}", robot=robot, url=window.url))
     hint = message(
         "cli.collision_geometry",
-        "collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here",
+        "to see the collision geometry, choose Scene, collision in the menu of the page; to "
+        "end, press Stop there or Ctrl+C here",
     )
     say_text(hint)
     # The call returns when the user stops the view in the browser.
@@ -214,7 +220,7 @@ def station(
     out: Annotated[
         Path | None,
         typer.Option(
-            help=message("cli.help_station_out", "The station's file; NAME.yaml unless given.")
+            help=message("cli.help_station_out", "File of the station; by default NAME.yaml.")
         ),
     ] = None,
     options: ImportOptions | None,
@@ -267,8 +273,8 @@ def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
         return flags
     text = message(
         "cli.station_may_read",
-        "The robot is outside of the station's folder. This computer remembers that the station may read it; "
-        "elsewhere, or after it is moved, add:",
+        "The robot is outside the station's folder. This computer remembers that the station "
+        "may read it. On another computer, or after moving the station, add:",
     )
     say_text(text)
     say(flags.strip())

@@ -86,11 +86,11 @@ def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
 
 def wait_for_watcher(url: str) -> None:
     """Show the address at which the motion can be watched. At a terminal, wait until the user has opened it."""
-    say(message("cli.watch_at", "watch it at {url}", url=url))
+    say(message("cli.watch_at", "watch the motion at {url}", url=url))
     # Without a terminal, as in a script or a test, there is no user to press Enter.
     if sys.stdin.isatty():
         question = message(
-            "cli.open_in_browser", "open it in a browser, then press Enter to start "
+            "cli.open_in_browser", "open the address in a browser, then press Enter to start "
         )
         console.input(translate(question))
 

@@ -64,7 +64,7 @@ def run(
             metavar="STATION|PROGRAM",
             help=message(
                 "cli.help_run_station",
-                "A name from `simrob list`, the YAML file of either, or a RAPID module.",
+                "A name from `simrob list`, the YAML file of a station or a program, or a RAPID module.",
             ),
             autocompletion=completed_station,
         ),
@@ -72,7 +72,9 @@ def run(
     duration: Annotated[
         float | None,
         typer.Option(
-            help=message("cli.help_run_duration", "Simulated time [s], in place of the station's.")
+            help=message(
+                "cli.help_run_duration", "Simulated time [s], in place of that of the station."
+            )
         ),
     ] = None,
     set_: Settings = None,
@@ -83,7 +85,7 @@ def run(
             metavar="N|events",
             help=message(
                 "cli.help_run_frames",
-                "Pictures of the film strip; events by default for programs, else 7.",
+                "Frames of the film strip; by default events for programs, otherwise 7.",
             ),
         ),
     ] = None,
@@ -92,7 +94,8 @@ def run(
         typer.Option(
             "--converge",
             help=message(
-                "cli.help_run_converge", "Run again ten times tighter and print the difference."
+                "cli.help_run_converge",
+                "Run again with ten times tighter accuracy, and show the difference.",
             ),
         ),
     ] = False,
@@ -122,7 +125,10 @@ def run(
     # The moves of a program take as long as they need, and its file names no code that could be allowed.
     if is_in_language or is_program:
         refuse(
-            message("cli.program_has_duration", "a program has its own duration and names no code"),
+            message(
+                "cli.program_has_duration",
+                "a program has its own duration, and its file names no code",
+            ),
             duration=duration,
             converge=converge,
             allow_code=allow_code,
@@ -176,7 +182,7 @@ def diagram(
         typer.Option(
             help=message(
                 "cli.help_diagram_out",
-                "FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.",
+                "FILE.svg, .png, .pdf, .dot or .mmd; by default DOT on the screen.",
             )
         ),
     ] = None,

@@ -283,7 +283,7 @@ def fold_axes(findings: Sequence[Finding]) -> list[Finding]:
         message("cli.more_axes", "{count} more axes", count=len(folded)),
         message(
             "cli.within_share_of_torque",
-            "each needs at most {largest:.0%} of its torque limit; {option} shows each",
+            "each needs at most {largest:.0%} of its torque limit; {option} lists each",
             largest=max(map(_torque_share, folded)),
             option="--all",
         ),

@@ -220,7 +220,9 @@ class CommandRelay:
         self._begin = begin
         self._functions: CommandFunctions = {}
         if functions is not None:
-            expected = message("simulation.commands_by_controller", "a mapping by controller")
+            expected = message(
+                "simulation.commands_by_controller", "a mapping of controllers to functions"
+            )
             self._functions = instance(functions, "commands", Mapping, expected)
         self._sections = commanded_sections(config.controllers)
         # Commands up to now, by the name of the controller.

@@ -99,17 +99,21 @@ def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
         "simulation.diagram_with_station", "a Diagram of Drake that contains a station"
     )
     instance(diagram, "diagram", Diagram, expected)
-    expected = message("simulation.station_ports", "what add_station() gave, or station.ports")
+    expected = message(
+        "simulation.station_ports", "the return value of add_station(), or station.ports"
+    )
     instance(ports, "ports", StationPorts, expected)
     # The station's plant may be in a diagram within the user's diagram.
     if not _contains(diagram, ports.state.get_system()):
         raise InvalidParameter(
             "ports",
-            message("simulation.ports_of_other_diagram", "those of a station in another diagram"),
+            message(
+                "simulation.ports_of_other_diagram", "the ports of a station in another diagram"
+            ),
             message(
                 "simulation.ports_of_this_diagram",
-                "those that add_station() returned for the builder of this diagram, or station.ports of a station "
-                "in it",
+                "the ports that add_station() returned for the builder of this diagram, or "
+                "station.ports of a station in it",
             ),
         )
 
@@ -166,7 +170,8 @@ def _context_at_begin(
             quoted("keep"),
             message(
                 "simulation.diagram_keep_needs_start",
-                "with a start whose time is kept, such as start=result.final_state; a context has its own time",
+                "used with a start whose time is kept, such as start=result.final_state; a "
+                "context has its own time",
             ),
         )
     if context is not None:
@@ -194,14 +199,15 @@ def _check_context(diagram: Diagram, context: Context) -> None:
     """Check the user's context; raises InvalidParameter: it is none, or that of another system."""
     expected = message(
         "simulation.context_of_diagram",
-        "a Context of the diagram, such as diagram.CreateDefaultContext() gives, or result.context() of an earlier run",
+        "a Context of the diagram, such as diagram.CreateDefaultContext() returns, or "
+        "result.context() of an earlier run",
     )
     instance(context, "context", Context, expected)
     try:
         # Drake compares the identifiers of the systems, and raises a RuntimeError if they differ.
         diagram.ValidateContext(context)
     except RuntimeError as problem:
-        found = message("simulation.context_of_other_system", "that of another system")
+        found = message("simulation.context_of_other_system", "the context of another system")
         raise InvalidParameter("context", found, expected) from problem
 
 

@@ -131,7 +131,8 @@ class Slow:
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
             problem = message(
-                "simulation.stiff_forces_make", "forces that are stiff for what they move make"
+                "simulation.stiff_forces_make",
+                "forces that are too stiff for the bodies on which they act make",
             )
             if spring:
                 problem = message(
@@ -237,7 +238,7 @@ class Slow:
         if largest is not None and largest.cost > _HALF * self.cost:
             return message(
                 "simulation.largest_expense",
-                ", of it {name} {cost:.2g} s; {remedy}",
+                ", of which {name} takes {cost:.2g} s; {remedy}",
                 name=largest.name,
                 cost=largest.cost,
                 remedy=largest.remedy,
@@ -248,7 +249,9 @@ class Slow:
             key = "accuracy"
         else:
             key = self.config.solver.step_key
-        return message("simulation.take_longer_steps", "; take longer ones (solver.{key})", key=key)
+        return message(
+            "simulation.take_longer_steps", "; take longer steps (solver.{key})", key=key
+        )
 
     def _expenses(self) -> list[Expense]:
         """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
@@ -431,7 +434,7 @@ def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
     left = end - times[-1]
     return message(
         "simulation.creeping_steps",
-        "it creeps in steps of {step:.2g} s with {left:.3g} s left; {remedy}",
+        "its steps are only {step:.2g} s long, with {left:.3g} s left; {remedy}",
         step=step,
         left=left,
         remedy=DISCRETE,
@@ -532,7 +535,7 @@ class PaceWatch:
         if is_machine_busy:
             rate += message(
                 "simulation.on_share_of_processor",
-                " on {share:.0f} % of a processor ({rate:.2g} × on a whole one)",
+                " with {share:.0f} % of a processor ({rate:.2g} × with a whole processor)",
                 share=100 * share,
                 rate=rate_alone,
             )
@@ -546,7 +549,7 @@ class PaceWatch:
             cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
         return message(
             "simulation.rate_with_time_left",
-            "{station} makes {rate} with {left:.3g} s left: {cause}",
+            "{station} runs at {rate} with {left:.3g} s left: {cause}",
             station=self.config.name,
             rate=rate,
             left=left,

@@ -151,9 +151,7 @@ def is_same_motion(first: StationConfig, second: StationConfig) -> bool:
 
 def other_station(config: StationConfig) -> tuple[Message, Message]:
     """Texts of an error for a run that is no run of a station: what it is, and what is expected."""
-    found = message(
-        "simulation.run_of_other_station", "a run of a station that moves in another way"
-    )
+    found = message("simulation.run_of_other_station", "a run of a station with a different motion")
     return found, message(
         "simulation.run_of_this_station", "a run of this station, {name}", name=config.name
     )
@@ -193,7 +191,7 @@ def continuable_trace(result: RecordedRun) -> Trace:
             "simulation.run_that_ended", "a run that ended early ({ending})", ending=result.ending
         )
         expected = message(
-            "simulation.complete_run", "a run that went to its end or was interrupted by the user"
+            "simulation.complete_run", "a run that was completed, or that the user interrupted"
         )
     else:
         found = message(

@@ -163,7 +163,7 @@ class Run:
             note(
                 message(
                     "simulation.interrupted_computing",
-                    "interrupted; the signals are computed first, interrupt again to abandon them",
+                    "interrupted; the signals are still computed, interrupt again to abandon them",
                 ),
                 shown=progress,
             )
@@ -507,7 +507,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
             continue
         expected = message(
             "simulation.a_push",
-            "a mapping of at, start, duration and force, as under forces: in a station",
+            "a mapping with the keys at, start, duration and force, as under forces: in a station",
         )
         instance(push, key, Mapping, expected)
         try:
@@ -546,10 +546,10 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
         if config.only_robot is None:
             raise InvalidParameter(
                 "reference",
-                message("simulation.one_for_all", "one for all"),
+                message("simulation.one_for_all", "one reference for several robots"),
                 message(
                     "simulation.mapping_by_robot",
-                    "a mapping by robot: {robots}",
+                    "a mapping of robots to references; the robots are {robots}",
                     robots=", ".join(config.robots),
                 ),
             )
@@ -585,7 +585,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
             raise InvalidParameter(
                 "reference",
                 message("simulation.trajectory_of", "a trajectory of {shape}", shape=shape),
-                message("simulation.of_shape_n_1", "of shape (n, 1), one row a joint"),
+                message("simulation.of_shape_n_1", "of shape (n, 1), with one row for each axis"),
             )
         return reference
     # A list of two rows is an array, a tuple of two is a pair: so both forms can be told apart.

@@ -236,7 +236,7 @@ class Runner:
             raise SimrobError(
                 message(
                     "simulation.one_run_at_a_time",
-                    "a Runner serves one run at a time; make a Runner for each thread",
+                    "a Runner makes one run at a time; create a Runner for each thread",
                 )
             )
         self._is_running = True
@@ -299,7 +299,7 @@ class Runner:
                     quoted("keep"),
                     message(
                         "simulation.keep_needs_start",
-                        "a start whose time is kept, such as result.final_state",
+                        "used with a start whose time is kept, such as result.final_state",
                     ),
                 )
             origins = first_state.origins or None
@@ -522,7 +522,7 @@ class Runner:
                 at,
                 message(
                     "simulation.moment_within_run",
-                    "a moment within the run, over 0 and below {duration:g} s",
+                    "a time within the run, greater than 0 and less than {duration:g} s",
                     duration=config.duration,
                 ),
             )
@@ -537,7 +537,7 @@ class Runner:
         """Former name of :meth:`branch`. It goes in 0.2."""
         text = message(
             "simulation.fork_is_branch",
-            "Runner.fork() is now Runner.branch(); the former name goes in 0.2",
+            "Runner.fork() is now Runner.branch(); the former name is removed in 0.2",
         )
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.branch(at, reference=reference)
@@ -635,7 +635,8 @@ class Runner:
             if self._diagrams and self._blocks:
                 text = message(
                     "simulation.blocks_in_one_diagram",
-                    "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones",
+                    "a block can be in one diagram only: pushes at other places, and sine "
+                    "references, need a Runner with new blocks",
                 )
                 raise SimrobError(text)
             station = self._station
@@ -873,7 +874,7 @@ class RunBranch:
                     message("simulation.push_at_time", "a push at {start:g} s", start=push.start),
                     message(
                         "simulation.push_after_branch",
-                        "one at {at:g} s, the branch, or later",
+                        "a push at {at:g} s, the time of the branch, or later",
                         at=self.at,
                     ),
                 )

@@ -312,7 +312,9 @@ class Stepper:
         if not recorder.is_sane():
             return self._divergence_outcome(
                 recorder,
-                RuntimeError(message("simulation.state_ran_away", "a state ran away to infinity")),
+                RuntimeError(
+                    message("simulation.state_ran_away", "a state grew beyond any physical value")
+                ),
             )
         if status.reason() == _ENDED:
             return Outcome(
@@ -359,7 +361,7 @@ class Stepper:
             raise RuntimeError(
                 message(
                     "simulation.state_ran_away_between",
-                    "a state ran away between two recorded ones",
+                    "a state grew beyond any physical value between two recorded states",
                 )
             )
         return recorder.history().last()
@@ -515,7 +517,7 @@ class Stepper:
             )
             text = message(
                 "simulation.fault_of_program",
-                "a fault of the program, at {time:.4g} s: {error} ({where})",
+                "an error in the code at {time:.4g} s: {error} ({where})",
                 time=time,
                 error=error,
                 where=where,

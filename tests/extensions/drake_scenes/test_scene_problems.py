@@ -144,12 +144,12 @@ def test_models_may_not_name_files_beyond_their_package(tmp_path: Path) -> None:
     (folder / "scene.dmd.yaml").write_text(
         f"directives:\n- add_model: {{name: part, file: package://scene/part.urdf}}\n{weld}"
     )
-    with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
+    with pytest.raises(InvalidConfig, match=r"secret\.obj is outside the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
     (folder / "scene.dmd.yaml").write_text(
         f"directives:\n- add_model: {{name: part, file: 'file://{secret}'}}\n"
     )
-    with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
+    with pytest.raises(InvalidConfig, match=r"secret\.obj is outside the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
 
 
