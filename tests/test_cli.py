@@ -564,7 +564,7 @@ def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(
         ),
         (
             "simrob_drake.gone",
-            "simrob run needs the module simrob_drake.gone, which this installation lacks",
+            "simrob run needs the module simrob_drake.gone, which is missing from this installation",
         ),
     ],
 )

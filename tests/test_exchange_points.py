@@ -321,7 +321,7 @@ def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, mon
         ),
         (
             FILE_IMPORTER.replace("import_file", "importing").format(body="pass"),
-            "lacks import_file, see Importer",
+            "lacks import_file, which Importer requires",
         ),
         ("class Lists: pass", "it must be a subclass of simrob_drake.importer.importer.Importer"),
     ],
@@ -409,7 +409,7 @@ def test_exporters_of_another_package_write_stations_and_programs(
             ["box_on_floor", "--fails", "a"],
             "extension text_kit: the exporter fails fails (KeyError: 'speed')",
         ),
-        (["box_on_floor", "--lacks", "a"], "text_kit.a:Lacks lacks export_station, see Exporter"),
+        (["box_on_floor", "--lacks", "a"], "text_kit.a:Lacks lacks export_station, which Exporter requires"),
         (
             ["box_on_floor", "--counts", "a"],
             "box_on_floor: is not a program; only programs can be exported with --counts",
@@ -461,7 +461,7 @@ def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(
             "--first-line: the option belongs to --with-tag; leave it out",
         ),
         (["--with-tag", "box.csv"], "--with-tag is box.csv; it must be a file that ends in .txt"),
-        ([], "it must be given --with-tag or --names"),
+        ([], "it must be called with --with-tag or --names"),
     ):
         assert run_command(["export", "box_on_floor", *options]) == 2
         assert message in capsys.readouterr().err

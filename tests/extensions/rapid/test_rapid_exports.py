@@ -228,7 +228,7 @@ def test_the_example_of_the_page_is_done(tmp_path):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["run", "A.mod"], "--robot is missing; it must be who does it"),
+        (["run", "A.mod"], "--robot is missing; it must be the robot that runs the program"),
         (["run", "A.mod", "--robot", "irb120"], "A.mod: line 1: there is no PROC main()"),
         (
             ["run", "irb120_kinematic", "--robot", "irb120"],
