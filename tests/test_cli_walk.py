@@ -69,7 +69,7 @@ MISTAKES = {
     ),
     "a reference": (
         ["roid1_dynamic", "--set", "reference.kind=hold"],
-        "the gait or act says how the robot moves",
+        "the gait or act decides how the robot moves",
     ),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
     "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),

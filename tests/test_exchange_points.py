@@ -409,7 +409,10 @@ def test_exporters_of_another_package_write_stations_and_programs(
             ["box_on_floor", "--fails", "a"],
             "extension text_kit: the exporter fails fails (KeyError: 'speed')",
         ),
-        (["box_on_floor", "--lacks", "a"], "text_kit.a:Lacks lacks export_station, which Exporter requires"),
+        (
+            ["box_on_floor", "--lacks", "a"],
+            "text_kit.a:Lacks lacks export_station, which Exporter requires",
+        ),
         (
             ["box_on_floor", "--counts", "a"],
             "box_on_floor: is not a program; only programs can be exported with --counts",

@@ -110,7 +110,7 @@ def test_steps_of_one_length_can_be_longer(impatient):
     (said,), _ = said_of(
         load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
     )
-    assert said.endswith("take longer ones (solver.time_step)")
+    assert said.endswith("take longer steps (solver.time_step)")
 
 
 def test_looking_for_the_cause_changes_nothing(impatient, monkeypatch):

@@ -140,6 +140,7 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[KeyText]:
         InvalidParameter: a value has another form.
     """
     for value in texts or []:
+        # Only the first equals sign separates: the text may have more of them, as in a formula.
         key, equals, text = value.partition("=")
         has_form = bool(key.strip()) and bool(equals)
         if not has_form:

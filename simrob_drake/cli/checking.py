@@ -77,6 +77,7 @@ def check(
         request = importer_request(importer, "reading_class", importer_options, options, set_)
         examine_with(importer, Path(station), request)
         return
+    # The core reads all other arguments, so the options of importers have no effect on them.
     importer_options.refuse_all_but([])
     # The order of the tests matters: names of stations come last, because any text may be one.
     if is_program_file(station):

@@ -133,6 +133,7 @@ def export(
         if exporter.suffix:
             check_ending(targets[name], [exporter.suffix], flag_of(name))
     _check_targets_differ(targets)
+    # An option of a format that was not asked for would have no effect.
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if program_exporters:
         _export_program(station, set_, targets, program_exporters, options, force=force)

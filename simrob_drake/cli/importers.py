@@ -178,6 +178,7 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
         progress_note(message("cli.reading", "reading {file}", file=file)),
         _code_of(importer, file),
     ):
+        # Code of an extension: an error that no user causes is reported with the name of its package.
         outcome = importer.examine(file, request)
     # The report explains the problem, so it is shown before the error.
     _show_outcome(outcome)

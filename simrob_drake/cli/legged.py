@@ -224,6 +224,7 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
     if not acts:
         problem = message("cli.no_acts", "{robot} has no acts", robot=model.name)
         raise Unsuitable(station, problem)
+    # The next command is shown with an act that the robot has, so that a user can copy it.
     names = ", ".join(acts)
     say_text(
         message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names)

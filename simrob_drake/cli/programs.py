@@ -380,6 +380,7 @@ def _read_program(
         # The robot is one of the package's, alone on a station made for it.
         config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
+    # The options of the command line become those of an importer, which is code of an extension.
     request = ProgramRequest(
         config=config,
         robot=robot,

@@ -87,7 +87,7 @@ def import_file(
     importer_options: ChosenOptions,
     language: LanguageOptions,
 ) -> ExitCode:
-    """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and report all that was done.
+    """Import a robot, a Simulink model, a CAD assembly or a RAPID program, and report every change.
 
     For example:
 
@@ -226,7 +226,7 @@ def station(
     options: ImportOptions | None,
     force: Force = False,
 ) -> None:
-    """Write a first station for a robot's file, one that runs at once.
+    """Write a first station for a robot's file, ready to run.
 
     For example:
 

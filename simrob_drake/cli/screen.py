@@ -72,6 +72,7 @@ WRITTEN = message("cli.written", "written")
 
 def say(text: str | Text) -> None:
     """Write a text in the language of the output as one line, however long it is."""
+    # A text of rich has been translated by its caller.
     line = translate(text) if isinstance(text, str) else text
     console.print(line, soft_wrap=True)
 

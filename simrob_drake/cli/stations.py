@@ -166,7 +166,7 @@ def demo(
         typer.Option(help=message("cli.help_demo_out", "Folder of the result, which is replaced.")),
     ] = Path("runs/demo"),
 ) -> int:
-    """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
+    """Run a demonstration: an IRB120 moves by joint torques; the recording opens in any browser."""
     # The demonstration needs no file of the user's, and can be repeated: its former result is replaced.
     config = station_from("irb120_dynamic", None)
     saving = Saving(out=out, force=True)
@@ -268,6 +268,7 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
         )
         say_text(text)
         return ExitCode.DONE
+    # A factor of ten is far more than rounding changes, and the run still ends in a reasonable time.
     tighter_solver = result.config.solver.tighter()
     # All other keys stay, and the seeds with them: the accuracy is the only difference.
     tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))

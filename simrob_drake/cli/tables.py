@@ -303,6 +303,7 @@ def robot_table(robot: RobotModel) -> Table:
     """Make the table of the axes of a robot, with their limits of position and effort."""
     # Limits are in SI units, and the table in the units for users: deg instead of rad.
     lower_limits, upper_limits = robot.axis_limits
+    # Numbers stay fields of messages, so that a language writes its own decimal sign.
     lower = [compound("{end:.5g}", end=end) for end in lower_limits / robot.user_units]
     upper = [compound("{end:.5g}", end=end) for end in upper_limits / robot.user_units]
     # A passive axis has no motor.

@@ -95,6 +95,7 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
         # The message for a literal lists its choices, so the finding becomes one about a literal.
         quoted_choices = ", ".join(f"'{choice}'" for choice in choices)
         described = {**finding, "type": "literal_error", "ctx": {"expected": quoted_choices}}
+    # Typer's own sentence is English only, and names types of Python.
     text = value_problem(described)
     value = finding.get("input")
     if value is not None:

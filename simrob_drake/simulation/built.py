@@ -306,6 +306,7 @@ def _checked_command(
     Raises:
         InvalidParameter: the value does not have the finite numbers of the controller's command.
     """
+    # A user's function may return any object, such as a list, a tuple or an array.
     values = numbers(answer)
     parts = section.command_parts
     if values.shape != (len(parts),) or not np.isfinite(values).all():

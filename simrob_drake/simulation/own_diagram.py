@@ -262,6 +262,7 @@ def _with_signals(
             found = message("simulation.port_called", "the port {port}", port=port.get_name())
             raise InvalidParameter(place, found, expected)
         block, _, output = name.rpartition(".")
+        # Drake's own systems have no units for their ports.
         units = getattr(port.get_system(), "units", {})
         declare_output(extended, block, port, str(units.get(port.get_name()) or "1"), called=output)
         # The summary of the result describes each block once, although it may have several signals.

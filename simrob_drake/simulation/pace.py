@@ -109,6 +109,7 @@ class Slow:
 
     def cause(self) -> str:
         """Find what makes the run slow. Returns the cause and the remedy, in words."""
+        # None means that the solver has steps of a fixed length.
         solver = controlled_by(self.config)
         # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
@@ -526,6 +527,7 @@ class PaceWatch:
         """
         advanced = context.get_time() - self._since
         left = self._end - context.get_time()
+        # Both times are without pauses.
         share = self._worked / self._waited
         rate: str = message(
             "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited
@@ -558,6 +560,7 @@ class PaceWatch:
 
     def _count_step(self) -> None:
         """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""
+        # Steps are counted always. The clocks are read seldom: reading them takes as long as a step of a small station.
         self._steps += 1
         now = monotonic()
         if now - self._clocks.wall < _OFTEN:
@@ -566,6 +569,7 @@ class PaceWatch:
         self._clocks = _Clocks(now, process_time())
         waited = self._clocks.wall - before.wall
         worked = self._clocks.processor - before.processor
+        # The process also works a little while it is paused, such as in the debugger's own code.
         is_pause = waited >= _PAUSE and worked <= _IDLE * waited + _OFTEN
         if not is_pause:
             self._waited += waited

@@ -129,6 +129,7 @@ class Run:
             watchers.append(self._after_repeated(pass_commands))
         if on_step is not None:
             watchers.append(self._after_repeated(_positions_watcher(self.stepper, on_step)))
+        # The bar shows the time since the start of this run, not the time of the whole motion.
         title = message("simulation.simulating", "simulating {station}", station=self.config.name)
         stepper = self.stepper
         with progress_bar(title, self.end - self.begin, shown=truth(progress, "progress")) as show:

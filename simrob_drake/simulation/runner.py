@@ -307,6 +307,7 @@ class Runner:
         else:
             start = self._start_of(config, first_state)
             plan = replace(plan, start=start, origins=_origins(start))
+        # The callbacks are not part of the plan: the same plan may be run in several attempts.
         callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
         trace = first_state.valid_trace if keeps_time and first_state is not None else None
         # Only the final state of a result has recorded steps. A state from a file begins a new motion at its time.
@@ -348,6 +349,7 @@ class Runner:
         expected = message("simulation.a_result", "a result of simulate() or of a Runner")
         trace = continuable_trace(instance(result, "result", SimulationResult, expected))
         check_callback(on_step)
+        # The end is that of the whole motion, not the length of what is added.
         end = seconds(until, "until")
         if end <= result.stop_time:
             later = message(
@@ -432,6 +434,7 @@ class Runner:
         diagrams = self._diagrams_for(
             config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
         )
+        # The diagrams may play other references by the time at which signals are evaluated.
         references = diagrams.references
         # The states were recorded in another diagram, and could not even be copied.
         if restart is not None and not fits(restart.history, diagrams.whole):

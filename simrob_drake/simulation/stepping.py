@@ -349,6 +349,7 @@ class Stepper:
         """
         # Row of the last recorded state before the time.
         before = int((history.times < time).sum()) - 1
+        # The diagram that was stepped at that time, with the pushes of that time.
         built = self._diagram_at(float(history.times[before]))
         # A copy of the caller's context has its parameters, which a default context may not have.
         own_context = None if self.user_context is None else self.user_context.Clone()
@@ -356,6 +357,7 @@ class Stepper:
         history.put(before, simulator.get_mutable_context())
         flight = self._make_flight(built, simulator)
         recorder = Recorder(simulator, pace=None if flight is None else flight.look)
+        # The step is made with the same limits as in the run, so it is a part of the recorded step.
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError(
@@ -422,6 +424,7 @@ class Stepper:
         """
         if self._restart is not None:
             return self._initialize_again(self._restart)
+        # The settings of a scheme that holds inputs over a step; other schemes have none here.
         is_cenic = stepped_by(self._config) is not None
         if self.begins_in_motion and is_cenic:
             return self._initialize_in_motion()

@@ -371,7 +371,7 @@ WRONG = [
     ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),
     (
         "rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]",
-        r"dh\.rows\[\d\]\.inertia: no body has these",
+        r"dh\.rows\[\d\]\.inertia: no body can have these",
     ),
     ("rows: [{limit_deg: [0, 1], effort: 1, com: [1]}]", r"dh\.rows\[\d\]\.com: needs 3 values"),
     ("rows: [1]", r"dh\.rows"),

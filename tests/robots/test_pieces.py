@@ -320,9 +320,9 @@ UP = {"count": 2, "step": [0, 0, 0.05, 0, 0, 0]}
     [
         ({"tcp": [0] * 6}, "'tcp' stands twice"),
         ({"a": {"pose": [0] * 6, "series": [UP]}, "a_1": [0] * 6}, "'a_1' stands twice"),
-        ({"two words": [0] * 6}, "no plain name"),
+        ({"two words": [0] * 6}, "not a valid name"),
         ({"a": [0] * 3}, "frames"),
-        ({"a": {"pose": [0] * 6}}, "frames.*needed"),
+        ({"a": {"pose": [0] * 6}}, "frames.*required"),
         ({"a": {"pose": [0] * 6, "series": []}}, "at least 1"),
         ({"a": {"pose": [0] * 6, "series": [{"count": 0, "step": [0] * 6}]}}, "at least 1"),
         ({"a": {"pose": [0] * 6, "series": [{"count": 100, "step": [0] * 6}] * 2}}, "at most 1000"),

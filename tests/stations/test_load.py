@@ -279,7 +279,7 @@ WRONG = [
         r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?",
     ),
     ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
-    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body has these moments"),
+    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body can have these moments"),
     (
         {"monitors.a.kind": "settle"},
         r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?",
@@ -392,7 +392,7 @@ def test_samples_are_not_more_than_fit():
         ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' occurs twice"),
         ("description: nothing else", "robots is empty; .*something that moves"),
         ("robots: {}", "robots is empty; .*something that moves"),
-        ("robots: {two words: {model: irb120}}", "no plain name"),
+        ("robots: {two words: {model: irb120}}", "not a valid name"),
         (
             "name: ../../../tmp/x\nrobot: {model: irb120}",
             r"bad\.yaml: name: must be a valid folder name",

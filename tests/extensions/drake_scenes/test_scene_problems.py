@@ -96,7 +96,7 @@ def test_a_file_with_tags_that_is_no_scene(
     file.write_text("robot: {model: irb120}\nservo: !Iiwa {kp: 3}\n")
     assert run_command(["run", str(file)]) == 2
     errors = " ".join(capsys.readouterr().err.split())
-    assert "has the tag !Iiwa (line 2), which only scenes of Drake have" in errors
+    assert "has the tag !Iiwa (line 2), which only Drake scenes have" in errors
     assert "is not YAML" not in errors
 
 

@@ -87,8 +87,8 @@ DAMAGES = {
         swap(b'"ended"', b'"a": NaN, "ended"'),
         "line 2: is not JSON: NaN is not a finite number",
     ),
-    "beyond floats": (swap(b'"ended"', b'"a": 1e999, "ended"'), "1e999 is no finite"),
-    "a key twice": (swap(b'"ended"', b'"ended": "a", "ended"'), "a key stands twice"),
+    "beyond floats": (swap(b'"ended"', b'"a": 1e999, "ended"'), "1e999 is not a finite"),
+    "a key twice": (swap(b'"ended"', b'"ended": "a", "ended"'), "a key occurs twice"),
     "of something else": (
         lambda one, two: one + changed(two, **{"servo.kp": 40.5}),
         "line 2: run 2: is ",
