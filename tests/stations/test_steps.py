@@ -97,7 +97,10 @@ def test_a_run_that_creeps_says_so_and_what_would_help(drafted, capsys):
     said = capsys.readouterr().err
     for text in (result.message, said):
         assert "its steps are only " in text
-        assert " s with 3 s left; take solver.kind discrete and servo.realization implicit" in text
+        assert (
+            " s long, with 3 s left; take solver.kind discrete and servo.realization implicit"
+            in text
+        )
     assert said.count("its steps are only") == 1
 
 
