@@ -132,7 +132,7 @@ MISTAKES = {
     "no station": (
         ["run"],
         {"station": None},
-        "station: missing: the name or the file of the station",
+        "station: this key is required: the name or the file of the station",
     ),
     "no robot": (
         ["check"],

@@ -248,7 +248,7 @@ def test_options_of_simulink_models_are_refused_with_a_urdf(raw, options, named,
     assert run_command(["import", str(raw), *options]) == ExitCode.BAD_INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line
-    assert re.search("it belongs to (a )?Simulink models?; leave it out", line)
+    assert re.search("the option belongs to (a )?Simulink models?; leave it out", line)
     assert not list(raw.parent.glob("*imported"))
 
 

@@ -96,7 +96,7 @@ def test_a_branch_gives_the_whole_run_with_signals():
         assert branch.outcome(pushes).message == whole.message
     np.testing.assert_array_equal(branch.run().values, runner.run().values)
     with pytest.raises(
-        SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be one at 0.3 s"
+        SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be a push at 0.3 s"
     ):
         branch.run(pushes={"shove": {"start": 0.1, "force": [1, 0, 0]}})
 

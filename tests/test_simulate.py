@@ -228,7 +228,9 @@ class TestReferences:
             simulate(load_station("irb120_dynamic"), reference=reference)
 
     def test_several_robots_need_a_mapping(self):
-        with pytest.raises(SimrobError, match="a mapping by robot: left, right"):
+        with pytest.raises(
+            SimrobError, match="a mapping of robots to references; the robots are left, right"
+        ):
             simulate(load_station("two_irb120"), reference=np.zeros((2, 7)))
 
 

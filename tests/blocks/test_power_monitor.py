@@ -73,5 +73,5 @@ def test_a_bound_that_bounds_nothing_is_refused():
     for bad in (0, -5, float("nan")):
         with pytest.raises(SimrobError, match=r"monitors\.power_limit\.limit: "):
             load_station("irb120_dynamic", {"monitors.power_limit": {"limit": bad}})
-    with pytest.raises(SimrobError, match=r"monitors\.power_limit\.limit: this key is needed"):
+    with pytest.raises(SimrobError, match=r"monitors\.power_limit\.limit: this key is required"):
         load_station("irb120_dynamic", {"monitors.power_limit": {}})

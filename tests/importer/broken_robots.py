@@ -463,18 +463,16 @@ RESOLVING = [
         foot("package://arm_support/meshes"),
         "dropped: mesh 'package://arm_support/meshes'",
     ),
-    Defect(
-        "outside by dots", foot("../../../secret.stl"), "error: lies outside of the allowed folders"
-    ),
+    Defect("outside by dots", foot("../../../secret.stl"), "error: is outside the allowed folders"),
     Defect(
         "outside by package",
         foot("package://arm_support/../../secret.stl"),
-        "error: lies outside of the allowed",
+        "error: is outside the allowed",
     ),
     Defect(
         "outside by a link",
         all_of(link("meshes/out.stl", "../../../secret.stl"), foot("../meshes/out.stl")),
-        "error: mesh '../meshes/out.stl': lies outside of the allowed folders",
+        "error: mesh '../meshes/out.stl': is outside the allowed folders",
     ),
     Defect(
         "link in a circle",

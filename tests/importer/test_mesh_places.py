@@ -140,7 +140,7 @@ def test_files_outside_are_refused_with_the_way_to_allow_them(robot: Path, tmp_p
     ):
         with pytest.raises(OutsideBorder) as problem:
             MeshPlaces(robot).find(uri)
-        assert "lies outside of the allowed folders" in str(problem.value)
+        assert "is outside the allowed folders" in str(problem.value)
         assert f"--mesh-path {outside.parent}" in str(problem.value)
         assert MeshPlaces(robot, (outside.parent,)).find(uri).path == outside
 

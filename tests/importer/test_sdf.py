@@ -228,7 +228,7 @@ def test_the_robot_of_a_world_is_found_or_chosen(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('<include><uri>../../secret.sdf</uri></include>', "lies outside of the allowed folders"),
+        ('<include><uri>../../secret.sdf</uri></include>', "is outside the allowed folders"),
         (model("a").replace("<link", "<pose>1 2</pose><link", 1), "is no pose"),
         (model("a").replace("<parent>a", "<parent>c"), "there is no link, joint or frame 'c'"),
         (model("a", "screw"), r"type (is )?'screw'"),

@@ -324,7 +324,7 @@ def test_a_mesh_outside_of_the_package_refuses_the_robot(
             text = f'<link name="a"><{tag}>{MESH.format(name)}</{tag}></link>'
             with pytest.raises(InvalidModel) as problem:
                 imported(text)
-            assert f"arm.urdf: link 'a': mesh '{name}': lies outside of the allowed folders" in str(
+            assert f"arm.urdf: link 'a': mesh '{name}': is outside the allowed folders" in str(
                 problem.value
             )
             assert f"allow it with --mesh-path {tmp_path}" in str(problem.value)

@@ -83,7 +83,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     assert "is a folder" in refusal(tmp_path)
     pipe = tmp_path / "pipe.urdf"
     os.mkfifo(pipe)
-    assert "is no regular file" in refusal(pipe)
+    assert "is not a regular file" in refusal(pipe)
     assert "there is no such file" in refusal(tmp_path / ("a" * 300))
 
 

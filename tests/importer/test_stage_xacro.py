@@ -207,7 +207,7 @@ def test_nothing_is_read_outside_of_the_folders_of_meshes(tmp_path, reading):
     path = alone(tmp_path, reading.replace("SECRET", str(secret)))
     os.symlink(secret, path.parent / "link.xacro")
     told = refusal(path)
-    assert "lies outside of the allowed folders" in told
+    assert "is outside the allowed folders" in told
     assert f"allow it with --mesh-path {tmp_path}" in told
 
 

@@ -114,8 +114,8 @@ def test_what_is_no_grid_is_refused(tmp_path, grids):
         tmp_path / "rough.png"
     )
     messages = {
-        "words.csv": "line 1: holds something that is no number",
-        "ragged.csv": "line 2: has 1 cells, and the first line 2",
+        "words.csv": "line 1: contains a value that is not a number",
+        "ragged.csv": "line 2: has 1 cells, but the first line has 2",
         "no.csv": "cannot be read",
         "empty.png": "cannot be read as a picture",
         "large.png": "more than 100000",

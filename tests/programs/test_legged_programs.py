@@ -345,7 +345,7 @@ class TestErrors:
         ("entry", "message"),
         [
             ("{wlak: {steps: 3}}", "move 2: wlak: unknown key; did you mean 'walk'?"),
-            ("{walk: {stes: 3}}", "move 2: walk.steps: this key is needed"),
+            ("{walk: {stes: 3}}", "move 2: walk.steps: this key is required"),
             ("{walk: 3}", "move 2: walk: "),
             ("{walk: {steps: 2.5}}", "move 2: walk.steps: "),
             ("{act: wave, duration: 3}", "move 2: duration: unknown key"),
@@ -354,7 +354,7 @@ class TestErrors:
                 "{release: {piece: parcel, parnt: world}}",
                 "move 2: release.parnt: unknown key; did you mean 'parent'",
             ),
-            ("{duration: 3}", "move 2: target_deg: this key is needed"),
+            ("{duration: 3}", "move 2: target_deg: this key is required"),
         ],
     )
     def test_a_damaged_file_tells_where(self, tmp_path, entry, message):

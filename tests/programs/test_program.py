@@ -94,7 +94,7 @@ class TestFiles:
         [
             ("moves: [{target_deg: {a: 1}", "is not YAML"),
             ("moves:\n  - {target_deg: {a: 1}}\n  - {target_deg: {a: ", "line 4"),
-            ("- 1", "must hold a mapping"),
+            ("- 1", "must contain a mapping"),
             ("movs: []", "movs: unknown key; did you mean 'moves'?"),
             ("moves: 3", "moves: "),
             ("moves: [3]", "move 1: must be a mapping of keys to values (it is 3)"),

@@ -145,7 +145,7 @@ def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path)
 
 @pytest.mark.parametrize(
     ("content", "what"),
-    [(None, r"cannot be read \(No such .*\)"), ("{}", "positions: this key is needed")],
+    [(None, r"cannot be read \(No such .*\)"), ("{}", "positions: this key is required")],
 )
 def test_a_start_that_is_none_is_refused(tmp_path, content, what):
     """A file of the key `start` that is missing or has no state raises an error with the expected file."""
@@ -212,7 +212,7 @@ def test_nothing_is_overwritten_without_force(result, folder):
 def test_a_folder_that_is_no_result_is_never_replaced(result, tmp_path):
     """A folder without `summary.json` is not replaced, even with `force`."""
     (tmp_path / "thesis.txt").write_text("years of work")
-    with pytest.raises(OutputError, match="something else than a result"):
+    with pytest.raises(OutputError, match="contains files that are not a result"):
         result.save(tmp_path, force=True)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 

@@ -107,14 +107,17 @@ EMPTY = '{"positions": {}, "velocities": {}, "references": {}, "joints": {}, "bl
     ("text", "told"),
     [
         ("", "state: is not JSON"),
-        ("[]", "state: must be a section with keys of: positions"),
-        ("{}", "state: positions: this key is needed"),
+        ("[]", "state: must be a section with keys among: positions"),
+        ("{}", "state: positions: this key is required"),
         ('{"positions": 1}', "state: positions: must be a section"),
         (
             EMPTY.replace("{}", '{"robot": [1, "2"]}', 1),
             r"state: positions.robot.*number \(it is '2'\)",
         ),
-        (EMPTY.replace("{}", '{"robot": [NaN]}', 1), "state: is not JSON: NaN is no finite number"),
+        (
+            EMPTY.replace("{}", '{"robot": [NaN]}', 1),
+            "state: is not JSON: NaN is not a finite number",
+        ),
         (EMPTY.replace("joints", "joint"), "state: joint: unknown key; did you mean 'joints'"),
         (
             EMPTY.replace('"joints": {}', '"joints": {"robot/elbow": [[0]]}'),

@@ -879,7 +879,7 @@ def test_a_full_disk_is_told_and_nothing_is_forgotten(teach):
 
 def test_two_processes_do_not_teach_in_one_folder(teach, tmp_path):
     session = teach()
-    with pytest.raises(SimrobError, match="another process is at work in it"):
+    with pytest.raises(SimrobError, match="another process is using this folder"):
         Session.open("humanoid", tmp_path, live=CountingRun)
     session.close()
     Session.open("humanoid", tmp_path, live=CountingRun).close()

@@ -94,7 +94,7 @@ def test_the_same_is_run_in_the_other_engine():
         (
             "zjudancer_dynamic",
             {"gait.name": "walk", "gait.amplitude": "1e3"},
-            "amplitude is '1e3'; it must be a number",
+            "amplitude is '1e3'; it must be a finite number",
         ),
         (
             "zjudancer_dynamic",
