@@ -338,6 +338,7 @@ def test_no_run_begins_where_there_is_no_number(station, tmp_path):
             json.dumps({**json.loads(state.to_json()), "positions": {"robot": [number] * 6}})
         )
         with pytest.raises(
-            InvalidConfig, match=rf"start\.json: {told}.*the key `start` expects the file start.json of a result"
+            InvalidConfig,
+            match=rf"start\.json: {told}.*the key `start` expects the file start.json of a result",
         ):
             run(sim.load_station(station, {"start": str(file)}))

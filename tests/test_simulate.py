@@ -219,7 +219,10 @@ class TestReferences:
             (((0, 1), np.full((2, 6), 3.0)), r"joint_1 is 171\.89 deg at 0\.00 s; .*-165 to 165"),
             (((0, 1, 2), np.zeros((2, 6))), r"must be \(m,\) and \(m, n\)"),
             (np.zeros(6), r"an array \(m, 1 \+ n\)"),
-            (PiecewisePolynomial(np.zeros((5, 1))), "5 joints; it must be a trajectory of 6 joints"),
+            (
+                PiecewisePolynomial(np.zeros((5, 1))),
+                "5 joints; it must be a trajectory of 6 joints",
+            ),
             ({"arm": np.zeros((2, 7))}, "no robot 'arm'"),
         ],
     )
