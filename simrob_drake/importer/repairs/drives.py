@@ -342,7 +342,7 @@ def _repair_efforts_and_speeds(
     """
     loads = _loads(robot)
     rotors = _rotor_inertias(robot)
-    base, _ = find_base(robot, options)
+    base = find_base(robot, options).base
     floating_mass = loads[root_link(robot)].mass if base == "floating" else 0.0
     for name, (effort, mass) in doubtful_efforts(robot).items():
         text = message(

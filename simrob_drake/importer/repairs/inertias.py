@@ -130,7 +130,7 @@ def _repair_bodies_without_inertia(
     robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
 ) -> None:
     """Estimate the inertia of bodies that need one and have none, or report them. See :func:`repair_inertias`."""
-    is_floating = find_base(robot, options)[0] == "floating"
+    is_floating = find_base(robot, options).base == "floating"
     for name in links_without_inertia(robot, floating=is_floating):
         if options.estimate_inertia:
             _estimate_body(name, bodies(robot)[name], folder, options.density, report)
