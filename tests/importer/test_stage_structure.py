@@ -6,7 +6,7 @@ import pytest
 from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.repairs.structure import mend_numbers
+from simrob_drake.importer.repairs.structure import repair_numbers
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link
 
@@ -332,7 +332,7 @@ NUMBERS = [
 def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kind):
     robot = ET.fromstring(f"<robot><link name='l'>{text}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
-    mend_numbers(robot, report)
+    repair_numbers(robot, report)
     values = list(robot[0][0].attrib.values())
     assert values == ([] if right is None else [right])
     assert [entry.kind for entry in report.entries] == ([] if kind is None else [kind])
@@ -341,7 +341,7 @@ def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kin
 def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
     robot = ET.fromstring(f"<robot><link name='l'>{INERTIA.replace('0.01', 'x', 1)}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
-    mend_numbers(robot, report)
+    repair_numbers(robot, report)
     assert robot[0][0].attrib == {}
     assert [entry.text for entry in report.entries] == [
         'ixx="x" is not a finite number; the moments count as missing'

@@ -97,9 +97,11 @@ def repair_inertias(
         report: gets an entry for each repair, each body without inertia, and each inertia that looks wrong.
     """
     removed = _remove_impossible_inertias(robot, report)
+    # Points of mass are possible inertias, which the first step leaves.
     removed |= _remove_points_on_axes(robot)
 
     carrier_of = carriers(robot)
+    # Bodies in which a link still has a mass after the removals.
     bodies_with_mass = {
         carrier_of[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0
     }
@@ -107,6 +109,7 @@ def repair_inertias(
         inertia = removed.get(name_of(link))
         if inertia is None:
             continue
+        # The user's wish comes first. Without it no number is made up, except for a point of mass.
         if options.estimate_inertia:
             replacement = _estimate(link, inertia, folder, options.density)
         elif (
@@ -121,7 +124,9 @@ def repair_inertias(
         element = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
         report.add(replacement.kind, element, f"{inertia.problem}{replacement.text}")
 
+    # Bodies are looked at after single links: a link without inertia may be welded to one that has it.
     _repair_bodies_without_inertia(robot, folder, options, report)
+    # Inertias that are possible, but not plausible, stay as they are. The user decides.
     for where, doubt in robot_doubts(robot, folder):
         report.add("read", where, doubt)
 
@@ -130,6 +135,7 @@ def _repair_bodies_without_inertia(
     robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
 ) -> None:
     """Estimate the inertia of bodies that need one and have none, or report them. See :func:`repair_inertias`."""
+    # A root that is fixed to the world needs no inertia.
     is_floating = find_base(robot, options).base == "floating"
     for name in links_without_inertia(robot, floating=is_floating):
         if options.estimate_inertia:
@@ -178,6 +184,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
 
     has_moments = inertia.moments is not None and inertia.moments.any()
     if not inertia.mass and not has_moments:
+        # An incomplete <inertial> is removed. One with zeros in both elements is kept: it means a link without mass.
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
             report.add(
@@ -189,6 +196,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
     if not problem:
         return None
     corrected = None
+    # Without a mass or without moments there is nothing that a small correction could make right.
     if inertia.mass > 0 and inertia.moments is not None:
         corrected = correct_rounding(inertia.moments)
     if corrected is None:
@@ -224,17 +232,22 @@ def correct_rounding(moments: Vector) -> Vector | None:
     """
     principal, axes = np.linalg.eigh(moments)  # in ascending order
     largest = float(np.abs(principal).max())
+    # The first condition, I1 >= 0.
     corrected = np.maximum(principal, 0.0)
+    # The second condition, I3 <= I1 + I2.
     excess = float(corrected[2] - corrected[0] - corrected[1])
+    # The larger of the two violations decides whether this is rounding.
     error = max(-float(principal[0]), excess)
     if error > ROUNDING * largest:
         return None
     # The margin keeps the moments possible when they are written with few digits and read again.
     margin = _MARGIN * largest
     corrected += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
+    # Back from the principal axes to the axes of the link.
     result = axes @ np.diag(corrected) @ axes.T
     if impossible(result):
         return None
+    # The product is symmetric up to rounding only.
     return np.asarray((result + result.T) / 2)
 
 
@@ -267,6 +280,7 @@ def _estimate(
     """
     estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
+        # The unit inertia, moments per mass, stays: the mass is distributed like the volume of the shapes.
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
         whole = message(
             "importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass
@@ -286,6 +300,7 @@ def _estimate(
         )
         return _Replacement("defaulted", text)
     if inertia.mass > 0:
+        # The ball has its centre at the centre of mass, while a link's inertia is about the link's origin.
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
         text = message(
             "importer.estimated_as_ball",
@@ -327,6 +342,7 @@ def _estimate_body(
         )
     if has_shapes:
         return
+    # Only the carrier becomes a ball: one inertia is enough for the body.
     link = next(link for link in links if name_of(link) == carrier)
     ball = _write(link, _ball(SMALL_MASS, density))
     report.add(
@@ -348,6 +364,7 @@ def _write(link: ET.Element, inertia: SpatialInertia) -> str:
         inertia: the inertia about the origin of the link, in the link's axes.
     """
     com = inertia.get_com()
+    # A URDF gives moments about the centre of mass.
     moments = np.asarray(inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())
     if impossible(moments):
         # Moments of a thin shape may be impossible by rounding.
@@ -373,9 +390,11 @@ def _remove_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
     bodies_with_joints = {carrier_of[link_of(joint, "parent")] for joint in moving_joints}
     joint_of_link = {link_of(joint, "child"): joint for joint in fixed_joints}
 
+    # Only the last body of a chain: any other turns the bodies behind it as well, whose inertia is enough.
     removed: dict[str, _Inertial] = {}
     for joint in robot.iterfind("joint"):
         body = link_of(joint, "child")
+        # A prismatic joint feels the mass itself, so a point is enough for it.
         if joint.get("type") not in ("revolute", "continuous") or body in bodies_with_joints:
             continue
         inertias = dict[str, _Inertial]()
@@ -424,6 +443,7 @@ def _is_on_axis(
         joint = joint_of_link[link]
         point = pose_of(joint) @ point
         link = link_of(joint, "parent")
+    # Distance of the point p from the line along the unit vector a: |p x a|.
     unit_axis = axis / np.linalg.norm(axis)
     distance = float(np.linalg.norm(np.cross(point, unit_axis)))
     return distance < _ON_AXIS

@@ -35,7 +35,9 @@ from simrob_drake.robots.urdf import (
 )
 from simrob_drake.robots.urdf_check import numbers_in
 
-_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")  # of the URDF format
+_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
+"""Types of joints in the URDF format."""
+
 _OF_OTHER_FORMATS = (
     "revolute2",
     "screw",
@@ -45,6 +47,8 @@ _OF_OTHER_FORMATS = (
     "spherical",
     "cylindrical",
 )
+"""Types of joints in SDF and in other formats. They move in other ways than the types with similar names above."""
+
 _ADVICE = {
     "floating": message(
         "importer.only_root_floats",
@@ -55,18 +59,29 @@ _ADVICE = {
         "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
     ),
 }
-_DEFAULT_AXIS = "1 0 0"  # of the URDF format
+"""Advice for the types of joints that no motor can drive."""
 
-DEFAULT_STROKE = 1.0  # range of a prismatic joint without limits, to each side [m]
-_ROUNDING = 1e-4  # limits that differ by less were rounded [rad or m]
-_NO_DIRECTION = 1e-6  # a shorter axis vector has no direction
-_UNIT_LENGTH = (
-    1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
-)
-_TYPE_LIKENESS = (
-    0.75  # least likeness of a misspelled type to a known one, from 0 to 1 (of difflib)
-)
+_DEFAULT_AXIS = "1 0 0"
+"""Axis of a joint whose file gives none, in the URDF format."""
+
+DEFAULT_STROKE = 1.0
+"""Range of a prismatic joint without limits, to each side [m]."""
+
+_ROUNDING = 1e-4
+"""Limits that differ by less are equal, up to the rounding of their file [rad or m]."""
+
+_NO_DIRECTION = 1e-6
+"""A shorter axis vector has no direction."""
+
+_UNIT_LENGTH = 1e-3
+"""An axis vector is a unit vector, up to rounding, if its length differs from 1 by less."""
+
+_TYPE_LIKENESS = 0.75
+"""Least likeness of a misspelled type to a known one, from 0 to 1, as ``difflib`` measures it."""
+
 _ACCELERATION = f"{DRAKE}acceleration"
+"""Attribute of a limit with the largest acceleration [rad/s² or m/s²]. It is an extension of Drake."""
+
 _FIXED_AT = "simrob_fixed_at"
 """Attribute of a joint that was fixed where its equal limits hold it [rad or m], until its followers are repaired."""
 
@@ -77,8 +92,10 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
     Raises:
         InvalidModel: no motor can drive a joint, a repair is not possible, or no joint moves.
     """
+    # Types come first, as all later steps depend on them.
     for joint in robot.iterfind("joint"):
         _repair_type(joint, report)
+    # A floating joint at the root says that the base floats. Anywhere else it is refused below.
     _replace_floating_joint(robot, report)
     for joint in robot.iterfind("joint"):
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
@@ -93,13 +110,16 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
                     advice=_ADVICE[kind],
                 ),
             )
+        # A fixed joint has no axis and no limits that a simulation reads.
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
+    # Followers come after the limits: a leader whose two limits are equal has become a fixed joint by now.
     _check_followers(robot, report)
     _fix_still_followers(robot, report)
     _report_followers(robot, report)
+    # Only followers that still move need wider limits.
     _widen_followers(robot, report)
     # Joints may have been fixed above, so this check comes late.
     if not movable_joints(robot):
@@ -110,6 +130,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
                 "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot",
             ),
         )
+    # The link of a floating joint at the root may have carried frames.
     drop_lost_frames(robot, report)
 
 
@@ -125,6 +146,7 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
         return
     plain = kind.strip().lower()
     similar = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=_TYPE_LIKENESS)
+    # revolute2 of SDF, for example, has two axes. It is no misspelled revolute.
     if plain in _OF_OTHER_FORMATS or not similar:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
         text = (
@@ -161,16 +183,19 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
     """
     child_links = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [link for link in robot.iterfind("link") if name_of(link) not in child_links]
-    if not roots:  # the joints form a loop, which a later stage refuses
+    if not roots:
+        # The joints form a loop, which a later stage refuses.
         return
     root = roots[0]
     joints = joints_at(robot)[name_of(root)]
-    is_empty = len(root) == 0  # no inertia, no shapes
+    # A root link with an inertia or a shape is more than a name for the world, so it stays.
+    is_empty = len(root) == 0
     if len(joints) != 1 or joints[0].get("type") != "floating" or not is_empty:
         return
     joint = joints[0]
     robot.remove(joint)
     robot.remove(root)
+    # Without the joint nothing else in the robot shows that its base floats.
     robot.set(FLOATING_MARK, "floating")
     new_root = link_of(joint, "child")
     why = message(
@@ -200,6 +225,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
         multiplier, _ = mimic_line(mimic)
         leader = mimic.get("joint", "")
         statement = message("importer.mimics", "mimics '{leader}'", leader=leader)
+        # A fixed joint moves as before without its mimic, so this is no loss.
         if joint.get("type") == "fixed":
             joint.remove(mimic)
             report.add(
@@ -212,8 +238,10 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 ),
             )
         elif multiplier == 0:
-            continue  # the joint does not move, whatever its leader is
+            # The joint does not move, whatever its leader is. It need not even exist.
+            continue
         elif leader not in joints:
+            # The joint will need a motor of its own, which the author did not intend: the entry is a loss.
             joint.remove(mimic)
             problem = message(
                 "importer.which_is_no_joint",
@@ -277,7 +305,9 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
     """Replace a multiplier and an offset that are no numbers by the format's defaults, in place."""
     for key, default in (("multiplier", "1"), ("offset", "0")):
         text = mimic.get(key)
+        # A missing attribute has the format's default, so it needs no repair.
         if text is not None and len(numbers_in(text) or []) != 1:
+            # This changes the motion, unlike the repair of a number that can be understood.
             mimic.set(key, default)
             problem = message(
                 "importer.no_number_of_mimic",
@@ -293,6 +323,7 @@ def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
     """Whether the joint that a joint mimics follows that joint itself, directly or through others."""
     visited = set[str]()
     current = name
+    # The search ends at a joint that was visited before, which may be in a loop that the first joint is not a part of.
     while current in joints and current not in visited:
         visited.add(current)
         mimic = joints[current].find("mimic")
@@ -350,6 +381,7 @@ def _find_still_follower(joints: Mapping[str, ET.Element]) -> ET.Element | None:
         if follows is None:
             continue
         multiplier, _ = mimic_line(follows)
+        # Other types than these are fixed by now.
         if multiplier == 0 or _leader_of(joints, joint).get("type") not in MOVABLE_JOINTS:
             return joint
     return None
@@ -376,8 +408,9 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         if name in finished or follows is None:
             return
         finished.add(name)
-        # it moves: followers of other joints were made fixed before
+        # The leader is in the dictionary of joints that move: followers of other joints were made fixed before.
         leader = joints[follows.get("joint", "")]
+        # First the leader, whose limits may get wider, too.
         widen_after_leader(name_of(leader))
         _widen_follower(joint, leader, report)
 
@@ -388,10 +421,13 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
 def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport) -> None:
     """Widen the limits of one follower so that it can go wherever its leader takes it, in place."""
     multiplier, offset = mimic_line(child_of(joint, FOLLOWS))
+    # The follower's position is multiplier * q + offset, which takes its extreme values at the limits of the leader's
+    # position q. A negative multiplier exchanges lower and upper.
     ends = [multiplier * limit + offset for limit in joint_limits(leader)]
     own_limits = joint_limits(joint)
     lower = min(*ends, *own_limits)
     upper = max(*ends, *own_limits)
+    # Files round numbers such as pi/2. Such a difference needs no entry in the report.
     if np.allclose((lower, upper), own_limits, rtol=0, atol=_ROUNDING):
         return
     where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
@@ -404,6 +440,7 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
     )
     if np.isfinite((lower, upper)).all():
         limit = child_of(joint, "limit")
+        # Twelve digits, so that rounding errors of the product are not written.
         limit.set("lower", f"{lower:.12g}")
         limit.set("upper", f"{upper:.12g}")
         report.add(
@@ -435,6 +472,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
         InvalidModel: the axis is zero.
     """
     axis = child_of(joint, "axis")
+    # Also if there was no <axis>: the line above has added it.
     if "xyz" not in axis.attrib:
         axis.set("xyz", _DEFAULT_AXIS)
         report.add(
@@ -450,6 +488,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
     text = axis.attrib["xyz"]
     direction = np.array(text.split(), dtype=float)
     length = float(np.linalg.norm(direction))
+    # No default takes the place of a zero vector: its author may have meant a joint that does not move.
     if length < _NO_DIRECTION:
         raise report.refusal(
             compound("{where} <axis>", where=where),
@@ -493,6 +532,7 @@ def _repair_dynamics(
     place_in_file = compound("{where} <dynamics>", where=where)
     for key in ("damping", "friction"):
         value = number(dynamics, key)
+        # A negative value would feed energy into the motion.
         if value is not None and value < 0:
             dynamics.set(key, "0")
             report.add(
@@ -508,6 +548,7 @@ def _repair_dynamics(
     friction = number(dynamics, "friction")
     if not friction:
         return
+    # Joints of Drake have viscous damping, but no dry friction. Drives of a station have it.
     del dynamics.attrib["friction"]
     if options.friction_as_damping:
         damping = number(dynamics, "damping") or 0.0
@@ -560,6 +601,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
     kind = joint.get("type")
     acceleration = number(limit, _ACCELERATION)
     if limit is not None and acceleration is not None and acceleration <= 0:
+        # Without this attribute the acceleration has no limit.
         del limit.attrib[_ACCELERATION]
         report.add(
             "dropped",
@@ -571,6 +613,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
             ),
         )
 
+    # From here on, the limits of the position.
     lower = number(limit, "lower")
     upper = number(limit, "upper")
     range_text = _range_text(lower, upper)
@@ -599,9 +642,11 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
                 ),
             )
     elif lower or upper:
+        # A limit other than 0 is meant as one. The other may be missing, which means 0 in a URDF.
         _repair_range(joint, lower, upper, place_in_file, report)
     # From here on both limits are missing or 0, by which files say that there are none.
     elif kind == "prismatic":
+        # Unlike a revolute joint, it cannot become a joint of another type that needs no limits.
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
         problem = message(
             "importer.stroke_of_prismatic",
@@ -658,9 +703,11 @@ def _repair_range(
                 upper=second,
             ),
         )
+    # Exchanged limits are the more probable intention, as a range from 1 to -1 is empty.
     low = min(first, second)
     high = max(first, second)
     if low == high:
+        # Equal limits hold the joint where they are, which a solver could do only with a stiff stop.
         _fix_at(joint, low)
         report.add(
             "repaired",
@@ -672,6 +719,7 @@ def _repair_range(
             ),
         )
         return
+    # Some files write such numbers for a joint without limits.
     if joint.get("type") == "revolute" and max(-low, high) > ENDLESS:
         _set_range(joint, None, None)
         joint.set("type", "continuous")
@@ -693,6 +741,7 @@ def _fix_at(joint: ET.Element, position: float) -> None:
 
     The record is the attribute _FIXED_AT, which :func:`_fix_still_followers` reads and removes.
     """
+    # The axis is given in the frame of the joint, which coincides with the child link's frame at position 0.
     x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
     length = math.hypot(x, y, z)
     direction = [x / length, y / length, z / length]
@@ -702,9 +751,11 @@ def _fix_at(joint: ET.Element, position: float) -> None:
         motion = RigidTransform(
             RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0]
         )
+    # Pose of the child link at this position: the origin of the joint, then its motion.
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
     joint.set(_FIXED_AT, format_number(position))
+    # What is left belongs to a motion that the joint no longer has.
     for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
         joint.remove(element)
 
@@ -716,6 +767,7 @@ def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> N
         if value is None:
             if limit is not None:
                 limit.attrib.pop(key, None)
+        # A limit that stays keeps the digits of its file.
         elif number(limit, key) != value:
             child_of(joint, "limit").set(key, format_number(value))
 
@@ -724,8 +776,9 @@ def _range_text(lower: float | None, upper: float | None) -> str:
     """Describe the limits of a joint [rad or m], of which each is None if it is missing."""
     if lower is None and upper is None:
         return message("importer.no_limits", "no limits")
-    lower_text = "missing" if lower is None else f"{lower:g}"
-    upper_text = "missing" if upper is None else f"{upper:g}"
+    missing = message("importer.limit_missing", "missing")
+    lower_text = missing if lower is None else f"{lower:g}"
+    upper_text = missing if upper is None else f"{upper:g}"
     return message(
         "importer.lower_and_upper",
         "lower {lower}, upper {upper}",
