@@ -54,7 +54,7 @@ def probe(file: Path, report: ImportReport) -> None:
         _culprit(file),
         message(
             "importer.drake_cannot_build",
-            "Drake cannot build it: {complaint}",
+            "Drake cannot build the robot: {complaint}",
             complaint=drake_error,
         ),
     )
@@ -70,7 +70,9 @@ def _drake_error(file: Path) -> str | None:
         )
     except subprocess.TimeoutExpired:
         return message(
-            "importer.takes_longer", "it takes longer than {patience:g} s", patience=_TIMEOUT
+            "importer.takes_longer",
+            "the process takes longer than {patience:g} s",
+            patience=_TIMEOUT,
         )
     if child.returncode == 0:
         return None

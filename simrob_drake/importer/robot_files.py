@@ -98,7 +98,7 @@ def _description_file(name: str) -> Path:
     except ImportError as problem:
         text = message(
             "importer.robot_descriptions_needed",
-            "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions",
+            "is not a file; for robots of robot_descriptions, run `pip install robot_descriptions`",
         )
         raise InvalidModel(Path(name), "", text) from problem
     if name not in descriptions.DESCRIPTIONS:

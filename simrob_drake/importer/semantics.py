@@ -133,7 +133,7 @@ def read_semantics(
     )
     pairs = message(
         "importer.pairs_that_may_touch",
-        "{count} pairs of links that do not mind each other",
+        "{count} pairs of links whose contacts are ignored",
         count=len(semantics.pairs),
     )
     report.add(
@@ -314,7 +314,7 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
             "robot.yaml",
             message(
                 "importer.open_as_srdf_says",
-                "{axes} are open where the SRDF says so",
+                "open and closed positions of {axes} are exchanged, as the SRDF has them",
                 axes=", ".join(swapped),
             ),
         )

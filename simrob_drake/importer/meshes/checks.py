@@ -183,7 +183,7 @@ def _check_stl(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.shorter_than_header",
-                "is not readable as STL: {count} bytes are less than its header",
+                "is not readable as STL: {count} bytes are less than an STL header",
                 count=len(data),
             )
         )
@@ -195,13 +195,13 @@ def _check_stl(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.faces_cut_off",
-                "is cut off: of its {count} faces {there} are there",
+                "is cut off: it contains {there} of its {count} faces",
                 count=count,
                 there=present,
             )
         )
     if count == 0:
-        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
+        raise UnreadableMesh(message("importer.no_triangles", "contains no triangles"))
 
     # Some programs append data of their own, which readers ignore. More whole faces mean that the count is wrong.
     end = _STL_HEADER + count * _STL_FACE
@@ -211,7 +211,7 @@ def _check_stl(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.counts_faces",
-                "counts {count} faces, and {there} are there",
+                "declares {count} faces, but contains {there}",
                 count=count,
                 there=present,
             )
@@ -221,7 +221,7 @@ def _check_stl(data: bytes) -> CheckedMesh:
         notes.append(
             message(
                 "importer.bytes_left_out",
-                "{count} bytes after its last face left out",
+                "has {count} bytes after its last face, which are ignored",
                 count=len(rest),
             ),
         )
@@ -255,7 +255,7 @@ def _check_dae(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.too_many_nodes",
-                "has more than {most} nodes, or nodes within themselves",
+                "has more than {most} nodes, or a node that contains itself",
                 most=_MOST_NODES,
             )
         )
@@ -269,7 +269,11 @@ def _check_dae(data: bytes) -> CheckedMesh:
         metres = math.nan
     if not 0 < metres < math.inf:
         raise UnreadableMesh(
-            message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter))
+            message(
+                "importer.odd_unit",
+                "has a length unit of {meter} m, which is not a positive number",
+                meter=shortened(meter),
+            )
         )
 
     notes: list[str] = []
@@ -278,7 +282,9 @@ def _check_dae(data: bytes) -> CheckedMesh:
     if up_axis != "Z_UP":
         notes.append(
             message(
-                "importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up_axis
+                "importer.up_axis_ignored",
+                "has the up axis {up}, which is ignored, as in ROS",
+                up=up_axis,
             )
         )
     return CheckedMesh(data, notes)
@@ -347,7 +353,7 @@ def _check_gltf(data: bytes) -> CheckedMesh:
     nodes = len(_declared_values(header, "nodes", "mesh"))
     if items > _MOST_ITEMS or size > _MOST_BYTES or nodes > _MOST_NODES:
         raise UnreadableMesh(
-            message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has")
+            message("importer.asks_too_many_numbers", "declares more data than a mesh has")
         )
     return CheckedMesh(data, [])
 
@@ -386,7 +392,8 @@ def _check_ply(data: bytes) -> CheckedMesh:
     if any(int(count) > len(data) for count in counts):
         raise UnreadableMesh(
             message(
-                "importer.header_counts_more", "is cut off: its header counts more than is there"
+                "importer.header_counts_more",
+                "is cut off: its header declares more elements than the file contains",
             )
         )
     return CheckedMesh(data, [])

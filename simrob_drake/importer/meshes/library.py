@@ -150,7 +150,7 @@ class MeshLibrary:
         cleaned = [part for part in cleaned if len(part.faces)]
         source.parts.clear()  # a million faces take a sixth of a gigabyte
         if not cleaned:
-            raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
+            raise UnreadableMesh(message("importer.no_area", "contains no triangle with an area"))
         parts = decimate(cleaned)
 
         changes = _describe_changes(
@@ -248,7 +248,7 @@ def drake_mesh(file: Path) -> Path:
             "",
             message(
                 "importer.no_mesh_of_piece",
-                "is no mesh that a piece can have; {formats} are",
+                "is not a mesh that a piece can have; the formats are {formats}",
                 formats=", ".join(MESH_FORMATS),
             ),
         )
@@ -263,7 +263,9 @@ def drake_mesh(file: Path) -> Path:
         if not converted.is_file():
             part = clean(combine_without_look(read_mesh(file, others).parts))
             if not len(part.faces):
-                raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
+                raise UnreadableMesh(
+                    message("importer.no_area", "contains no triangle with an area")
+                )
             # Two processes may convert the same mesh at the same time, and neither may read half a file.
             written_at_once(converted, obj_text(_orient_outwards(part)).decode())
     except OSError as problem:

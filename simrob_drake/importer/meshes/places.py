@@ -112,7 +112,7 @@ class MeshPlaces:
             raise MeshMissing(
                 message(
                     "importer.on_the_network",
-                    "is on the network, where nothing is read from; download it beside the URDF",
+                    "is on the network, from which nothing is read; download it into the folder of the URDF",
                 )
             )
         # A name without a package is relative to the URDF.
@@ -168,7 +168,9 @@ class MeshPlaces:
         parsed = _parse_name(name)
         last = PurePosixPath(parsed.path).name
         if parsed.scheme in _NETWORK or not last:
-            raise MeshMissing(message("importer.no_file_beside_mesh", "is no file beside the mesh"))
+            raise MeshMissing(
+                message("importer.no_file_beside_mesh", "is not a file next to the mesh")
+            )
         if parsed.package:
             return self.find(name)
         # Authors often leave their own folders in the name; the file itself is delivered with the mesh.
@@ -329,6 +331,6 @@ def unknown_package(name: str) -> str:
     """Sentence for a package that is not found, with the option that would give its folder."""
     return message(
         "importer.package_not_found",
-        "package '{name}' is not found, name its folder with --mesh-path DIR",
+        "package '{name}' is not found; give its folder with --mesh-path DIR",
         name=name,
     )

@@ -90,7 +90,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         raise UnreadableMesh(
             message(
                 "importer.unread_format",
-                "is of a format '{kind}' that is not read; {formats} are",
+                "has the format '{kind}', which is not read; the formats are {formats}",
                 kind=suffix,
                 formats=", ".join(MESH_FORMATS),
             )
@@ -116,7 +116,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
             )
         ) from problem
     if not parts:
-        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
+        raise UnreadableMesh(message("importer.no_triangles", "contains no triangles"))
     if face_count(parts) > _MOST_SHADED:
         # The objects of trimesh refer to each other, so that only the collector frees them: a quarter of a gigabyte
         # for a million faces.
@@ -135,7 +135,7 @@ def mesh_content(path: Path) -> bytes:
     except NotRead as problem:
         hint = ""
         if isinstance(problem, TooLarge):
-            hint = message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
+            hint = message("importer.decimate_it", "; decimate the mesh, in MeshLab or Blender")
         raise UnreadableMesh(
             message(
                 "importer.cannot_be_read_hint",
@@ -251,7 +251,7 @@ def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart
         raise UnreadableMesh(
             message(
                 "importer.too_many_faces",
-                "has more than {most} faces; decimate it",
+                "has more than {most} faces; decimate the mesh",
                 most=_MOST_FACES,
             )
         )
@@ -296,7 +296,7 @@ def _geometry_parts(mesh: Any, suffix: str, notes: list[str]) -> Iterator[MeshPa
         notes.append(
             message(
                 "importer.faces_without_corner",
-                "{lost} faces with a corner that is no finite number left out",
+                "has {lost} faces with a corner that is not a finite number, which are left out",
                 lost=lost,
             )
         )
@@ -410,7 +410,7 @@ def _split_by_colour(bare: MeshPart, colours: Any, notes: list[str]) -> Iterator
         notes.append(
             message(
                 "importer.colours_become_mean",
-                "{count} colours of its vertices become their mean",
+                "has {count} colours of vertices, which their mean replaces",
                 count=len(distinct),
             )
         )

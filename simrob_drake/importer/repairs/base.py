@@ -100,22 +100,24 @@ def choose_base(robot: ET.Element, options: ImportOptions, report: ImportReport)
     """
     choice = find_base(robot, options)
     robot.attrib.pop(FLOATING_MARK, None)
+    names = {
+        "fixed": message("importer.fixed", "fixed"),
+        "floating": message("importer.floating", "floating"),
+    }
     advice = ""
     if options.base == "auto":
-        # A guess may be wrong, so the report names the option that gives the other base.
-        other = (
-            message("importer.floating", "floating")
-            if choice.base == "fixed"
-            else message("importer.fixed", "fixed")
+        # A guess may be wrong, so the report has the option for the other base. Its value is the same in all languages.
+        other = "floating" if choice.base == "fixed" else "fixed"
+        advice = message(
+            "importer.base_option", "; if this is wrong, choose --base {base}", base=other
         )
-        advice = message("importer.base_option", "; --base {base} changes that", base=other)
     report.add(
         "read",
         message("robots.link_called", "link '{link}'", link=root_link(robot)),
         message(
             "importer.base_because",
             "{base} base: {why}{how}",
-            base=choice.base,
+            base=names[choice.base],
             why=choice.reason,
             how=advice,
         ),
@@ -134,14 +136,15 @@ def find_base(robot: ET.Element, options: ImportOptions) -> BaseChoice:
         options: options of the import, which may give the base.
     """
     if options.base != "auto":
-        return BaseChoice(options.base, message("importer.as_chosen", "as chosen"))
+        return BaseChoice(options.base, message("importer.as_chosen", "chosen by the user"))
     root = root_link(robot)
     if robot.get(FLOATING_MARK) is not None:
         return BaseChoice(
-            "floating", message("importer.floating_joint_held", "a floating joint held it")
+            "floating",
+            message("importer.floating_joint_held", "the file has a floating joint at the root"),
         )
     if _WORLD.fullmatch(root):
-        return BaseChoice("fixed", message("importer.root_is_world", "its root link is the world"))
+        return BaseChoice("fixed", message("importer.root_is_world", "the root link is the world"))
     joints_of_link = joints_at(robot)
     support = _support_by_names(robot, joints_of_link, root)
     if not support:
@@ -155,14 +158,14 @@ def find_base(robot: ET.Element, options: ImportOptions) -> BaseChoice:
     if arm_joint_count:
         called = message(
             "importer.called_as_arms",
-            "; {arms} joints are called as those of arms and hands are",
+            "; {arms} joints have names of arms or hands",
             arms=arm_joint_count,
         )
     return BaseChoice(
         "fixed",
         message(
             "importer.no_legs_no_wheels",
-            "no pair of legs and no wheels carry it{called}",
+            "the robot has no pair of legs and no wheels{called}",
             called=called,
         ),
     )
@@ -202,7 +205,7 @@ def _support_by_names(
         if count >= _LEAST_LEGS:
             return message(
                 "importer.branches_called_as_legs",
-                "{count} branches of '{link}' are called as legs are",
+                "{count} branches of '{link}' have names of legs",
                 count=count,
                 link=link,
             )
@@ -212,7 +215,7 @@ def _support_by_names(
         return ""
     return message(
         "importer.joints_called_as_wheels",
-        "{wheels} continuous joints are called as wheels are",
+        "{wheels} continuous joints have names of wheels",
         wheels=wheel_count,
     )
 
@@ -258,7 +261,7 @@ def _support_by_shape(joints_of_link: Mapping[str, list[ET.Element]], root: str)
     if leg_count >= _LEAST_LEGS:
         return message(
             "importer.branches_start_as_legs",
-            "{legs} branches of {joints} and more joints start at it, as legs do",
+            "{legs} branches of {joints} or more joints start at the root link, as legs do",
             legs=leg_count,
             joints=_LEAST_LEG_JOINTS,
         )
@@ -270,7 +273,7 @@ def _support_by_shape(joints_of_link: Mapping[str, list[ET.Element]], root: str)
         return ""
     return message(
         "importer.joints_start_as_wheels",
-        "{wheels} continuous joints start at it, as wheels do",
+        "{wheels} continuous joints start at the root link, as wheels do",
         wheels=wheel_count,
     )
 

@@ -110,7 +110,8 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
             "defaulted",
             message("importer.joints_called", "joints '{names}'", names=names),
             message(
-                "importer.motor_made_for_each", "no transmission drives them; a motor made for each"
+                "importer.motor_made_for_each",
+                "no transmission drives these joints; each of them gets a motor",
             ),
         )
     # Names of motors are checked after new motors were made, since these may have the name of a given one.
@@ -167,8 +168,8 @@ def _make_passive(robot: ET.Element, passive: Collection[str], report: ImportRep
         message("importer.joints_called", "joints '{names}'", names="', '".join(passive)),
         message(
             "importer.passive",
-            "passive: the file gives motors to other joints, and none to these. A station gives them motors by"
-            " servo.passive: [] and servo.torque_limit",
+            "passive: the file gives motors to other joints only. To drive these joints, set "
+            "servo.passive: [] and servo.torque_limit in a station",
         ),
     )
 
@@ -189,7 +190,7 @@ def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
                     ),
                     message(
                         "importer.second_motor",
-                        "a second motor called '{name}'; '{new}'",
+                        "a second motor has the name '{name}'; renamed to '{new}'",
                         name=name,
                         new=new,
                     ),
@@ -270,13 +271,13 @@ def _reason(
     if not new_joints:
         have_motors = all(joint in movable for joint in joints)
         problem = (
-            message("importer.has_motor_already", "has a motor already")
+            message("importer.has_motor_already", "another transmission drives this already")
             if have_motors
-            else message("importer.is_no_moving_joint", "is no joint that moves")
+            else message("importer.is_no_moving_joint", "this is not a joint that moves")
         )
         return message(
             "importer.joints_with_problem",
-            "'{joints}' {problem}",
+            "'{joints}': {problem}",
             joints=", ".join(joints),
             problem=problem,
         )
@@ -294,18 +295,20 @@ def _reason(
     kind = _transmission_type(drive)
     if not kind:
         return message(
-            "importer.without_type", "has no type; {replacement}", replacement=replacement
+            "importer.without_type",
+            "has no type; replaced by {replacement}",
+            replacement=replacement,
         )
     if not kind.endswith(SIMPLE):
         return message(
             "importer.type_not_simulated",
-            "its type is '{kind}', which Drake does not simulate; {replacement}",
+            "has the type '{kind}', which Drake does not simulate; replaced by {replacement}",
             kind=kind,
             replacement=replacement,
         )
     return message(
         "importer.written_as_drake_reads",
-        "written as Drake reads it; {replacement}",
+        "does not have the form that Drake reads; replaced by {replacement}",
         replacement=replacement,
     )
 
@@ -347,7 +350,7 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
                 where,
                 message(
                     "importer.no_number_of_motor",
-                    "its {tag} is no number that a motor can have",
+                    "its <{tag}> is not a number that a motor can have",
                     tag=tag,
                 ),
             )
@@ -372,7 +375,8 @@ def _repair_efforts_and_speeds(
     for name, (effort, mass) in doubtful_efforts(robot).items():
         text = message(
             "importer.doubtful_effort",
-            "effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it",
+            "an effort of {effort:g} N·m is doubtful for a link of {mass:.3g} kg; correct this limit "
+            "if it is a placeholder",
             effort=effort,
             mass=mass,
         )
@@ -413,7 +417,7 @@ def _repair_speeds(
             message("importer.limit_of_joints", "joints '{names}' <limit>", names=names),
             message(
                 "importer.no_velocity",
-                "no velocity above 0; {speed:.4g} {unit}",
+                "no velocity above 0; set to {speed:.4g} {unit}",
                 speed=speed,
                 unit=unit,
             ),
@@ -472,19 +476,17 @@ def _repair_efforts(
         rotor = rotors[name_of(joint)]
         is_mass_known = loads[link_of(joint, "child")].mass > 0 or rotor > 0
         if not is_mass_known:
-            why = message("importer.guess_without_mass", "a guess, for no mass is known")
+            why = message("importer.guess_without_mass", "a guess, as no mass is given")
         elif estimate < least:
-            why = message(
-                "importer.least_of_other_motors", "the least beside the robot's other motors"
-            )
+            why = message("importer.least_of_other_motors", "the minimum for a motor of this robot")
         elif rotor:
             why = message(
                 "importer.by_carried_and_armature",
-                "by what it carries and its armature of {rotor:.3g}",
+                "estimated from its load and its rotor inertia of {rotor:.3g}",
                 rotor=rotor,
             )
         else:
-            why = message("importer.by_carried", "by what it carries")
+            why = message("importer.by_carried", "estimated from its load")
         _set_effort(joint, max(estimate, least), why, report)
 
 
@@ -609,7 +611,7 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         message("importer.has_no_effort", "has no effort")
         if old_text is None
         else message(
-            "importer.effort_would_not_move", "effort {effort} would not move it", effort=old_text
+            "importer.effort_would_not_move", "effort {effort} is not positive", effort=old_text
         )
     )
     report.add(
@@ -617,7 +619,7 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)),
         message(
             "importer.new_effort",
-            "{problem}; {effort:g} {unit}, {why}",
+            "{problem}; set to {effort:g} {unit}, {why}",
             problem=problem,
             effort=rounded,
             unit=unit,

@@ -143,7 +143,8 @@ def _repair_bodies_without_inertia(
             continue
         problem = message(
             "importer.no_usable_inertia",
-            "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
+            "has no usable inertia, so dynamic stations refuse this robot; write one, or estimate it "
+            "with --estimate-inertia",
         )
         report.add("open", message("robots.link_called", "link '{link}'", link=name), problem)
 
@@ -210,7 +211,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
         where,
         message(
             "importer.by_rounding",
-            "{problem}; this is a rounding error: {moments}",
+            "{problem}; corrected as a rounding error: {moments}",
             problem=problem,
             moments=listed,
         ),
@@ -260,7 +261,9 @@ def _replace_by_point(link: ET.Element, inertia: _Inertial) -> _Replacement:
     _write(link, point)
     return _Replacement(
         "defaulted",
-        message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass),
+        message(
+            "importer.point_of_mass", "; replaced by a point mass of {mass:g} kg", mass=inertia.mass
+        ),
     )
 
 
@@ -287,7 +290,7 @@ def _estimate(
         )
         text = message(
             "importer.estimated_and_scaled",
-            "; estimated: {inertia} of its shapes, {scaled}",
+            "; estimated from its shapes: {inertia}, {scaled}",
             inertia=_write(link, scaled),
             scaled=whole,
         )
@@ -295,7 +298,7 @@ def _estimate(
     if estimate is not None:
         text = message(
             "importer.estimated",
-            "; estimated: {inertia} of its shapes",
+            "; estimated from its shapes: {inertia}",
             inertia=_write(link, estimate),
         )
         return _Replacement("defaulted", text)
@@ -304,12 +307,16 @@ def _estimate(
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
         text = message(
             "importer.estimated_as_ball",
-            "; and it has no shape; a ball: {inertia}",
+            "; estimated as a ball, as the link has no shape: {inertia}",
             inertia=_write(link, ball),
         )
         return _Replacement("defaulted", text)
     return _Replacement(
-        "dropped", message("importer.without_shape_left_out", ", and it has no shape; left out")
+        "dropped",
+        message(
+            "importer.without_shape_left_out",
+            "; left out, as the link has no shape for an estimate",
+        ),
     )
 
 
@@ -333,7 +340,7 @@ def _estimate_body(
         has_shapes = True
         text = message(
             "importer.estimated_at_density",
-            "has no inertia; estimated: {inertia} of its shapes at {density:g} kg/m³",
+            "has no inertia; estimated from its shapes at {density:g} kg/m³: {inertia}",
             inertia=_write(link, estimate),
             density=density,
         )
@@ -350,7 +357,7 @@ def _estimate_body(
         message("robots.link_called", "link '{link}'", link=carrier),
         message(
             "importer.small_ball",
-            "has neither inertia nor shape; a small ball: {inertia}",
+            "has neither inertia nor shape; estimated as a small ball: {inertia}",
             inertia=ball,
         ),
     )

@@ -52,11 +52,11 @@ _OF_OTHER_FORMATS = (
 _ADVICE = {
     "floating": message(
         "importer.only_root_floats",
-        "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
+        "only the root of a robot can float; use joints that motors can drive, or a fixed joint",
     ),
     "planar": message(
         "importer.write_planar",
-        "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
+        "write two prismatic joints and one revolute or continuous joint, or a fixed joint",
     ),
 }
 """Advice for the types of joints that no motor can drive."""
@@ -105,7 +105,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
                 where,
                 message(
                     "importer.no_motor_can_drive",
-                    "is {kind}, which no motor can drive; {advice}",
+                    "has the type {kind}, which no motor can drive; {advice}",
                     kind=kind,
                     advice=_ADVICE[kind],
                 ),
@@ -127,7 +127,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
             "",
             message(
                 "importer.no_moving_joint",
-                "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot",
+                "has no joint that moves; a rigid object is a piece of a station (pieces:), not a robot",
             ),
         )
     # The link of a floating joint at the root may have carried frames.
@@ -150,15 +150,15 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
     if plain in _OF_OTHER_FORMATS or not similar:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
         text = (
-            message("importer.its_type_is", "its type is '{kind}'", kind=kind)
+            message("importer.its_type_is", "has the type '{kind}'", kind=kind)
             if kind
-            else message("importer.it_has_no_type", "it has no type")
+            else message("importer.it_has_no_type", "has no type")
         )
         raise report.refusal(
             where,
             message(
                 "importer.types_of_joints",
-                "{problem}; a station's robot has joints of the types {known}",
+                "{problem}; the joints of a robot have the types {known}",
                 problem=text,
                 known=known,
             ),
@@ -169,7 +169,7 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
         where,
         message(
             "importer.similar_type",
-            "its type is '{kind}'; {similar}",
+            "has the type '{kind}'; {similar} is used",
             kind=kind,
             similar=similar[0],
         ),
@@ -200,7 +200,7 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
     new_root = link_of(joint, "child")
     why = message(
         "importer.floats_below",
-        "floats below '{root}', which is left out; '{new_root}' is a root that floats",
+        "floats at the empty root '{root}'; both are left out, and '{new_root}' is a floating root",
         root=name_of(root),
         new_root=new_root,
     )
@@ -233,7 +233,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.fixed_joints_move_with_nothing",
-                    "{statement}: fixed joints move with nothing",
+                    "{statement}, but is fixed and cannot move",
                     statement=statement,
                 ),
             )
@@ -253,7 +253,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.moves_on_its_own",
-                    "{statement}, {problem}; it moves on its own",
+                    "{statement}, {problem}; the joint moves independently",
                     statement=statement,
                     problem=problem,
                 ),
@@ -265,7 +265,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.leads_back_to_itself",
-                    "{statement}, which leads back to itself; it moves on its own",
+                    "{statement}, which itself follows this joint; the joint moves independently",
                     statement=statement,
                 ),
             )
@@ -285,7 +285,7 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
         multiplier, offset = mimic_line(follows)
         statement = message(
             "importer.mimics_with_ratio",
-            "mimics '{leader}' by {multiplier:g} with an offset of {offset:g}",
+            "mimics '{leader}' with a multiplier of {multiplier:g} and an offset of {offset:g}",
             leader=follows.get("joint", ""),
             multiplier=multiplier,
             offset=offset,
@@ -295,7 +295,7 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
             message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
             message(
                 "importer.stations_couple_them",
-                "{statement}: stations couple them",
+                "{statement}; stations couple the two joints",
                 statement=statement,
             ),
         )
@@ -311,7 +311,7 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
             mimic.set(key, default)
             problem = message(
                 "importer.no_number_of_mimic",
-                "{key}='{text}' of its mimic is no number; {default}, as the format has it",
+                "{key}='{text}' of its mimic is not a number; {default} is used, the format's default",
                 key=key,
                 text=shortened(text),
                 default=default,
@@ -434,7 +434,7 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
     own_range = compound("[{lower:.4g}, {upper:.4g}]", lower=own_limits[0], upper=own_limits[1])
     problem = message(
         "importer.limits_leave_out",
-        "its limits {range} leave out where '{leader}' takes it, which it follows",
+        "its limits {range} do not contain all positions that follow from the limits of '{leader}'",
         range=own_range,
         leader=name_of(leader),
     )
@@ -446,8 +446,12 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
         report.add(
             "repaired",
             where,
-            compound(
-                "{problem}; [{lower:.4g}, {upper:.4g}]", problem=problem, lower=lower, upper=upper
+            message(
+                "importer.limits_widened",
+                "{problem}; widened to [{lower:.4g}, {upper:.4g}]",
+                problem=problem,
+                lower=lower,
+                upper=upper,
             ),
         )
     # Otherwise the leader has no limits. A prismatic follower keeps its own, since it must have some.
@@ -459,7 +463,7 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
             where,
             message(
                 "importer.continuous_instead",
-                "{problem}; continuous instead of revolute",
+                "{problem}; the joint becomes continuous",
                 problem=problem,
             ),
         )
@@ -480,7 +484,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
             where,
             message(
                 "importer.has_no_axis",
-                "has no axis; {axis}, as the format has it",
+                "has no axis; {axis} is used, the format's default",
                 axis=_DEFAULT_AXIS,
             ),
         )
@@ -494,7 +498,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
             compound("{where} <axis>", where=where),
             message(
                 "importer.no_direction",
-                'xyz="{text}" is no direction; write one, or make the joint fixed',
+                'xyz="{text}" has no direction; write one, or make the joint fixed',
                 text=text,
             ),
         )
@@ -507,7 +511,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
             compound("{where} <axis>", where=where),
             message(
                 "importer.axis_length",
-                'xyz="{text}" is {length:.4g} long; "{axis}"',
+                'xyz="{text}" has the length {length:.4g}; normalized to "{axis}"',
                 text=text,
                 length=length,
                 axis=axis.get("xyz"),
@@ -540,7 +544,7 @@ def _repair_dynamics(
                 place_in_file,
                 message(
                     "importer.negative_value",
-                    "{key} {value:g} is negative; 0",
+                    "{key} {value:g} is negative; set to 0",
                     key=key,
                     value=value,
                 ),
@@ -559,7 +563,7 @@ def _repair_dynamics(
             place_in_file,
             message(
                 "importer.damping_plus_friction",
-                "damping {damping:g} plus friction {friction:g}: damping {total:g}",
+                "friction {friction:g} is added to damping {damping:g}, which becomes {total:g}",
                 damping=damping,
                 friction=friction,
                 total=total,
@@ -569,8 +573,8 @@ def _repair_dynamics(
         # The key is that of a station with this robot alone, in which the axis has the name of the joint.
         advice = message(
             "importer.friction_setting",
-            "`--set robot.drives.friction.{joint}={friction:g}` brings it back, --friction-as-damping adds it to the "
-            "damping",
+            "set it with `--set robot.drives.friction.{joint}={friction:g}`, or add it to the "
+            "damping with --friction-as-damping",
             joint=name_of(joint),
             friction=friction,
         )
@@ -579,7 +583,7 @@ def _repair_dynamics(
             place_in_file,
             message(
                 "importer.friction_dropped",
-                "friction {friction:g}, seldom measured; {advice}",
+                "friction {friction:g} is not imported, as files seldom have measured values; {advice}",
                 friction=friction,
                 advice=advice,
             ),
@@ -625,7 +629,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
                 place_in_file,
                 message(
                     "importer.limits_of_continuous",
-                    "limits {lower:g} and {upper:g} of a continuous joint are heeded",
+                    "the limits {lower:g} and {upper:g} of this continuous joint apply",
                     lower=lower,
                     upper=upper,
                 ),
@@ -637,7 +641,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
                 place_in_file,
                 message(
                     "importer.no_range_of_continuous",
-                    "{range}, which are no range; a continuous joint needs none",
+                    "{range} is not a range; a continuous joint needs none",
                     range=range_text,
                 ),
             )
@@ -650,7 +654,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
         problem = message(
             "importer.stroke_of_prismatic",
-            "{range}; a prismatic joint needs a range, ±{stroke:g} m",
+            "{range}; set to ±{stroke:g} m, as a prismatic joint needs a range",
             range=range_text,
             stroke=DEFAULT_STROKE,
         )
@@ -663,7 +667,7 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
             place_in_file,
             message(
                 "importer.nothing_stops_it",
-                "{range}, so nothing stops it; continuous instead of revolute",
+                "{range}; without a range the joint becomes continuous",
                 range=range_text,
             ),
         )
@@ -688,7 +692,9 @@ def _repair_range(
             report.add(
                 "defaulted",
                 where,
-                message("importer.has_no_key", "has no {key}; 0, as the format has it", key=key),
+                message(
+                    "importer.has_no_key", "has no {key}; 0 is used, the format's default", key=key
+                ),
             )
     first = lower or 0.0
     second = upper or 0.0
@@ -714,7 +720,7 @@ def _repair_range(
             where,
             message(
                 "importer.limits_are_equal",
-                "lower and upper are both {position:g}, so it can't move; fixed there",
+                "lower and upper are both {position:g}, so the joint cannot move; it becomes fixed there",
                 position=low,
             ),
         )
@@ -728,7 +734,7 @@ def _repair_range(
             where,
             message(
                 "importer.limits_stop_nothing",
-                "{range} rad stop nothing; continuous instead of revolute",
+                "{range} rad do not restrict the motion; the joint becomes continuous",
                 range=_range_text(low, high),
             ),
         )

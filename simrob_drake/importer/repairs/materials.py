@@ -51,7 +51,7 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
             message("robots.material_called", "material '{name}'", name=name),
             message(
                 "importer.material_for_all",
-                "defined in one visual and used in others; now for all of them",
+                "is defined in one visual and used in others; now defined for the whole robot",
             ),
         )
 
@@ -82,7 +82,7 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.texture_not_imported",
-                    "its texture '{file}'; only colours are imported",
+                    "its texture '{file}' is not imported, only its colour",
                     file=texture.get("filename", ""),
                 ),
             )
@@ -143,7 +143,7 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
         else:
             problem = message(
                 "importer.material_twice_differently",
-                "is defined again, with another colour {other}; the first, {first}, holds",
+                "is defined again with the colour {other}; the first colour, {first}, is used",
                 other=format_numbers(rgba),
                 first=format_numbers(colours[name]),
             )
@@ -191,7 +191,7 @@ def _repair_use(
                 message("robots.material_called", "material '{name}'", name=name),
                 message(
                     "importer.material_undefined",
-                    "is not defined; a grey, {colour}",
+                    "is not defined; a grey, {colour}, is used",
                     colour=format_numbers(DEFAULT_RGBA),
                 ),
             )
@@ -212,7 +212,7 @@ def _repair_use(
         message("robots.material_called", "material '{name}'", name=name),
         message(
             "importer.material_with_other_colour",
-            "used with another colour, {colour}, as well; that is '{new}' now",
+            "is also used with the colour {colour}; this use is renamed to '{new}'",
             colour=format_numbers(rgba),
             new=new,
         ),

@@ -37,7 +37,7 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
             "<robot>",
             message(
                 "importer.called_after_file",
-                "has no name; called '{name}' after its file",
+                "has no name; named '{name}' after its file",
                 name=name_of(robot),
             ),
         )
@@ -51,7 +51,9 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "repaired",
                 message("robots.joint_called", "joint '{joint}'", joint=name),
-                message("importer.called_after_links", "had no name; called after its links"),
+                message(
+                    "importer.called_after_links", "has no name in the file; named after its links"
+                ),
             )
     # All elements have a name now, so that those with equal names can be compared.
     _separate_links(robot, report)
@@ -124,7 +126,7 @@ def _strip_names(robot: ET.Element, report: ImportReport) -> None:
                 f"<{element.tag}>",
                 message(
                     "importer.blanks_around",
-                    "{key}='{value}' has blanks around it; '{stripped}'",
+                    "{key}='{value}' has blanks at its ends; written as '{stripped}'",
                     key=key,
                     value=value,
                     stripped=stripped,
@@ -151,9 +153,12 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "repaired",
             message("robots.link_called", "link '{link}'", link=name),
-            message("importer.had_no_name", "had no name")
+            message("importer.had_no_name", "has no name in the file")
             + (
-                message("importer.joint_asks_for_it", "; a joint asks for one of this name")
+                message(
+                    "importer.joint_asks_for_it",
+                    "; joints refer to this name, and no other link is missing",
+                )
                 if is_clear
                 else ""
             ),
@@ -178,7 +183,7 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
                 message("robots.link_called", "link '{link}'", link=name),
                 message(
                     "importer.twice_rename_one",
-                    "stands twice with different contents; rename or remove one of them",
+                    "is defined twice with different contents; rename or remove one of them",
                 ),
             )
         # One of the two may be empty: the one with more in it is kept.
@@ -191,7 +196,8 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
             "dropped",
             message("robots.link_called", "link '{link}'", link=name),
             message(
-                "importer.twice_left_out", "stands twice; the one that says nothing new is left out"
+                "importer.twice_left_out",
+                "is defined twice; the definition that adds nothing is left out",
             ),
         )
 
@@ -214,14 +220,14 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "dropped",
                 message("robots.joint_called", "joint '{joint}'", joint=name),
-                message("importer.twice_word_for_word", "stands twice, word for word"),
+                message("importer.twice_word_for_word", "is defined twice with the same content"),
             )
         elif link_of(joint, "child") == link_of(other, "child"):
             raise report.refusal(
                 message("robots.joint_called", "joint '{joint}'", joint=name),
                 message(
                     "importer.twice_remove_one",
-                    "stands twice with different contents; remove one of them",
+                    "is defined twice with different contents; remove one of them",
                 ),
             )
         else:
@@ -234,7 +240,7 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
                 message("robots.joint_called", "joint '{joint}'", joint=new),
                 message(
                     "importer.second_joint_called",
-                    "was a second joint called '{name}'; whoever names that gets the first",
+                    "was a second joint with the name '{name}'; references to this name mean the first one",
                     name=name,
                 ),
             )
@@ -257,7 +263,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
             message("robots.link_called", "link '{link}'", link=new),
             message(
                 "importer.joint_starts_at_world",
-                "a joint starts at '{world}', which is no link; an empty one made",
+                "a joint starts at '{world}', which is not a link; an empty link is added",
                 world=WORLD,
             ),
         )
@@ -268,7 +274,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
             message("robots.link_called", "link '{link}'", link=new),
             message(
                 "importer.called_as_world",
-                "was called '{world}', as is Drake's own link",
+                "had the name '{world}', which Drake reserves for its own link",
                 world=WORLD,
             ),
         )

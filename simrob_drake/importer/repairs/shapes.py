@@ -243,7 +243,7 @@ class _Shapes:
             changes.append(
                 message(
                     "importer.visual_for_each_colour",
-                    "{count} colours, a <visual> for each",
+                    "divided into {count} visuals, one for each colour or texture",
                     count=len(files),
                 )
             )
@@ -253,7 +253,7 @@ class _Shapes:
         if has_look and element.find("material") is not None:
             changes.append(
                 message(
-                    "importer.own_look", "the URDF's material gives way to its own look, as in RViz"
+                    "importer.own_look", "its own colours replace the URDF's material, as in RViz"
                 )
             )
         _report_mesh(self._report, where, mesh, loaded, [file.name for file in files], changes)
@@ -353,7 +353,7 @@ class _Shapes:
                 first.where,
                 message(
                     "importer.shape_of_visuals",
-                    "{why}; the shape of the link's visuals is taken",
+                    "{why}; the link's visuals are used instead",
                     why=first.reason,
                 ),
             )
@@ -375,7 +375,7 @@ class _Shapes:
                     "",
                     message(
                         "importer.no_collision_asked",
-                        "{count} collision shapes: none were asked for; nothing is touched",
+                        "{count} collision shapes are left out by `collision: none`; the robot touches nothing",
                         count=count,
                     ),
                 )
@@ -391,7 +391,7 @@ class _Shapes:
                 "",
                 message(
                     "importer.collision_of_visuals",
-                    "no link has a collision shape; {made} are made of the visuals",
+                    "no link has a collision shape; {made} are made from the visuals",
                     made=made,
                 ),
             )
@@ -483,7 +483,7 @@ class _Shapes:
             original = None
             change = message(
                 "importer.convex_hull_of",
-                "its convex hull of {faces} faces, {gap:.2g} mm inside at most",
+                "its convex hull of {faces} faces, out of which the mesh protrudes by at most {gap:.2g} mm",
                 faces=len(part.faces),
                 gap=hull.gap * 1e3,
             )
@@ -515,7 +515,7 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
         tags = ", ".join(f"<{_plain_tag(child)}>" for child in geometry)
         if not tags:
             return message("importer.empty_geometry", "its <geometry> is empty")
-        return message("importer.no_known_shape", "{tags} is no shape that is known", tags=tags)
+        return message("importer.no_known_shape", "{tags} is not a known shape", tags=tags)
     shape = shapes[0]
     for child in [child for child in geometry if child is not shape]:
         geometry.remove(child)
@@ -524,7 +524,7 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
             where,
             message(
                 "importer.one_shape_each",
-                "<{tag}>: a <geometry> holds one shape; <{kept}> stays",
+                "<{tag}> is left out: a <geometry> has one shape, here <{kept}>",
                 tag=child.tag,
                 kept=shape.tag,
             ),
@@ -547,7 +547,7 @@ def _replace_by_box(element: ET.Element, loaded: Mesh) -> _CollisionBox:
     _set_shape(element, ET.Element("box", size=format_numbers(box.size)))
     # A <box> is centred on its origin, so the pose of the box in the mesh's frame is added to the origin.
     place(element, pose_of(element) @ box.pose)
-    size = message("importer.size_of_box", "{size} m large", size=format_numbers(box.size))
+    size = message("importer.size_of_box", "with the size {size} m", size=format_numbers(box.size))
     return _CollisionBox(
         name=message("importer.a_box", "a box"), change=size + _thickness_text(box.thickened)
     )
@@ -558,7 +558,7 @@ def _thickness_text(thickness: float) -> str:
     if not thickness:
         return ""
     return message(
-        "importer.made_thick", ", made {thickness:.2g} mm thick", thickness=thickness * 1e3
+        "importer.made_thick", ", thickened to {thickness:.2g} mm", thickness=thickness * 1e3
     )
 
 
@@ -568,11 +568,14 @@ def _drop(
     """Remove a visual or a collision shape from its link, in place, and report the problem and the effect."""
     link.remove(element)
     if element.tag == "visual":
-        effect = message("importer.not_shown", "it is not shown")
+        effect = message("importer.not_shown", "this visual is left out")
     elif link.find("collision") is None:
-        effect = message("importer.touches_nothing_with_it", "the link touches nothing with it")
+        effect = message(
+            "importer.touches_nothing_with_it",
+            "the link has no other collision shape and touches nothing",
+        )
     else:
-        effect = message("importer.other_shapes_stay", "the link's other collision shapes stay")
+        effect = message("importer.other_shapes_stay", "the link keeps its other collision shapes")
     report.add("dropped", where, compound("{problem}; {effect}", problem=problem, effect=effect))
 
 
@@ -647,11 +650,14 @@ def _report_mesh(
             "read",
             where,
             message(
-                "importer.is_as_it_was", "{mesh} is {files} as it was", mesh=mesh_text, files=files
+                "importer.is_as_it_was",
+                "{mesh} is copied unchanged as {files}",
+                mesh=mesh_text,
+                files=files,
             ),
         )
     else:
-        new_file = message("importer.is_now", "{mesh} is now {files}", mesh=mesh_text, files=files)
+        new_file = message("importer.is_now", "{mesh} becomes {files}", mesh=mesh_text, files=files)
         report.add("repaired", where, join_texts([new_file, *notes], "; "))
     for remark in loaded.remarks:
         report.add("read", where, compound("{mesh} {remark}", mesh=_mesh_name(mesh), remark=remark))
@@ -679,7 +685,9 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
             "repaired",
             where,
             message(
-                "importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shortened(text)
+                "importer.no_scale",
+                'scale="{text}" is not one or three numbers other than 0; 1 is used',
+                text=shortened(text),
             ),
         )
         return _UNSCALED

@@ -222,7 +222,7 @@ def _repair_numbers(
             where,
             message(
                 "importer.default_instead",
-                '{problem}; "{default}" instead',
+                '{problem}; "{default}" is used',
                 problem=problem,
                 default=rule.default,
             ),
@@ -409,7 +409,7 @@ def _closings_of_second_parents(
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
                 message(
                     "importer.coupling_of_first_station",
-                    "a coupling of the first station: {line}",
+                    "becomes a coupling of the robot's first station: {line}",
                     line=closing.line,
                 ),
             )
@@ -437,7 +437,7 @@ def _closings_of_second_parents(
                 where,
                 message(
                     "importer.or_couple",
-                    "{problem}; {advice}, or let --couple do both",
+                    "{problem}; {advice}. The option --couple does both",
                     problem=problem,
                     advice=advice,
                 ),
@@ -463,7 +463,7 @@ def _take_out_loops(
         )
         problem = message(
             "importer.no_part_of_tree",
-            "is no part of a tree of motored joints, which a station's robot is",
+            "does not fit into a robot, which is a tree of joints with motors",
         )
         # The reader of the file has added this child if a coupling can replace the element.
         coupling = element.find(CLOSING)
@@ -476,7 +476,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.coupling_of_first_station",
-                    "a coupling of the first station: {line}",
+                    "becomes a coupling of the robot's first station: {line}",
                     line=line,
                 ),
             )
@@ -497,7 +497,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.or_couple",
-                    "{problem}; {advice}, or let --couple do both",
+                    "{problem}; {advice}. The option --couple does both",
                     problem=problem,
                     advice=advice,
                 ),
@@ -507,7 +507,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.remove_or_drop",
-                    "{problem}; remove it, or leave it out with --drop-loops",
+                    "{problem}; remove the element, or leave it out with --drop-loops",
                     problem=problem,
                 ),
             )
@@ -532,7 +532,7 @@ def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
             ),
             message(
                 "importer.no_simulation_uses_it",
-                "{count} ×: no simulation here uses it",
+                "{count} ×: no simulation uses this element",
                 count=count,
             ),
         )
@@ -553,7 +553,7 @@ def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -
                     compound("{tag} '{name_of}'", tag=child.tag, name_of=name_of(child)),
                     message(
                         "importer.moved_into_robot",
-                        "stood in a <{tag}>; moved into <robot>",
+                        "was in a <{tag}>; moved into <robot>",
                         tag=element.tag,
                     ),
                 )
@@ -626,7 +626,7 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
                 message("importer.frame_called", "frame '{name}'", name=name),
                 message(
                     "importer.frame_without_link",
-                    "its link is not there, or its name is missing or taken",
+                    "its link does not exist, or its name is missing or already used",
                 ),
             )
         else:
@@ -645,7 +645,7 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "dropped",
                 "drake:linear_bushing_rpy",
-                message("importer.frame_missing", "a frame of it is not there"),
+                message("importer.frame_missing", "one of its frames does not exist"),
             )
 
 
@@ -682,7 +682,8 @@ def _drop_lost_groups(
                 name,
                 message(
                     "importer.group_with_problem",
-                    "its name is missing or taken, or a member is no link or welded to another",
+                    "its name is missing or already used, or one of its members is not a link or is welded "
+                    "to another link",
                 ),
             )
         taken_names.add(name)
@@ -701,7 +702,11 @@ def _drop_lost_groups(
                     report.add(
                         "dropped",
                         where,
-                        message("importer.no_group", "'{name}' is no group", name=name_of(other)),
+                        message(
+                            "importer.no_group",
+                            "'{name}' is not a collision filter group",
+                            name=name_of(other),
+                        ),
                     )
 
 
@@ -743,7 +748,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
                     where,
                     message(
                         "importer.differs_in_case",
-                        "its {end} '{link}' is no link; '{intended}', which differs in case",
+                        "its <{end}> '{link}' is not a link; '{intended}' is used, which differs in case only",
                         end=end,
                         link=link,
                         intended=intended,
@@ -754,13 +759,13 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
             problem = (
                 message(
                     "importer.end_is_no_link",
-                    "its {end} '{link}' is no link{suggestion}",
+                    "its <{end}> '{link}' is not a link{suggestion}",
                     end=end,
                     link=link,
                     suggestion=nearest(link, links),
                 )
                 if link
-                else message("importer.has_no_end", "it has no {end}", end=end)
+                else message("importer.has_no_end", "has no <{end}>", end=end)
             )
             # A missing child is a loose end that nothing hangs on. Without its parent a link would fall.
             if (
@@ -772,7 +777,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
                     where,
                     message(
                         "importer.falls_apart",
-                        "{problem}; without it the robot falls apart",
+                        "{problem}; without this joint the links are not connected",
                         problem=problem,
                     ),
                 )
@@ -830,7 +835,7 @@ def _keep_one_tree(
                 joint.where,
                 message(
                     "importer.falls_apart",
-                    "{problem}; without it the robot falls apart",
+                    "{problem}; without this joint the links are not connected",
                     problem=joint.problem,
                 ),
             )
@@ -839,7 +844,7 @@ def _keep_one_tree(
             "",
             message(
                 "importer.several_roots",
-                "has {count} root links ({ends}); join them to one tree by joints",
+                "has {count} root links ({ends}); connect them by joints to one tree",
                 count=len(ends),
                 ends=listed(ends, 6),
             ),
@@ -880,7 +885,7 @@ def _remove_tree(
         message("robots.link_called", "link '{link}'", link=root),
         message(
             "importer.no_joint_leads_to_it",
-            "no joint leads to it; left out{addition}",
+            "no joint connects this link with the robot; left out{addition}",
             addition=addition,
         ),
     )
