@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers, links_without_inertia
@@ -122,7 +122,8 @@ def repair_inertias(
         else:
             replacement = _Replacement("dropped", message("importer.left_out", "; left out"))
         element = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
-        report.add(replacement.kind, element, f"{inertia.problem}{replacement.text}")
+        # Joined as messages: an f-string would keep the English words only.
+        report.add(replacement.kind, element, join_texts([inertia.problem, replacement.text], ""))
 
     # Bodies are looked at after single links: a link without inertia may be welded to one that has it.
     _repair_bodies_without_inertia(robot, folder, options, report)
