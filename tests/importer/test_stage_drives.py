@@ -145,7 +145,7 @@ def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, ba
     assert shoulder == pytest.approx(38.2, abs=0.1)
     assert effort(done, "elbow") == 12  # 3 · g · 2 kg · 0.2 m = 11.8 N·m
     assert any(
-        "<limit>: " in line and "; 39 N·m, estimated from its load" in line
+        "<limit>: " in line and "; set to 39 N·m, estimated from its load" in line
         for line in done.told("defaulted")
     )
 
@@ -217,7 +217,7 @@ def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
         [np.pi]
     )
     assert any(
-        "'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line
+        "'shoulder' <limit>: no velocity above 0; set to 3.142 rad/s" in line
         for line in turning.told("defaulted")
     )
     sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
@@ -237,7 +237,7 @@ def test_an_estimated_motor_moves_its_own_armature(tmp_path):
     done = Repaired(text, tmp_path)
     needed = G * 2 * 0.2 + (ARMATURE + 2 * 0.2**2) * ACCELERATION
     assert needed <= effort(done, "elbow") <= 1.15 * needed
-    assert any("its armature of 3" in line for line in done.told("defaulted"))
+    assert any("its rotor inertia of 3" in line for line in done.told("defaulted"))
 
 
 def test_a_sliding_motor_moves_its_own_armature(tmp_path):
