@@ -79,6 +79,7 @@ def robot_file(source: object, name: str) -> Path:
         InvalidModel: the robot is not downloaded, or ``robot_descriptions`` is not installed.
     """
     path = as_path(source, name)
+    # Symbolic links are resolved, as meshes are sought from the folder in which the file itself is.
     return _description_file(path.name) if _is_description(path) else path.resolve()
 
 
@@ -115,6 +116,7 @@ def _description_file(name: str) -> Path:
         folder = descriptions_cache() / (
             f"{folder_name}-{commit}/{folder_name}" if commit else folder_name
         )
+        # A download is left to the user, and the error has the command.
         if not isdir(folder):
             raise InvalidModel(
                 Path(name),

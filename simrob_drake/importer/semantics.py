@@ -285,6 +285,7 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
             for joint, value in state.items()
             if joint in units
         }
+    # Only keys that the SRDF determines. The others stay as they are without it.
     entries: dict[str, Any] = {}
     # The home posture has a key of its own, so it is not one of the others.
     home = postures.pop(HOME_STATE, {})

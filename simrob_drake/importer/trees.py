@@ -52,6 +52,7 @@ def add_between(
     link = ET.SubElement(robot, "link", name=free.take(f"{name}_between"))
     # Equal moments about all axes, as those of a ball, are possible for a body.
     moments = [_SHARE * max(moment, _LEAST)] * 3
+    # The share is so small that the body moves as before.
     set_inertia(link, mass=_SHARE * max(mass, _LEAST), moments=moments, pose=RigidTransform())
     return link.get("name", "")
 

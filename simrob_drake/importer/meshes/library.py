@@ -112,6 +112,7 @@ class MeshLibrary:
             OutsideBorder: the file, or one to which it refers, is outside of the folders from which files may be read.
         """
         path = self.path_of(uri)
+        # The collision shape of a link is often the mesh of its visual, which was read just before.
         if (path, scale) in self._meshes:
             return self._meshes[path, scale]
         # The oldest are released before the next is read, because meshes take much memory.

@@ -32,7 +32,7 @@ The repair of the joints sets it, and the choice of the base removes it.
 """
 
 _WORLD = re.compile(r"(robot_)?world(_link)?(_\d+)?", re.IGNORECASE)
-"""Names of a root link that stands for the world, also after the import has renamed it."""
+"""Names of a root link that is the world, also after the import has renamed it."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 """Words in a name: ``left`` and ``leg`` in ``left_leg2`` and in ``LeftLeg``, ``L`` and ``Leg`` in ``LLeg``."""
@@ -82,7 +82,7 @@ Base = Literal["fixed", "floating"]
 
 
 class BaseChoice(NamedTuple):
-    """How a robot's root is held, and the reason in words."""
+    """Decision whether a robot's base is fixed or floats, and its reason in words."""
 
     base: Base
     reason: str
@@ -129,7 +129,7 @@ def find_base(robot: ET.Element, options: ImportOptions) -> BaseChoice:
     """Decide whether the robot's base is fixed or floats, without a change of the robot.
 
     The first of these that applies decides: the option of the user, a floating joint that held the root, a root link
-    that stands for the world, the names of joints and links, and the shape of the tree of joints.
+    that is the world, the names of joints and links, and the shape of the tree of joints.
 
     Args:
         robot: the ``robot`` element.
@@ -138,14 +138,17 @@ def find_base(robot: ET.Element, options: ImportOptions) -> BaseChoice:
     if options.base != "auto":
         return BaseChoice(options.base, message("importer.as_chosen", "chosen by the user"))
     root = root_link(robot)
+    # What the file says is more reliable than names and shapes.
     if robot.get(FLOATING_MARK) is not None:
         return BaseChoice(
             "floating",
             message("importer.floating_joint_held", "the file has a floating joint at the root"),
         )
+    # Joints at the world hold the robot where its author placed it.
     if _WORLD.fullmatch(root):
         return BaseChoice("fixed", message("importer.root_is_world", "the root link is the world"))
     joints_of_link = joints_at(robot)
+    # Names come before the shape: an arm may hang down like a leg, and a leg may be drawn stretched out.
     support = _support_by_names(robot, joints_of_link, root)
     if not support:
         support = _support_by_shape(joints_of_link, root)
@@ -153,6 +156,7 @@ def find_base(robot: ET.Element, options: ImportOptions) -> BaseChoice:
         return BaseChoice("floating", support)
 
     movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    # The count is only for the report. A robot without legs and wheels is fixed, with arms or without.
     arm_joint_count = sum(_has_word(_ARM, joint) for joint in movable)
     called = ""
     if arm_joint_count:
@@ -209,6 +213,7 @@ def _support_by_names(
                 count=count,
                 link=link,
             )
+    # A wheel turns without end. Joints with limits that are called wheels are something else.
     continuous = [joint for joint in joints if joint.get("type") == "continuous"]
     wheel_count = sum(_has_word(_WHEEL, joint) for joint in continuous)
     if wheel_count < _LEAST_NAMED_WHEELS:
@@ -251,6 +256,7 @@ def _support_by_shape(joints_of_link: Mapping[str, list[ET.Element]], root: str)
     ]
     long_branches = []
     for branch in branches:
+        # A humanoid's arms hang down at zero, too.
         is_arm = any(_has_word(_ARM, joint) for joint in branch)
         if _movable_count(branch) >= _LEAST_LEG_JOINTS and not is_arm:
             long_branches.append(branch)
@@ -295,6 +301,7 @@ def _hangs_down(branch: list[ET.Element]) -> bool:
     poses = {start: pose_of(branch[0])}
     for joint in branch[1:]:
         poses[link_of(joint, "child")] = poses[link_of(joint, "parent")] @ pose_of(joint)
+    # Measured from the first joint's link, as the mounting of the branch says nothing about its direction.
     offsets = [pose.translation() - poses[start].translation() for pose in poses.values()]
     farthest = max(offsets, key=np.linalg.norm)
     return bool(-farthest[2] >= _HANGING_SHARE * np.linalg.norm(farthest))

@@ -163,6 +163,7 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
                 known=known,
             ),
         )
+    # Letters in the wrong case, blanks and typing errors are understood.
     joint.set("type", similar[0])
     report.add(
         "repaired",
@@ -368,6 +369,7 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
         )
         follower = _find_still_follower(joints)
     for joint in joints.values():
+        # The attribute is no part of a URDF.
         joint.attrib.pop(_FIXED_AT, None)
 
 

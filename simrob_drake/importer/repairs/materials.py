@@ -30,6 +30,7 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
     # The colours come first: the steps below compare them.
     for material in [*robot.iterfind("material"), *robot.iterfind("link/visual/material")]:
         _repair_colour(material, report)
+    # The robot's own definitions come before the visuals, which may use their names without a colour.
     colours = _keep_first_definitions(robot, report)
     for link in robot.iterfind("link"):
         for visual in link.iterfind("visual"):
@@ -44,6 +45,7 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
         if _rgba(material) is None
     }
     defined = {name_of(material) for material in robot.iterfind("material")}
+    # Sorted, so that imports of the same file write the same text.
     for name in sorted(used - defined):
         _define(robot, name, colours[name])
         report.add(
@@ -90,6 +92,7 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     if colour is None:
         return
     text = colour.get("rgba")
+    # Without numbers nothing is left of the colour.
     if text is None:
         material.remove(colour)
         report.add(
@@ -126,6 +129,7 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
         the colours of the materials that are kept, by their names.
     """
     colours: dict[str, list[float]] = {}
+    # A list, since materials are removed from the robot in this loop.
     for material in list(robot.iterfind("material")):
         name = name_of(material)
         rgba = _rgba(material)
@@ -184,6 +188,7 @@ def _repair_use(
         return
     if rgba is None:
         if name not in colours:
+            # Recorded, so that the next use of the name is not undefined.
             colours[name] = DEFAULT_RGBA
             _define(robot, name, DEFAULT_RGBA)
             report.add(
@@ -196,6 +201,7 @@ def _repair_use(
                 ),
             )
         return
+    # The first colour that a name gets is its definition, also if only a visual gives it.
     if colours.setdefault(name, rgba) == rgba:
         return
     # The same new name for each visual with this colour, so that a hundred visuals do not make a hundred materials.

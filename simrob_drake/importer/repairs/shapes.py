@@ -144,6 +144,7 @@ def import_shapes(
     for link in robot.iterfind("link"):
         for tag in ("visual", "collision"):
             for where, element in _shapes_of(link, tag):
+                # Elements without a usable shape are removed first, so that the following steps find one in each.
                 problem = _check_geometry(element, where, report)
                 if problem:
                     _drop(link, element, where, problem, report)
@@ -201,6 +202,7 @@ class _Shapes:
         """
         name = name_of(link)
         if name not in self._stems:
+            # Other characters are not allowed in names of files everywhere, and a slash would lead into another folder.
             clean = re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST_STEM] or "link"
             # Some disks do not distinguish A from a, so the names must differ in lower case. What `take` appends to a
             # name that is taken, such as _2, is appended to the name with its own capital letters.
@@ -213,6 +215,7 @@ class _Shapes:
         """Rewrite the visuals of a link that are meshes, and remove those that cannot be read."""
         for where, element in _shapes_of(link, "visual"):
             mesh = element.find("geometry/mesh")
+            # Primitives, such as boxes, need no change.
             if mesh is None:
                 continue
             try:
@@ -238,6 +241,7 @@ class _Shapes:
         uri = mesh.get("filename", "")
         scale = _scale_of(mesh, where, self._report)
         loaded, files = self._visual_mesh(link, uri, scale, is_plain=PLAIN in mesh.attrib)
+        # The note is empty unless the file was found under another name or in another folder.
         changes = [self._library.places.find(uri).note]
         if len(files) > 1:
             changes.append(
@@ -309,6 +313,7 @@ class _Shapes:
             file: the file.
         """
         visual = deepcopy(element)
+        # The visuals of one mesh cannot all have the name of the old visual.
         if name_of(visual):
             visuals = link.iterfind("visual")
             visual.set("name", free_name(name_of(visual), map(name_of, visuals)))
@@ -316,6 +321,7 @@ class _Shapes:
         if file.has_look:
             for material in visual.findall("material"):
                 visual.remove(material)
+        # As the other visuals of the mesh may have other colours, the new material has the name of the file.
         if file.rgba:
             material_name = self._free_materials.take(Path(file.name).stem)
             add_colour(visual, material_name, file.rgba)
@@ -328,9 +334,12 @@ class _Shapes:
             link: the link.
             visuals: its visuals as the URDF gave them. They replace collision meshes that cannot be read.
         """
+        # Kept for `finish`, which makes collision shapes from the visuals if no link has any.
         self._visuals_of_links.append(_LinkVisuals(link, visuals))
         if self._collision == "none":
+            # All collision shapes are removed at the end, so their meshes need not be read.
             return
+        # All shapes are tried before one is replaced: what replaces them depends on whether it is the first.
         unreadable = []
         for where, element in _shapes_of(link, "collision"):
             try:
@@ -361,10 +370,10 @@ class _Shapes:
             _drop(link, first.element, first.where, first.reason, self._report)
 
     def finish(self) -> None:
-        """Remove all collision shapes if the options ask for none. Else make some if the robot has none.
+        """Remove all collision shapes if the option `collision` is none. Otherwise make some if the robot has none.
 
-        They are made from the visuals. It comes after all links: a robot in which only some links have collision
-        shapes keeps these, as its author chose what can touch.
+        The new shapes are made from the visuals. This step comes after all links: a robot in which only some links have
+        collision shapes keeps these, as its author chose what can touch.
         """
         count = len(self._robot.findall("link/collision"))
         if self._collision == "none":
@@ -383,6 +392,7 @@ class _Shapes:
         if count:
             return
         made = 0
+        # Without any collision shape the robot would touch nothing, not even the floor.
         for link, visuals in self._visuals_of_links:
             made += self._add_collisions_of_visuals(link, visuals)
         if made:
@@ -474,10 +484,12 @@ class _Shapes:
             return self._collision_meshes[key]
         loaded = self._library.load(uri, scale)
         if len(loaded.parts) == 1 and is_hull(loaded.parts[0]):
+            # A collision shape is not displayed, so it needs no texture.
             part = replace(loaded.parts[0], image=None)
             original = loaded.original
             change = ""
         else:
+            # The parts of a mesh differ in colour only, so they have one hull together.
             hull = hull_of(points_of(loaded.parts))
             part = hull.part
             original = None
@@ -645,6 +657,7 @@ def _report_mesh(
             first=replacements[0],
             last=Path(replacements[-1]).name,
         )
+    # The file was copied, and only its name is new.
     if loaded.original is not None and not notes:
         report.add(
             "read",
@@ -659,6 +672,7 @@ def _report_mesh(
     else:
         new_file = message("importer.is_now", "{mesh} becomes {files}", mesh=mesh_text, files=files)
         report.add("repaired", where, join_texts([new_file, *notes], "; "))
+    # Remarks are about the mesh itself, so each is an entry of its own.
     for remark in loaded.remarks:
         report.add("read", where, compound("{mesh} {remark}", mesh=_mesh_name(mesh), remark=remark))
 
@@ -674,6 +688,7 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
     text = mesh.get("scale")
     if text is None:
         return _UNSCALED
+    # Some files have commas between the numbers.
     numbers = numbers_in(text) or numbers_in(text.replace(",", " ")) or []
     # Some programs write one number for all three directions.
     if len(numbers) == 1:

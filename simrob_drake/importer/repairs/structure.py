@@ -131,6 +131,7 @@ def repair_numbers(robot: ET.Element, report: ImportReport) -> None:
                 raise report.refusal(place.words, problem)
         # The words begin with the tag of the link, joint or material.
         is_checked = place.words.startswith(_CHECKED)
+        # A list, since repairs remove attributes.
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key))
             if rule is None and is_checked:
@@ -188,6 +189,7 @@ def _repair_numbers(
         InvalidModel: the numbers are not readable, and the rule requires them.
     """
     text = element.attrib[key]
+    # Only at the blanks of XML. `split` would also accept other blanks, such as non-breaking ones.
     words = [word for word in re.split(r"[ \t\r\n]+", text) if word]
     # A correct text is not written again, so that its digits stay as they are.
     if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
@@ -368,6 +370,7 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     if not names(robot, "link"):
         raise report.refusal("", message("importer.has_no_link", "has no link"))
     dropped_joints = _drop_dangling_joints(robot, report)
+    # From here on, each link is the child of one joint at most.
     child_links = set(check_parents(robot, report.refusal))
     _keep_one_tree(robot, dropped_joints, child_links, report)
     # After the links are final, since frames and groups name links.
@@ -536,6 +539,7 @@ def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
                 count=count,
             ),
         )
+    # Last, since an element of which there are two may have been removed as an unknown one.
     _remove_repeated(robot, report)
 
 
@@ -732,6 +736,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
     link_in_any_case = {link.lower(): link for link in links}
     is_case_unique = len(link_in_any_case) == len(links)
     dropped = []
+    # A list, since joints are removed from the robot in this loop.
     for joint in list(robot.iterfind("joint")):
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         for end in ("parent", "child"):
