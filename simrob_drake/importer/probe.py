@@ -136,7 +136,12 @@ def _can_build_without(file: Path, robot: ET.Element, places: list[_Place]) -> b
 
 
 def _build(file: Path) -> None:
-    """Build the robot of a URDF in Drake; raises what Drake raises."""
+    """Build the robot of a URDF in Drake.
+
+    Raises:
+        SimrobError: the URDF has a defect that the reader of robots finds.
+        RuntimeError: Drake refuses the robot.
+    """
     from pydrake.geometry import SceneGraph
     from pydrake.multibody.plant import MultibodyPlant
 

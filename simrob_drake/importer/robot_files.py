@@ -142,5 +142,9 @@ def _description_file(name: str) -> Path:
 
 
 def _description_modules() -> list[Any]:
-    """Import the modules of ``robot_descriptions`` that are used; raises ImportError if it is not installed."""
+    """Import the modules of ``robot_descriptions`` that are used.
+
+    Raises:
+        ImportError: ``robot_descriptions`` is not installed.
+    """
     return [import_module(f"robot_descriptions.{module}") for module in _MODULES]

@@ -255,6 +255,10 @@ def add_filters(robot: ET.Element, semantics: Semantics) -> None:
     """Add Drake's collision filter groups to a robot, in place, so that collisions of the pairs do not count.
 
     Each link of a pair has a group of its own, which ignores the groups of other links.
+
+    Args:
+        robot: the ``robot`` element.
+        semantics: content of the SRDF, with the pairs.
     """
     groups = dict[str, ET.Element]()
     # Sorted, so that imports of the same file write the same text.

@@ -297,6 +297,7 @@ class _BuilderWithoutDoctype(ET.TreeBuilder):
     """
 
     def doctype(self, *_: Any) -> NoReturn:
+        """Refuse the document type, which the parser reports to this function."""
         raise UnreadableMesh(
             message(
                 "importer.mesh_with_entities",

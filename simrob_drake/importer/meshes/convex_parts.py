@@ -265,6 +265,10 @@ def cached_convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vect
 
     The cache entry depends on the mesh and on the code of this package.
 
+    Args:
+        vertices: vertices of the mesh, shape (n, 3) [m].
+        faces: indices of the vertices of each face, shape (m, 3).
+
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.
     """

@@ -389,7 +389,12 @@ def _set_material_library(data: bytes, library: str) -> bytes:
 
 
 def obj_text(part: MeshPart, library: str = "") -> bytes:
-    """Write a part as the content of an OBJ file. It refers to the material library only if it has a texture."""
+    """Write a part as the content of an OBJ file.
+
+    Args:
+        part: the part. Normals are computed if it has none.
+        library: name of the material library. The file refers to it only if the part has a texture.
+    """
     # Viewers shade faces without normals as if all were flat.
     part = with_normals(part)
     assert part.normals is not None

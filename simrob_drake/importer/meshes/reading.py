@@ -189,6 +189,8 @@ def _resolver(others: Mapping[str, Path]) -> Any:
     from trimesh.resolvers import Resolver
 
     class AllowedFiles(Resolver):
+        """Opens the given files by their names in the mesh. Its methods are those that trimesh calls."""
+
         # The constructor of the base class is abstract.
         def __init__(self) -> None:
             pass
@@ -200,6 +202,7 @@ def _resolver(others: Mapping[str, Path]) -> Any:
             raise NotImplementedError
 
         def get(self, key: str) -> bytes:
+            """Read a file by its name in the mesh; other names are missing files."""
             path = others.get(key.strip())
             if path is None:
                 raise FileNotFoundError(key)

@@ -88,6 +88,11 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
     """Give every joint that has a motor one simple transmission, an effort and a velocity, in place.
 
     Passive joints have no transmission, and the effort 0.
+
+    Args:
+        robot: the ``robot`` element, whose joints and inertias are repaired: efforts are estimated from masses.
+        options: options of the import, which may give the base.
+        report: gets an entry for each change.
     """
     # A dictionary keeps the names in file order and finds one of thousands at once, which a list would not.
     movable = dict.fromkeys(movable_joints(robot))

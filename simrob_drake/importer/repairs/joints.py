@@ -89,6 +89,11 @@ _FIXED_AT = "simrob_fixed_at"
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Repair a robot's joints in place: types, axes, limits, dynamics and followers.
 
+    Args:
+        robot: the ``robot`` element, whose structure is repaired.
+        options: options of the import: what becomes of dry friction.
+        report: gets an entry for each change.
+
     Raises:
         InvalidModel: no motor can drive a joint, a repair is not possible, or no joint moves.
     """
@@ -524,12 +529,12 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
 def _repair_dynamics(
     joint: ET.Element, where: str, options: ImportOptions, report: ImportReport
 ) -> None:
-    """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping if so chosen.
+    """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping.
 
     Args:
         joint: the joint.
         where: name of the joint, for the report.
-        options: options of the import; `friction_as_damping` adds the friction to the damping.
+        options: options of the import, which decide about the friction.
         report: report of the import.
     """
     dynamics = joint.find("dynamics")
@@ -552,8 +557,28 @@ def _repair_dynamics(
                 ),
             )
     friction = number(dynamics, "friction")
-    if not friction:
-        return
+    if friction:
+        _remove_friction(joint, dynamics, friction, place_in_file, options, report)
+
+
+def _remove_friction(
+    joint: ET.Element,
+    dynamics: ET.Element,
+    friction: float,
+    where: str,
+    options: ImportOptions,
+    report: ImportReport,
+) -> None:
+    """Remove the dry friction of a joint, in place, or add it to the damping if the options ask for that.
+
+    Args:
+        joint: the joint.
+        dynamics: its ``<dynamics>``.
+        friction: the friction [N·m or N], which is positive.
+        where: name of the joint and of its element, for the report.
+        options: options of the import; `friction_as_damping` adds the friction to the damping.
+        report: report of the import.
+    """
     # Joints of Drake have viscous damping, but no dry friction. Drives of a station have it.
     del dynamics.attrib["friction"]
     if options.friction_as_damping:
@@ -562,7 +587,7 @@ def _repair_dynamics(
         dynamics.set("damping", format_number(total))
         report.add(
             "repaired",
-            place_in_file,
+            where,
             message(
                 "importer.damping_plus_friction",
                 "friction {friction:g} is added to damping {damping:g}, which becomes {total:g}",
@@ -582,7 +607,7 @@ def _repair_dynamics(
         )
         report.add(
             "lost",
-            place_in_file,
+            where,
             message(
                 "importer.friction_dropped",
                 "friction {friction:g} is not imported, as files seldom have measured values; {advice}",
@@ -604,49 +629,14 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
     """
     place_in_file = compound("{where} <limit>", where=where)
     limit = joint.find("limit")
+    if limit is not None:
+        _repair_acceleration(limit, place_in_file, report)
     kind = joint.get("type")
-    acceleration = number(limit, _ACCELERATION)
-    if limit is not None and acceleration is not None and acceleration <= 0:
-        # Without this attribute the acceleration has no limit.
-        del limit.attrib[_ACCELERATION]
-        report.add(
-            "dropped",
-            place_in_file,
-            message(
-                "importer.acceleration_not_positive",
-                "acceleration {acceleration:g} is not positive",
-                acceleration=acceleration,
-            ),
-        )
-
-    # From here on, the limits of the position.
     lower = number(limit, "lower")
     upper = number(limit, "upper")
     range_text = _range_text(lower, upper)
     if kind == "continuous":
-        # Drake keeps the limits of a continuous joint if there are both.
-        if lower is not None and upper is not None and lower < upper:
-            report.add(
-                "read",
-                place_in_file,
-                message(
-                    "importer.limits_of_continuous",
-                    "the limits {lower:g} and {upper:g} of this continuous joint apply",
-                    lower=lower,
-                    upper=upper,
-                ),
-            )
-        elif lower is not None or upper is not None:
-            _set_range(joint, None, None)
-            report.add(
-                "dropped",
-                place_in_file,
-                message(
-                    "importer.no_range_of_continuous",
-                    "{range} is not a range; a continuous joint needs none",
-                    range=range_text,
-                ),
-            )
+        _repair_continuous_range(joint, lower, upper, place_in_file, report)
     elif lower or upper:
         # A limit other than 0 is meant as one. The other may be missing, which means 0 in a URDF.
         _repair_range(joint, lower, upper, place_in_file, report)
@@ -673,6 +663,62 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
                 range=range_text,
             ),
         )
+
+
+def _repair_acceleration(limit: ET.Element, where: str, report: ImportReport) -> None:
+    """Remove a limit of the acceleration that is not positive, in place. Without it the acceleration has no limit."""
+    acceleration = number(limit, _ACCELERATION)
+    if acceleration is None or acceleration > 0:
+        return
+    del limit.attrib[_ACCELERATION]
+    report.add(
+        "dropped",
+        where,
+        message(
+            "importer.acceleration_not_positive",
+            "acceleration {acceleration:g} is not positive",
+            acceleration=acceleration,
+        ),
+    )
+
+
+def _repair_continuous_range(
+    joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport
+) -> None:
+    """Remove the limits of a continuous joint, in place, unless they are a range.
+
+    Args:
+        joint: the joint.
+        lower: lower limit [rad]; None if it is missing.
+        upper: upper limit [rad]; None if it is missing.
+        where: name of the joint and of its element, for the report.
+        report: report of the import.
+    """
+    if lower is None and upper is None:
+        return
+    # Drake keeps the limits of a continuous joint if there are both.
+    if lower is not None and upper is not None and lower < upper:
+        report.add(
+            "read",
+            where,
+            message(
+                "importer.limits_of_continuous",
+                "the limits {lower:g} and {upper:g} of this continuous joint apply",
+                lower=lower,
+                upper=upper,
+            ),
+        )
+        return
+    _set_range(joint, None, None)
+    report.add(
+        "dropped",
+        where,
+        message(
+            "importer.no_range_of_continuous",
+            "{range} is not a range; a continuous joint needs none",
+            range=_range_text(lower, upper),
+        ),
+    )
 
 
 def _repair_range(

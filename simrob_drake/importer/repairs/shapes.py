@@ -176,6 +176,15 @@ class _Shapes:
         options: ImportOptions,
         report: ImportReport,
     ) -> None:
+        """Prepare the rewriting of a robot's shapes, without a change of the robot.
+
+        Args:
+            robot: the ``robot`` element.
+            library: reads the meshes.
+            writer: writes the meshes of the import.
+            options: options of the import.
+            report: report of the import.
+        """
         self._robot = robot
         self._library = library
         self._writer = writer

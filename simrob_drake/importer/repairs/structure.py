@@ -7,7 +7,7 @@ and a child link. Every change adds an entry to the report of the import.
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -113,6 +113,10 @@ def repair_numbers(robot: ET.Element, report: ImportReport) -> None:
 
     Decimal commas, commas between numbers, brackets and units of the SI are understood. Other text is replaced by the
     default of its attribute if there is one, and is removed otherwise, so that it counts as missing.
+
+    Args:
+        robot: the ``robot`` element.
+        report: gets an entry for each repair.
 
     Raises:
         InvalidModel: an expression of xacro was not expanded, or a joint's axis is not readable.
@@ -353,6 +357,11 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
 
     If the options ask for couplings in place of joints that close loops, their elements are added at the end of the
     robot.
+
+    Args:
+        robot: the ``robot`` element, as its reader has made it.
+        options: options of the import: what becomes of joints that close loops.
+        report: gets an entry for each change.
 
     Raises:
         InvalidModel: a defect has no repair.
@@ -616,7 +625,11 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
     """Remove Drake's frames, collision filter groups and bushings that name missing elements, in place.
 
-    Drake would refuse them.
+    Drake would refuse them. Stages that remove links call this function afterwards.
+
+    Args:
+        robot: the ``robot`` element.
+        report: gets an entry for each element that is removed.
     """
     links = set(names(robot, "link"))
     # Drake has a frame of the name of each link, so no other frame may have such a name.
@@ -727,57 +740,41 @@ class _DroppedJoint(NamedTuple):
 
 
 def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_DroppedJoint]:
-    """Remove joints that do not join two links, in place; names of links that differ in case only are corrected.
+    """Remove joints that do not join two links, in place. Names of links that differ in case only are corrected.
+
+    Returns:
+        the removed joints, in file order.
 
     Raises:
         InvalidModel: a joint that moves an existing link has no parent link.
     """
     links = set(names(robot, "link"))
     link_in_any_case = {link.lower(): link for link in links}
-    is_case_unique = len(link_in_any_case) == len(links)
+    if len(link_in_any_case) < len(links):
+        # If two links differ in case only, it is not known which one a joint means.
+        link_in_any_case = {}
     dropped = []
     # A list, since joints are removed from the robot in this loop.
     for joint in list(robot.iterfind("joint")):
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         for end in ("parent", "child"):
             link = link_of(joint, end)
-            element = joint.find(end)
-            if link in links:
-                continue
-            # If two links differ in case only, the intended one is not known.
-            intended = link_in_any_case.get(link.lower())
-            if element is not None and intended is not None and is_case_unique:
-                element.set("link", intended)
-                report.add(
-                    "repaired",
-                    where,
-                    message(
-                        "importer.differs_in_case",
-                        "its <{end}> '{link}' is not a link; '{intended}' is used, which differs in case only",
-                        end=end,
-                        link=link,
-                        intended=intended,
-                    ),
-                )
+            if link in links or _correct_case(joint, end, link_in_any_case, where, report):
                 continue
             robot.remove(joint)
-            problem = (
-                message(
+            if link:
+                problem = message(
                     "importer.end_is_no_link",
                     "its <{end}> '{link}' is not a link{suggestion}",
                     end=end,
                     link=link,
                     suggestion=nearest(link, links),
                 )
-                if link
-                else message("importer.has_no_end", "has no <{end}>", end=end)
-            )
-            # A missing child is a loose end that nothing hangs on. Without its parent a link would fall.
-            if (
-                end == "parent"
-                and joint.get("type") in MOVABLE_JOINTS
-                and link_of(joint, "child") in links
-            ):
+            else:
+                problem = message("importer.has_no_end", "has no <{end}>", end=end)
+            # A joint without a child moves nothing. A link that loses its parent would be a robot of its own.
+            is_child_lost = end == "parent" and link_of(joint, "child") in links
+            if is_child_lost and joint.get("type") in MOVABLE_JOINTS:
                 raise report.refusal(
                     where,
                     message(
@@ -793,11 +790,50 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
                     "importer.joint_left_out", "{problem}; the joint is left out", problem=problem
                 ),
             )
-            # Kept for the case that the robot falls apart without the joint, which is seen only later.
+            # Kept for the case that the links are not connected without the joint, which is found later.
             dropped.append(_DroppedJoint(where, problem))
             # The joint is removed, so its other end does not matter any more.
             break
     return dropped
+
+
+def _correct_case(
+    joint: ET.Element,
+    end: str,
+    link_in_any_case: Mapping[str, str],
+    where: str,
+    report: ImportReport,
+) -> bool:
+    """Correct the name of a joint's link if a link has this name with other capital letters, in place.
+
+    Args:
+        joint: the joint.
+        end: ``parent`` or ``child``.
+        link_in_any_case: names of the links, by these names in lower case.
+        where: the joint in words, for the report.
+        report: report of the import.
+
+    Returns:
+        whether the name was corrected.
+    """
+    element = joint.find(end)
+    link = link_of(joint, end)
+    intended = link_in_any_case.get(link.lower())
+    if element is None or intended is None:
+        return False
+    element.set("link", intended)
+    report.add(
+        "repaired",
+        where,
+        message(
+            "importer.differs_in_case",
+            "its <{end}> '{link}' is not a link; '{intended}' is used, which differs in case only",
+            end=end,
+            link=link,
+            intended=intended,
+        ),
+    )
+    return True
 
 
 def _keep_one_tree(
