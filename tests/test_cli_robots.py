@@ -190,7 +190,7 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
     ("arguments", "says"),
     [
         (["import", "none.urdf"], "none.urdf"),
-        (["import", "{raw}", "--out", "{raw.parent}/out"], "within the source"),
+        (["import", "{raw}", "--out", "{raw.parent}/out"], "overlaps the source"),
         (["import", "{raw}", "--collision", "sphere"], "sphere"),
         (["import", "{raw}", "--density", "-1", "--estimate-inertia"], "density"),
         (["station", "{raw}", "--out", "station.txt"], ".yaml"),

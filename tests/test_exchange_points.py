@@ -282,7 +282,7 @@ def test_a_file_importer_has_own_options_and_losses_give_four(
         ),
         (
             ["check", "my.lst"],
-            "my.lst: is a list, which simrob import reads, and simrob check cannot",
+            "my.lst: is a list, which `simrob check` cannot read; use `simrob import`",
         ),
     ):
         assert run_command(command) == 2

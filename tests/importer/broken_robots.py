@@ -840,7 +840,7 @@ TREE = [
     Defect(
         "dashes in a comment",
         swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"),
-        "repaired: 1 comment(s) hold --",
+        "repaired: 1 comment contains --",
     ),
     Defect(
         "gazebo",
@@ -959,7 +959,7 @@ JOINTS = [
     Defect(
         "limits without zero",
         swap('lower="-1.5"', 'lower="0.5"'),
-        "defaulted: zero is outside of the limits of",
+        "defaulted: exclude zero, so the home posture is in the middle",
     ),
     Defect(
         "lower is nan",
@@ -1210,7 +1210,7 @@ FILES = [
     Defect(
         "Latin-1",
         content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
-        "repaired: is not utf-8",
+        "repaired: cannot be decoded as utf-8",
     ),
     Defect(
         "late declaration",

@@ -263,7 +263,7 @@ def _is_read_by_drake(drive: ET.Element) -> bool:
 def _reason(
     drive: ET.Element, joints: list[str], new_joints: list[str], movable: Collection[str]
 ) -> str:
-    """Say in words why a transmission was replaced or removed.
+    """Describe why a transmission was replaced or removed.
 
     Args:
         drive: the transmission.

@@ -569,7 +569,7 @@ def _remove_friction(
     options: ImportOptions,
     report: ImportReport,
 ) -> None:
-    """Remove the dry friction of a joint, in place, or add it to the damping if the options ask for that.
+    """Remove the dry friction of a joint, in place, or add it to the damping if the options request it.
 
     Args:
         joint: the joint.
