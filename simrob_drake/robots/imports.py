@@ -11,6 +11,7 @@ from pydantic import field_validator
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import as_data, compound, from_data, join_texts, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.base.yaml_files import parse_json
 
@@ -175,7 +176,7 @@ class ImportReport:
         return [entry for entry in self.entries if entry.kind == kind]
 
     @property
-    def changed(self) -> bool:
+    def has_changes(self) -> bool:
         """Whether the result differs from the source in anything."""
         return any(
             entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost")
@@ -201,6 +202,9 @@ class ImportReport:
             "summary": self.summary(),
             "entries": [entry.as_json() for entry in self.entries],
         }
+
+
+keep_former_attributes(ImportReport, changed="has_changes")
 
 
 def read_report(folder: Path) -> ImportReport | None:

@@ -152,7 +152,7 @@ def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path)
         first = imported(links, collision=collision)
         again = imported(first.file, collision=collision)
         assert again.files() == first.files()
-        assert not again.report.changed, again.told()
+        assert not again.report.has_changes, again.told()
         assert {entry.kind for entry in again.report.entries} == {"read"}
         # the same bytes each time
         assert imported(links, collision=collision).files() == first.files()

@@ -102,13 +102,13 @@ def test_mass_zero_and_moments_zero_is_how_nothing_is_written(tmp_path):
     zero = f'<inertial><mass value="0"/>{moments(0, 0, 0)}</inertial>'
     assert not Repaired(
         with_defect(TIP, f'<link name="tip">{zero}</link>'), tmp_path
-    ).report.changed
+    ).report.has_changes
 
 
 def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
     point = f'<inertial><origin xyz="0 0 0.1"/><mass value="2"/>{moments(0, 0, 0)}</inertial>'
     clean = Repaired(with_defect(TIP, f'<link name="tip">{point}</link>'), tmp_path)
-    assert not clean.report.changed
+    assert not clean.report.has_changes
     told = Repaired(
         with_defect(TIP, f'<link name="tip">{point.replace(moments(0, 0, 0), "")}</link>'), tmp_path
     )
@@ -225,7 +225,7 @@ def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
 def test_slips_with_units_are_told_but_kept(tmp_path, good, bad, words):
     done = Repaired(with_defect(good, bad), tmp_path)
     assert any(words in line for line in done.told("read")), done.report.entries
-    assert not done.report.changed
+    assert not done.report.has_changes
 
 
 def test_estimates_are_for_bodies_without_mass_only(tmp_path):

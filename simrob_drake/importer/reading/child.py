@@ -169,7 +169,7 @@ def _exchange(
             reply = json.loads(line)
             if "ask" not in reply:
                 return dict(reply)
-            # The answer refuses what may not be read. It never raises an error for it.
+            # A refused request is answered, too: with a reason in place of the content.
             to_send = answer(reply["ask"], reply["about"])
     except (OSError, ValueError):
         return None

@@ -196,7 +196,7 @@ def _refuse(why: str) -> NoReturn:
 
 
 def _ask(kind: str, about: str) -> Any:
-    """Ask the parent for the text of a file, the files that fit a pattern, or the folder of a package.
+    """Request from the parent the text of a file, the files that fit a pattern, or the folder of a package.
 
     Args:
         kind: ``xml``, ``yaml``, ``files`` or ``package``.

@@ -262,7 +262,7 @@ class Frames:
         """
         # From the frame to the first base whose pose is known, which is at last the top model or the world.
         # A loop, because a call for each frame could exceed Python's limit of recursion.
-        chain = []
+        chain = list[str]()
         base = name
         while base not in self._poses:
             frame = self._find(base)

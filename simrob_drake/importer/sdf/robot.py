@@ -358,7 +358,7 @@ class RobotWriter:
         sense: float,
         motor_source: ET.Element | None,
     ) -> None:
-        """Write direction, limits and drive of an axis of an SDF joint into the URDF joint that stands for the axis.
+        """Write direction, limits and drive of an axis of an SDF joint into the URDF joint that replaces it.
 
         Args:
             edge: the SDF joint.
