@@ -1225,7 +1225,7 @@ FILES = [
     Defect(
         "deep",
         content(lambda text: b"<robot>" + b"<link>" * 9999),
-        "error: nests elements more than 60 deep",
+        "error: has elements in more than 60 levels",
     ),
     Defect(
         "SDF",

@@ -184,7 +184,7 @@ def _environment(name: str) -> str:
     return _refuse(
         message(
             "importer.environment_variable",
-            "a xacro file may not read environment variables such as {name}",
+            "a xacro file may not read the environment variable {name}",
             name=name,
         )
     )
