@@ -179,7 +179,10 @@ REFUSED = [
         id="unknown parent",
     ),
     pytest.param(
-        END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"
+        END,
+        joint("back", "tip", "base") + END,
+        "has a kinematic loop: base - upper - tip - base",
+        id="loop",
     ),
     pytest.param(
         END,
@@ -190,7 +193,7 @@ REFUSED = [
     pytest.param(
         END,
         joint("self", "tip", "tip") + END,
-        "joint 'self': joins link 'tip' to itself",
+        "joint 'self': connects link 'tip' to itself",
         id="self",
     ),
     pytest.param(
