@@ -34,6 +34,7 @@ LIMITED = (
     "simulation",
     "base",
     "cli",
+    "importer",
 )
 """Packages that have been rewritten in open code. The others follow one by one."""
 

@@ -211,7 +211,7 @@ def test_a_start_that_is_nested_without_end_is_refused(tmp_path: Path) -> None:
 def test_a_binary_stl_that_counts_too_few_faces_is_refused(tmp_path: Path) -> None:
     data = mesh("stl")
     (tmp_path / "a.stl").write_bytes(data[:80] + b"\x03\0\0\0" + data[84:])
-    with pytest.raises(UnreadableMesh, match="counts 3 faces, and 80 are there"):
+    with pytest.raises(UnreadableMesh, match="declares 3 faces, but contains 80"):
         read_mesh(tmp_path / "a.stl", {})
     (tmp_path / "a.stl").write_bytes(data + b"\0" * 50)  # padding
     assert len(read_mesh(tmp_path / "a.stl", {}).parts[0].faces) == 80
@@ -221,7 +221,7 @@ def test_a_binary_stl_that_counts_too_few_faces_is_refused(tmp_path: Path) -> No
 def test_a_dae_of_no_unit_is_refused(tmp_path: Path, unit: str) -> None:
     data = mesh("dae").replace(b"<asset>", f'<asset><unit meter="{unit}"/>'.encode())
     (tmp_path / "a.dae").write_bytes(data)
-    with pytest.raises(UnreadableMesh, match=f"has a unit of {unit} m"):
+    with pytest.raises(UnreadableMesh, match=f"has a length unit of {unit} m"):
         read_mesh(tmp_path / "a.dae", {})
 
 
@@ -230,7 +230,7 @@ def test_faces_at_a_corner_that_is_no_number_are_told(tmp_path: Path) -> None:
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\nf 4 3 2\n"
     )
     assert read_mesh(tmp_path / "a.obj", {}).notes == [
-        "2 faces with a corner that is no finite number left out"
+        "has 2 faces with a corner that is not a finite number, which are left out"
     ]
 
 

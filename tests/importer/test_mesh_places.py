@@ -162,7 +162,7 @@ def test_a_package_beside_is_found_by_its_name_or_its_manifest(robot: Path) -> N
 def test_a_folder_farther_away_is_no_package_without_a_manifest(robot: Path) -> None:
     put(robot.parents[3] / "private" / "keys.stl")
     with pytest.raises(
-        MeshMissing, match="package 'private' is not found, name its folder with --mesh-path"
+        MeshMissing, match="package 'private' is not found; give its folder with --mesh-path"
     ):
         MeshPlaces(robot).find("package://private/keys.stl")
 

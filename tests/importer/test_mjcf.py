@@ -320,7 +320,7 @@ def test_what_no_tree_of_motored_joints_can_say_is_told(tmp_path, here):
 def test_a_closed_loop_is_refused_or_left_out(tmp_path, here):
     text = LOST.format(loop='<connect name="rod" body1="b" body2="c" anchor="0 0 0"/>')
     with pytest.raises(
-        SimrobError, match=r"'rod of 'b' and 'c'': is no part of a tree .* --drop-loops"
+        SimrobError, match=r"'rod of 'b' and 'c'': does not fit into a robot, .* --drop-loops"
     ):
         imported(tmp_path, text)
     assert "'rod of 'b' and 'c''" in told(imported(tmp_path, text, drop_loops=True), "lost")

@@ -101,7 +101,7 @@ def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_pa
     path = packages(tmp_path / "here")
     (tmp_path / "there" / "deep").mkdir(parents=True)
     (path.parents[2] / "bars").rename(tmp_path / "there" / "deep" / "bars")
-    assert "package 'bars' is not found, name its folder with --mesh-path DIR" in refusal(path)
+    assert "package 'bars' is not found; give its folder with --mesh-path DIR" in refusal(path)
     read_source(path, ImportReport(path), ImportOptions(mesh_path=(tmp_path / "there",)))
 
 
