@@ -137,7 +137,7 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
         positions = model.axis_vector(values, "reference")
         return with_units(positions, model.unit_names, shown_values)
     if len(values) > MANY:
-        return message("parts.given_angles", "given angles of {count} axes", count=len(values))
+        return message("parts.given_angles", "positions of {count} axes", count=len(values))
     pairs = [f"{axis} {with_decimal_sign(f'{position:g}')}" for axis, position in values.items()]
     units = [model.unit_names[model.axis_index(axis)] for axis in values]
     return with_units(np.array(pairs), units, ", ".join)

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Length, Number, Strict, validated
@@ -49,22 +49,21 @@ def load_getting_up(model: RobotModel) -> GettingUp:
     """Load the postures with which a robot gets up.
 
     Raises:
-        InvalidParameter: the robot's ``gaits.yaml`` has no section for it.
+        Unsuitable: the robot's ``gaits.yaml`` has no section for it.
         SimrobError: the section has an invalid entry.
     """
     gaits = gaits_file(model)
     section = gaits.section(GETTING_UP)
     if not section:
-        expected = message(
-            "walking.robot_with_getting_up",
-            "one whose {file} has postures for it, a section {section}",
-            file=GAITS_FILE,
-            section=GETTING_UP,
-        )
-        raise InvalidParameter(
+        raise Unsuitable(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("walking.cannot_get_up", "one that cannot get up"),
-            expected,
+            message(
+                "walking.cannot_get_up",
+                "its {file} has no section {section} with the postures for getting up",
+                file=GAITS_FILE,
+                section=GETTING_UP,
+            ),
+            message("walking.add_section", "add the section, or choose another robot"),
         )
     return validated(GettingUp, dict(section), f"{gaits.file}: {GETTING_UP}")
 

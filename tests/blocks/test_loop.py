@@ -149,7 +149,7 @@ class TestTimeoutOfACell:
         """The knee has no target in this cell, so only the hip is late."""
         loop = two_cells(timeout=1.0)
 
-        with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
+        with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s; late: hip"):
             loop.sample(LATE_MEMORY, AT_ZERO)
 
     def test_it_begins_the_next_cell_if_the_section_asks_for_that(self):
@@ -163,7 +163,7 @@ class TestTimeoutOfACell:
         """The first sample after the last cell ends the run."""
         done = {**LATE_MEMORY, "done": np.ones(1)}
 
-        with pytest.raises(RunEnds, match="the last of 2 cells is done"):
+        with pytest.raises(RunEnds, match="the last of 2 cells is reached"):
             two_cells(ends=True).sample(done, AT_ZERO)
 
 

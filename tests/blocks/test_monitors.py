@@ -142,7 +142,7 @@ def test_a_value_that_is_no_number_counts_as_a_violation(bad: float) -> None:
     for kind in ("joint_limit", "divergence", "torque_limit"):
         assert condition(kind).excess(np.array([0.0, bad])) == np.inf
     fast = condition("divergence")
-    assert fast.why(np.array([bad, 0.0])) == "joint_1 ran away: inf rad/s, above 100 rad/s"
+    assert fast.why(np.array([bad, 0.0])) == "joint_1 diverged: its speed is inf rad/s, above 100 rad/s"
 
 
 def test_a_robot_whose_speed_is_no_number_does_not_stand_still() -> None:
@@ -168,7 +168,7 @@ def test_what_slides_is_told_in_metres_and_newtons() -> None:
         == "belt stayed at its torque limit of 500 N for 0.1 s"
     )
     fast = condition("divergence", belt, speed_limit=10)
-    assert fast.why(np.array([20.0, *still])) == "belt ran away: 20 m/s, above 10 m/s"
+    assert fast.why(np.array([20.0, *still])) == "belt diverged: its speed is 20 m/s, above 10 m/s"
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ def test_a_joint_that_runs_away_ends_the_run(direction: int) -> None:
     stopped, time, message = watched(block, velocity=line((0, 0, 0), (2, 0, 20 * direction)))
     assert stopped
     assert time == pytest.approx(1.0, abs=STEP + 1e-9)
-    assert "joint_2 ran away: 10" in message
+    assert "joint_2 diverged: its speed is 10" in message
     assert "above 10 rad/s" in message
 
 

@@ -266,7 +266,7 @@ def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
     np.testing.assert_allclose(y, np.exp(-2 * times), atol=1e-6)
     with pytest.raises(CycleError):
         run({"J": (block("sum"), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])})
-    with pytest.raises(ValueError, match=r"periods of 0\.02, 0\.0200002 s"):
+    with pytest.raises(ValueError, match=r"the periods 0\.02, 0\.0200002 s have no common step"):
         run(
             {
                 name: (block("hold", period=float(name)), [[(U, 1.0)]])

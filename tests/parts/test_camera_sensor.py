@@ -151,9 +151,9 @@ def test_its_images_are_saved(tmp_path):
     [
         (
             {"pose": [0, 0, 0.1, 0, 0, 0]},
-            "sensors.eye.pose is at 0, 0, 0.1 m, inside of box; it must be outside",
+            r"sensors\.eye\.pose: the camera is at \(0, 0, 0\.1\) m, inside box; move it outside",
         ),
-        ({"near": 2.0, "far": 1.0}, "far is 1; it must be more than near"),
+        ({"near": 2.0, "far": 1.0}, "far is 1 m; it must be larger than near"),
         ({"frame": "bax"}, "did you mean 'box'"),
         ({"width": 321}, "multiple of 2"),
         ({"seed": -1}, "sensors.eye.seed: "),

@@ -79,7 +79,7 @@ def test_a_late_cell_ends_the_run_and_names_the_joint():
     )
     result = simulate(slow, duration=5)
     assert (result.ending, result.stopped_by) == ("monitor", "sequence")
-    assert "cell 1 was not reached within 1.5 s: joint_1 is late" in result.message
+    assert "cell 1 was not reached within 1.5 s; late: joint_1" in result.message
 
 
 def test_what_lies_above_drives_its_own_axes_and_a_weight_shows_what_is_below():
@@ -117,7 +117,7 @@ def test_motor_protection_lies_above_all_other_loops_whatever_their_priorities()
         result["protection.target.joint_2"][-1], abs=1e-12
     )
     assert abs(result["q_ref.joint_2"][-1] - np.deg2rad(40)) > 0.1
-    with pytest.raises(SimrobError, match=r"controllers\.other is driving joint_1"):
+    with pytest.raises(SimrobError, match=r"controllers\.protection also drives joint_1"):
         simulate(arm(protection=protection, other=protection), duration=0.1)
 
 
@@ -155,27 +155,27 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
             {"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}},
             "height, tilt_deg or capture_point",
         ),
-        ({"s": sequence(), "t": sequence()}, "a priority (or both with a weight)"),
+        ({"s": sequence(), "t": sequence()}, "controllers.s also drives joint_1, joint_2, joint_3 ...; give the two loops different priorities"),
         ({"s": sequence(reads={"position": "encoders"})}, "controllers.s.reads.position"),
         ({"s": sequence(reads={"angle": "encoders"})}, "controllers.s.reads"),
         ({"s": sequence(rate=5000)}, "time_step"),
         ({"s": sequence(robot="left")}, "left"),
         ({"s": sequence(weight=0)}, "weight"),
         ({"o": objective(weights={"joint_9": 1})}, "joint_9"),
-        ({"o": objective(weights={"joint_2": 0})}, "all zero"),
-        ({"o": objective(kp=0)}, "kp and ki are both zero"),
+        ({"o": objective(weights={"joint_2": 0})}, "all weights are 0"),
+        ({"o": objective(kp=0)}, "kp and ki are both 0"),
         ({"o": objective(measures="base.height")}, "controllers.o.measures"),
-        ({"o": objective(then_deg={"joint_5": 10})}, "needs a tolerance"),
+        ({"o": objective(then_deg={"joint_5": 10})}, "needs the key tolerance"),
         ({"o": objective(target=[])}, "empty"),
         (
             {"b": balance()},
-            "controllers.b is balance of robot; it must be of a robot that stands on feet",
+            "controllers.b: robot has no feet, or its base is fixed; name a robot that stands",
         ),
         ({"b": balance(moves_deg={"hip": 20})}, "hip"),
-        ({"b": balance(moves_deg={"joint_5": 0})}, "all zero"),
-        ({"b": balance(beyond=0.1)}, "full, 0.1 m, must be beyond the 0.1 m"),
+        ({"b": balance(moves_deg={"joint_5": 0})}, "all moves_deg are 0"),
+        ({"b": balance(beyond=0.1)}, "full is 0.1 m; it must be larger than beyond, 0.1 m"),
         ({"b": balance(measures="up")}, "controllers.b.strategies.tip.measures"),
-        ({"b": {"kind": "balance", "strategies": {}}}, "strategies or steps"),
+        ({"b": {"kind": "balance", "strategies": {}}}, "neither strategies nor steps"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_key(controllers, words):
@@ -195,7 +195,7 @@ GUARD = {"kind": "fall_guard", "height": 0.2}
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"controllers.touchdown.reads": {}}, "reads of a touchdown"),
+        ({"controllers.touchdown.reads": {}}, "reads of the touchdown loop"),
         ({"controllers.touchdown.reads": {"rear_left_foot": "force.rear_lift"}}, "rear_left"),
         ({"controllers.touchdown.reads.hand": "force.rear_left"}, "hand"),
         ({"controllers.touchdown.force": 0}, "force"),
@@ -208,7 +208,7 @@ GUARD = {"kind": "fall_guard", "height": 0.2}
                     "posture_deg": {"rear_left_knee": 0},
                 }
             },
-            "priority",
+            "different priorities",
         ),
     ],
 )

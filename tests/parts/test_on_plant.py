@@ -167,7 +167,7 @@ def test_a_monitor_of_joint_limits_ends_the_run():
     plant.SetVelocities(context, [0.0, 12.0])
     status = simulator.AdvanceTo(2.0)
     assert status.reason() == status.ReturnReason.kReachedTerminationCondition
-    assert "elbow is at 1.4" in status.message()
+    assert "elbow reached a joint limit at 1.4" in status.message()
     assert plant.GetPositions(context)[1] >= 1.4
 
 
@@ -245,13 +245,13 @@ class TestErrors:
         ("arguments", "match"),
         [
             ({"joints": ["sholder"]}, "shoulder"),
-            ({"joints": "elbow"}, "a list of names of joints"),
+            ({"joints": "elbow"}, "a list of joint names"),
             ({"joints": []}, "at least one"),
-            ({"joints": ["elbow", "elbow"]}, "different joints"),
+            ({"joints": ["elbow", "elbow"]}, "different joint names"),
             ({"kp": [1.0, 2.0, 3.0]}, "one number, or 2"),
-            ({"kp": {"knee": 1.0}}, "joint in kp"),
+            ({"kp": {"knee": 1.0}}, "joint for kp"),
             ({"kp": -1.0}, "kp"),
-            ({"kp": np.nan}, "finite numbers"),
+            ({"kp": np.nan}, "must be finite"),
             ({"kp": {"shoulder": 3.0}}, "has no actuator"),
             ({"motor": "perpetuum"}, "motor"),
             ({"motor": Motor()}, "stall_torque"),
@@ -278,7 +278,7 @@ class TestErrors:
     def test_actuators_are_connected_once(self):
         builder, plant = links("elbow")
         add_joint_servos(builder, plant, kp=1.0, kd=1.0)
-        with pytest.raises(SimrobError, match="actuators of links are connected already"):
+        with pytest.raises(SimrobError, match="actuators of links are already connected"):
             add_joint_servos(builder, plant, kp=1.0, kd=1.0, name="again")
 
     def test_the_plant(self):
@@ -296,7 +296,7 @@ class TestErrors:
         builder, plant = links("elbow")
         with pytest.raises(SimrobError, match="lower"):
             add_contact_sensor(builder, plant, "lowr")
-        with pytest.raises(SimrobError, match="shapes that collide"):
+        with pytest.raises(SimrobError, match="a body with collision shapes"):
             add_contact_sensor(builder, plant, "lower")
         with pytest.raises(SimrobError, match="upper"):
             add_imu(builder, plant, "uper")

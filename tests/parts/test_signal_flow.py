@@ -131,7 +131,7 @@ def test_a_stop_ends_the_run():
     result = simulate(arm(law, **OFF), duration=2, progress=False)
 
     assert result.ending == "monitor"
-    assert result.message.startswith("Enough is on")
+    assert result.message.startswith("the stop Enough is active")
     assert 0.1 < result["q.joint_1"][-1] < 0.2
 
 
@@ -140,17 +140,17 @@ def test_a_stop_ends_the_run():
     [
         ({"torque": {"joint_9": "Limit"}}, "axis of .* for controllers.law.torque"),
         ({"torque": {"joint_1": "Limits"}}, "controllers.law.blocks.torque.of .*Limit"),
-        ({"torque": {"joint_1": "tau.joint_1"}}, "measured while stepping"),
+        ({"torque": {"joint_1": "tau.joint_1"}}, "measured during the run"),
         ({"torque": {"joint_1": "Limit.1"}}, "Limit"),
         ({"blocks": {"A": {"kind": "sum", "of": "B"}, "B": {"kind": "sum", "of": "A"}}, "torque": {}}, "algebraic"),
-        ({"blocks": {"A": {"kind": "switch", "of": ["one"]}}, "torque": {}}, "blocks.A.of.*3 inputs"),
+        ({"blocks": {"A": {"kind": "switch", "of": ["one"]}}, "torque": {}}, "number of inputs in controllers.law.blocks.A.of is 1; it must be 3"),
         ({"blocks": {"one": {"kind": "sum", "of": "time"}}, "torque": {}}, "another name"),
-        ({"blocks": {"A": {"kind": "saturation", "lower": 1, "upper": 0, "of": "one"}}}, "above upper"),
+        ({"blocks": {"A": {"kind": "saturation", "lower": 1, "upper": 0, "of": "one"}}}, "it must be at most upper, 0"),
         ({"blocks": {"A": {"kind": "transfer_function", "numerator": [1, 0], "denominator": [1], "of": "one"}}},
-         "higher power"),
+         "higher degree"),
         ({"blocks": {"A": {"kind": "state_space", "A": [[0]], "B": [[1, 1]], "C": [[1]], "D": [[0]], "of": "one"}}},
          "must be 1 × 1, for 1 inputs"),
-        ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}}, "points must rise"),
+        ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}}, "points must increase"),
         ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}
                      for name, period in (("A", 0.02), ("B", 0.020002))}, "torque": {}}, "multiples of a common step"),
         ({"blocks": {"A": {"kind": "pid", "d": 1, "of": "time"}}, "torque": {}}, "blocks.A.filter .*cut-off"),
@@ -220,7 +220,7 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
                     "period": 0.01,
                 },
             },
-            "the block S cannot be computed of [-1.0]",
+            "the block S cannot be computed from [-1.0]",
         ),
     ],
 )

@@ -152,7 +152,7 @@ REFUSED = [
     ),
     pytest.param(
         {"servo": {"passive": [], "torque_limit": {"shoulder": 9.0}, "kp": 0, "kd": 0}},
-        r"controllers\.swing_up is swing_up of robot; it must be of a robot .* one passive axis",
+        r"controllers\.swing_up: robot does not have a fixed base, exactly one passive axis",
         id="no passive axis",
     ),
     pytest.param(
@@ -162,7 +162,7 @@ REFUSED = [
     ),
     pytest.param(
         {"controllers.swing_up.posture_deg": {"shoulder": 90}},
-        r"controllers\.swing_up\.posture_deg is .*an equilibrium of the axes without a motor",
+        r"controllers\.swing_up\.posture_deg is .*an equilibrium of the passive axis",
         id="no equilibrium",
     ),
     pytest.param(

@@ -117,9 +117,9 @@ def test_what_is_no_grid_is_refused(tmp_path, grids):
         "words.csv": "line 1: holds something that is no number",
         "ragged.csv": "line 2: has 1 cells, and the first line 2",
         "no.csv": "cannot be read",
-        "empty.png": "cannot be read as a picture",
+        "empty.png": "cannot be read as an image",
         "large.png": "more than 100000",
-        "rough.png": "makes 2000 boxes",
+        "rough.png": "needs 2000 boxes",
     }
     for file, message in messages.items():
         field = {"kind": "grid", "file": str(tmp_path / file)}
@@ -187,14 +187,14 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
     ("overrides", "message"),
     [
         ({"floor.terrain.size": 0.001}, "more than 1000 boxes"),
-        ({"floor.terrain.size": 5}, "is not more than length and width"),
+        ({"floor.terrain.size": 5}, "must not exceed length or width"),
         ({"floor.terrain.kind": "hills"}, "rubble"),
         ({"floor.terrain.seed": -1}, "seed"),
-        ({"floor.terrain.kind": "grid"}, "file is missing"),
-        ({"floor.terrain.file": "heights.csv"}, "file goes with kind grid alone"),
+        ({"floor.terrain.kind": "grid"}, "grid needs a file"),
+        ({"floor.terrain.file": "heights.csv"}, "file is for kind: grid only"),
         (
             {"floor.terrain": {"kind": "gaps", "gap": 0.2, "size": 0.2}},
-            "leaves nothing to stand on",
+            "it must be less than size, 0.2 m",
         ),
         ({"contact.model": "point"}, "floor.terrain.soft"),
     ],

@@ -386,7 +386,7 @@ def test_a_station_as_one_box_shows_its_open_inputs() -> None:
 @pytest.mark.parametrize(
     ("reference", "text"),
     [
-        ({"kind": "hold"}, "hold the start"),
+        ({"kind": "hold"}, "hold the initial posture"),
         (
             {"kind": "ramp", "target_deg": 30, "duration": 2, "start": 1},
             "ramp to 30 deg in 2 s,\nfrom 1 s",

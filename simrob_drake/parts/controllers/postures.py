@@ -72,7 +72,7 @@ class Sequencer(Pace, LoopSection):
 
     label: ClassVar[str] = message("parts.loop_sequencer", "sequencer")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_cell", "Cell\nreached, or too late"),
+        message("parts.stage_cell", "Cell\nreached or timed out"),
         message("parts.stage_next_cell", "Ramp to the next cell"),
     )
 
@@ -92,9 +92,10 @@ class Sequencer(Pace, LoopSection):
                 raise ValueError(
                     message(
                         "parts.cell_without_timeout",
-                        "cells[{number}] has a duration of {duration:g} s, which leaves no timeout",
+                        "cells[{number}].duration is {duration:g} s; it must be less than timeout, {timeout:g} s",
                         number=number,
                         duration=cell.duration,
+                        timeout=self.timeout,
                     )
                 )
         return self
@@ -225,14 +226,15 @@ class CellSequence(SampledBlock):
         Raises:
             RunEnds: the last cell is done, or a cell has timed out, and the section asks for the end of the run.
         """
-        if not memory["active"][0]:  # the first sample
+        # At the first sample, the first ramp begins where the reference is.
+        if not memory["active"][0]:
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
         is_done = bool(memory["done"][0])
         if is_done and self._section.ends:
             raise RunEnds(
                 message(
                     "parts.last_cell_done",
-                    "the last of {count} cells is done",
+                    "the last of {count} cells is reached",
                     count=len(self._targets),
                 )
             )
@@ -278,7 +280,8 @@ class CellSequence(SampledBlock):
             read: inputs of the sample.
         """
         has_target = ~np.isnan(targets)
-        is_far = abs(read["position"] - targets) > self._tolerance  # False if the target is nan
+        # The comparison with the target nan is False.
+        is_far = abs(read["position"] - targets) > self._tolerance
         is_fast = abs(read["velocity"]) > self._largest_speed
         return np.asarray(has_target & is_far | is_fast)
 
@@ -292,16 +295,17 @@ class CellSequence(SampledBlock):
         late_names = ", ".join(self._axes[index] for index in np.flatnonzero(late).tolist())
         return message(
             "parts.cell_not_reached",
-            "cell {number} was not reached within {timeout:g} s: {late} is late",
+            "cell {number} was not reached within {timeout:g} s; late: {late}",
             number=number,
             timeout=self._timeout,
-            late=late_names or message("parts.its_ramp", "its ramp"),
+            late=late_names or message("parts.its_ramp", "the ramp to the cell"),
         )
 
 
 # Directions in which the area between the feet is measured: 64 make distances at most 0.13 % too short.
 _ANGLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])  # unit vectors, shape (64, 2)
+# Unit vectors in these directions, shape (64, 2).
+_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 class CapturePoint:
@@ -327,13 +331,14 @@ class CapturePoint:
             raise Unsuitable(
                 key, message("parts.no_feet", "{model} has no feet", model=robot.model.name)
             )
-        # the block in the diagram must not keep the plant in memory
+        # The block in the diagram must not keep the plant in memory.
         self._plant = weakref.proxy(plant)
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
-        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())  # g [m/s²]
-        # work space: every evaluation sets its state anew
+        # g [m/s²].
+        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
 
     def distance_from_feet(self, state: Vector) -> float:
@@ -378,8 +383,8 @@ class FallGuard(LoopSection):
     label: ClassVar[str] = message("parts.loop_fall_guard", "fall guard")
     stages: ClassVar[tuple[str, ...]] = (
         message("parts.stage_height_or_lean", "Height or lean"),
-        message("parts.stage_guard", "Guard\nfalls, or stands"),
-        message("parts.stage_way_to_posture", "Way to the posture"),
+        message("parts.stage_guard", "Guard\nfalling or standing"),
+        message("parts.stage_way_to_posture", "Motion to the posture"),
     )
 
     kind: Literal["fall_guard"]
@@ -427,7 +432,7 @@ class FallGuard(LoopSection):
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the block of the guard."""
-        # From the world to the base, as it stands at the start.
+        # From the world to the base, as it stands at the start. Directions are fixed to the base: they turn with it.
         to_base = robot.base.rotation().inverse()
         toward = None
         if self.toward_deg is not None:

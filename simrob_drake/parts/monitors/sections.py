@@ -133,6 +133,7 @@ class TorqueLimit(MonitorSection):
     def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
         """Condition on the torque that each motor can give at its speed."""
 
+        # A part of 1 is the whole torque that the motor has at this speed.
         def excesses(torque: Vector, speed: Vector) -> Vector:
             return robot.gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
 
@@ -250,9 +251,10 @@ class Divergence(MonitorSection):
             unit = f"{robot.model.units[index].si}/s"
             return message(
                 "parts.ran_away",
-                "{axis} ran away: {speed:.4g} {unit}, above {limit:g} {unit}",
+                "{axis} diverged: its speed is {speed:.4g} {unit}, above {limit:g} {unit}",
                 axis=robot.axes[index],
-                speed=excess + self.speed_limit,  # the excess is the speed minus the limit
+                # The excess is the speed minus the limit.
+                speed=excess + self.speed_limit,
                 unit=unit,
                 limit=self.speed_limit,
             )
@@ -303,7 +305,7 @@ class EmptyGrip(MonitorSection):
         if not robot.model.fingers:
             expected = message(
                 "parts.robot_with_gripper",
-                "one with a gripper: in its robot.yaml; {advice}",
+                "a robot with a gripper in its robot.yaml; {advice}",
                 advice=gripper_advice(robot.model),
             )
             raise InvalidParameter(f"monitors.{name}.robot", robot.name, expected)
@@ -315,6 +317,7 @@ class EmptyGrip(MonitorSection):
         """
         robot = station.robot(self.robot, f"monitors.{name}")
         indices = list(robot.model.fingers)
+        # Positions of each finger's axis at the two ends of its way.
         closed = np.array([ends[0] for ends in robot.model.fingers.values()])
         opened = np.array([ends[1] for ends in robot.model.fingers.values()])
 
@@ -361,7 +364,7 @@ class Contact(SensorMonitorSection):
             millimetres = 1e3 * self.distance
             reason = message(
                 "parts.nearer_than",
-                "{names} are nearer than {distance:g} mm",
+                "{names} are closer than {distance:g} mm",
                 names=names,
                 distance=millimetres,
             )
@@ -387,7 +390,7 @@ class ForceLimit(SensorMonitorSection):
         limit = force_limit(self.limit)
         region = ""
         if isinstance(self.limit, str):
-            region = message("parts.of_region", " of {limit}", limit=self.limit.replace("_", " "))
+            region = compound(" ({region})", region=self.limit.replace("_", " "))
         reason = message(
             "parts.force_reached_limit",
             "the force on {body} reached the limit of {limit:g} N{region}{lasting}",
@@ -471,7 +474,9 @@ class Fall(PoseMonitorSection):
         """Check that at least one bound is given."""
         if self.height is None and self.tilt_deg is None:
             raise ValueError(
-                message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg")
+                message(
+                    "parts.fall_needs_bound", "a fall monitor needs a bound: height or tilt_deg"
+                )
             )
         return self
 
@@ -511,7 +516,8 @@ class Fall(PoseMonitorSection):
             return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
-            low, leaning = excesses(pose)  # plain names: this is evaluated at every step
+            # Plain names and comparisons, since this is evaluated at every step.
+            low, leaning = excesses(pose)
             # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.
             if not (math.isfinite(low) and math.isfinite(leaning)):
                 return math.inf
@@ -520,7 +526,11 @@ class Fall(PoseMonitorSection):
         def why(pose: Vector) -> str:
             found = excesses(pose)
             if not found.is_finite:
-                return message("parts.is_nowhere", "{who} is nowhere", who=subject)
+                return message(
+                    "parts.is_nowhere",
+                    "the pose of {who} is not finite: the simulation has diverged",
+                    who=subject,
+                )
             # If both bounds are exceeded, the reason is the one that is exceeded more.
             if found.low >= found.leaning or largest_tilt is None:
                 return message(
@@ -557,7 +567,8 @@ class Workspace(PoseMonitorSection):
             raise ValueError(
                 message(
                     "parts.lower_below_upper",
-                    "lower must be below upper, {upper}",
+                    "lower is {lower}; it must be below upper, {upper}, in x, y and z",
+                    lower=list(self.lower),
                     upper=list(self.upper),
                 )
             )
