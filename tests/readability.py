@@ -109,7 +109,6 @@ BOUNDS = {
 """Bound of each measure, by the name of its property of `Measures`."""
 
 LOOSER: dict[str, dict[str, float]] = {
-    "parts": {"comments": 7.4},
     "stations": {"comments": 7.5},
     "programs": {"comments": 5.1},
     "results": {"comments": 5.3, "riddles": 1.3, "participles": 1.4},

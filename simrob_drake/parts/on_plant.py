@@ -197,6 +197,7 @@ def add_monitor(
         InvalidParameter: ``hold`` or ``after`` is not a finite time.
     """
     instance(builder, "builder", DiagramBuilder, _a_builder())
+    # The monitor gets an input for each port, in this order, which is also that of the functions' arguments.
     sizes = {signal: port.size() for signal, port in watched.items()}
     monitor = Monitor(Condition(watched=sizes, excess=excess, why=why), hold=hold, after=after)
     add_and_connect(builder, name, monitor, *watched.values())
@@ -587,6 +588,7 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
         UnknownName: there is no such motor or joint.
         InvalidParameter: a motor lacks its torque at rest or its speed without load.
     """
+    # A single motor is one of that kind at each joint.
     by_joint = choice if isinstance(choice, Mapping) else dict.fromkeys(names, choice)
     motors: list[Motor | None] = [None] * len(names)
     what = message("parts.joint_in", "joint for {key}", key="motor")
@@ -667,6 +669,7 @@ def _body_of(
         UnknownName: there is no such body.
         InvalidParameter: there are several bodies of this name.
     """
+    # From index 0, the world, since ``world`` is a name that a user may give.
     bodies = [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
     if model_instance is not None:
         bodies = [body for body in bodies if body.model_instance() == model_instance]

@@ -78,6 +78,7 @@ class ReferenceSection(Strict, ABC):
 
     def postures(self) -> list[AxisValues]:
         """Postures through which the reference goes, per axis in the user's units."""
+        # None is the initial posture, which the section does not give.
         return [values for values in self.targets_by_axis() if values is not None]
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
@@ -137,6 +138,7 @@ class Hold(ReferenceSection):
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m]."""
+        # Axes that the posture does not name hold their initial position.
         return hold(
             start if self.target_deg is None else si_positions(self.target_deg, robot, start)
         )
@@ -215,6 +217,7 @@ class Cruise(ReferenceSection):
         # An axis that does not move needs no limits, and its URDF may have none.
         is_moving = target != start
         speeds = _checked_limits("speed_deg", self.speed_deg, robot, robot.speed_limits, is_moving)
+        # URDF itself has no limits of accelerations: they are from Drake's extension of it, or the robot's own file.
         own_accelerations = robot.model.accelerations
         accelerations = _checked_limits(
             "acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving
@@ -232,6 +235,7 @@ class Cruise(ReferenceSection):
         return message(
             "parts.reference_cruises",
             "{kind} to {posture}",
+            # A kind such as `s_curve` is written with a hyphen in words.
             kind=self.kind.replace("_", "-"),
             posture=shown_positions(self.target_deg, model),
         )

@@ -73,6 +73,7 @@ class Site:
             UnknownName: there is no such robot.
             InvalidParameter: the name is None, and there are several robots, or none.
         """
+        # Sections have been checked, so the default words of the error do not matter.
         return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
     if not TYPE_CHECKING:  # the type checker must not accept the former names

@@ -297,6 +297,7 @@ class Rising(SampledBlock):
         }
         if part < 1.0:
             return changes
+        # A robot that has slipped or rolled over is in another posture than planned, and shows it by its lean.
         least, most = goal.posture.lean_deg
         if least <= ahead_deg <= most:
             return {**changes, **_begin(memory["stage"][0] + 1, target)}

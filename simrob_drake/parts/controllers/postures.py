@@ -250,6 +250,7 @@ class CellSequence(SampledBlock):
         goal = np.where(np.isnan(targets), origin, targets)
         target = origin + progress * (goal - origin)
         changes: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
+        # The robot stays at the last cell, whose time of arrival is kept already.
         if is_done:
             return changes
 

@@ -217,6 +217,7 @@ class SignalFlow(ControllerSection):
     @property
     def read_names(self) -> list[str]:
         """Names of all terms that blocks and torques read: blocks of the flow, and columns of the station's results."""
+        # The sums of stops and forces are among the computed blocks, the sum of torques is not.
         sums = list(self.torque.values())
         for block in self._computed_blocks.values():
             sums += block.inputs
@@ -335,6 +336,7 @@ class SignalFlow(ControllerSection):
         signals = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
             # Monitors of stops read the outputs of the station, so stops are always among them.
+            # The units of a law are the user's own, so outputs of blocks are declared without one.
             if block in signals or block in self.stops:
                 declare_output(site, name, port, "1", called=block)
             site.edges.extend(blocks[block].edges)
@@ -637,6 +639,7 @@ class _FlowNet:
         if term.partition(".")[0] in self.blocks:
             return self._find_block_element(key, term)
         for signal in self._readable_signals:
+            # With several robots, a term may leave out the prefix of the flow's own robot, which comes first.
             for column in (f"{self._prefix}{term}", term):
                 if column in signal.names:
                     # A signal may show only some entries of its output, such as those of driven axes.
@@ -737,6 +740,7 @@ def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector
     # relative error of the states in a step [1]
     simulator.get_mutable_integrator().set_target_accuracy(1e-6)
     context = simulator.get_mutable_context()
+    # The solver goes from time to time, so each value is exact to its accuracy, and not interpolated.
     values_over_time = []
     for time in times:
         simulator.AdvanceTo(time)

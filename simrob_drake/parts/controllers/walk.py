@@ -178,6 +178,7 @@ class Walk(LoopSection):
         for foot in feet:
             one_of(what, foot, robot.model.tools)
         measured = [foot for foot in feet if foot in self.reads]
+        # Without force sensors, the estimator finds the feet that stand by their heights.
         if not measured:
             return
         feedback = parameters.feedback
@@ -235,6 +236,7 @@ class Walk(LoopSection):
         commands = {
             f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)
         }
+        # Along a path the robot turns as the path does, so only the speed ahead can be too large.
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
@@ -471,6 +473,7 @@ class WalkingLoop(SampledBlock):
             context: context of the block, which is changed.
             values: speeds ahead and to the left [m/s], and turn [rad/s].
         """
+        # The 1 in front says that a user commands the walk, see `Commander`.
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -485,6 +488,7 @@ class WalkingLoop(SampledBlock):
             # A user's command in an earlier run, which this one continues, is over.
             changes["hand"] = np.zeros(4)
 
+        # While another loop moves the robot, this one is not active. It begins anew afterwards, from the posture then.
         if self._has_waits_port and read["waits"][0]:
             return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}
         if not memory["active"][0]:

@@ -104,6 +104,7 @@ class TorqueLimit(MonitorSection):
         """Check that the robot exists, and that the limits are positive."""
         super().check(name, station)
         limits = self._limits(station.robot(self.robot, f"monitors.{name}"))
+        # The excess divides by the limits. A negation, so that it also finds values that are not numbers.
         if not (limits > 0).all():
             raise InvalidParameter(
                 f"monitors.{name}.limit",
@@ -201,6 +202,7 @@ class Settled(MonitorSection):
             math.inf if self.error_m is None else self.error_m,
         )
 
+        # Parts of bounds have no unit, so axes that turn can be compared with axes that slide.
         def used_speed(velocity: Vector) -> float:
             """Largest speed as a part of its bound."""
             return float((np.abs(velocity) / speed_bounds).max())
@@ -244,6 +246,7 @@ class Divergence(MonitorSection):
         """Make the condition; its excess is the largest speed minus the limit [rad/s or m/s]."""
         robot = station.robot(self.robot, f"monitors.{name}")
 
+        # The same number serves in rad/s and in m/s: it only has to be far above the speeds of real joints.
         def excesses(velocity: Vector) -> Vector:
             return np.abs(velocity) - self.speed_limit
 
@@ -316,6 +319,7 @@ class EmptyGrip(MonitorSection):
         The opening of a finger is 0 if it is closed, and 1 if it is open.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
+        # Only the axes of fingers count, by their indices among all axes of the robot.
         indices = list(robot.model.fingers)
         # Positions of each finger's axis at the two ends of its way.
         closed = np.array([ends[0] for ends in robot.model.fingers.values()])
@@ -371,6 +375,7 @@ class Contact(SensorMonitorSection):
         else:
             reason = message("parts.touch", "{names} touch", names=names)
 
+        # The only excess is its own largest; a distance that is not a number then counts as contact.
         def excesses(distance: Vector) -> Vector:
             return self.distance - distance
 
@@ -423,6 +428,7 @@ class _LimitTable(Strict):
 @cache
 def quasi_static_limits() -> dict[str, float]:
     """Read the largest forces [N] on clamped body regions (quasi-static contact), by the name of the region."""
+    # A clamped part of a body cannot move away, so the standard allows lower forces on it than for a short hit.
     file = models_root() / "limits" / "iso_ts_15066.yaml"
     return dict(validated(_LimitTable, read_yaml(file), file).quasi_static_force)
 
@@ -507,6 +513,7 @@ class Fall(PoseMonitorSection):
         def excesses(pose: Vector) -> _FallExcess:
             """Excesses of a pose, x y z [m] qw qx qy qz."""
             quaternion = pose.tolist()[3:]
+            # Both are parts of their bounds, so a height in m can be compared with an angle.
             low = -1.0
             if self.height is not None:
                 low = 1 - ground.height(pose) / self.height
@@ -586,6 +593,7 @@ class Workspace(PoseMonitorSection):
 
         def why(index: int, _: float) -> str:
             """Reason of the end of the run, by the index of the largest overshoot."""
+            # The first three overshoots are those of the upper bounds.
             is_upper = index < len(_XYZ)
             axis = index % len(_XYZ)
             return message(

@@ -97,6 +97,7 @@ class Image:
         Returns:
             The points, shape (m, 3) [m].
         """
+        # A pixel without a depth, too near or with nothing behind it, has no point.
         is_used = self.has_depth
         if where is not None:
             is_used = is_used & where
@@ -318,6 +319,7 @@ class CameraSensor(Sensor):
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Find the frame of the scene graph to which the camera is fixed, and the camera's pose in it."""
+        # The scene graph has frames of bodies only: the pose of the named frame in its body comes in front.
         frame = frame_of(plant, self.frame)
         parent = plant.plant.GetBodyFrameIdOrThrow(frame.body().index())
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)

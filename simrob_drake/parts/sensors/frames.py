@@ -173,6 +173,7 @@ class InertialUnit(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the measurements from the motion since the last sample."""
+        # Number of this sample, from 0: it selects the noise, and 0 is the first sample.
         count = int(memory["count"][0])
         plant = self._plant
         plant.SetPositionsAndVelocities(self._scratch, read["state"])

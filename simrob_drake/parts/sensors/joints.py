@@ -70,6 +70,7 @@ class Encoders(SampledSensor):
             quantity = QUANTITY_WORDS[output]
             panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
+        # Encoders measure positions alone: the block computes speeds from them.
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
         self._add_block(
             builder,
@@ -114,6 +115,7 @@ class JointEncoders(SampledBlock):
             memory={"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)},
             gives=("position", "velocity"),
             delay=section.delay_samples,
+            # A loop reads the encoders in its own first sample, when zeros would be far from the robot's posture.
             at_once=True,
         )
         self._resolution = units * resolution

@@ -169,6 +169,7 @@ class Force(ShapeSensor):
             body=body,
             other=other,
             frame=frame,
+            # Wrong friction forces would be worse than none.
             normal_only=not site.station.engine.reports_friction_of_contacts,
         )
         # The wrench (6): force [N], then moment [N·m].
@@ -254,6 +255,7 @@ class MeasuredWrench(SampledBlock):
             delay=delay,
             at_once=True,
         )
+        # One value for each of the three components of the force, then of the moment.
         self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
         self._noise = np.repeat([section.noise, section.moment_noise], 3)
         self.seed = section.seed
@@ -377,6 +379,7 @@ class MomentumBalance:
 
     def _contacts_at(self, recorded: Recorded, times: Vector) -> _TimedContacts:
         """Read the contacts at times (m,) [s] of a run."""
+        # The bytes of the times: an array cannot be the key of a mapping.
         key = ("contacts", times.tobytes())
         if key not in recorded.memo:
             instants: Sequence[Contacts] = [
