@@ -58,9 +58,9 @@ class ForceSection(Strict, ABC):
 
     kind: str
     at: str | None = None
-    """Where the force acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link
-    or piece (at its origin, along its axes). If it is left out, the only robot: its tool, or its root link if it
-    floats."""
+    """Body on which the force acts: a robot (at the centre of mass of its root link, along that link's axes), or a
+    tool, link or piece (at its origin, along its axes). If it is left out, the only robot: its tool, or its root link
+    if it floats."""
 
     @property
     def offset(self) -> Vector:

@@ -24,11 +24,13 @@ class RisingPosture(Strict):
     """A posture on the way up, and the lean of the trunk that is expected at its end."""
 
     time: Duration
-    """To take it [s]."""
+    """Duration of the motion to the posture [s]."""
     target_deg: dict[str, Number] = Field(default_factory=dict)
-    """Where axes go; `knee` is both `right_knee` and `left_knee`. Others stay, and are 0 at first."""
+    """Positions of axes; `knee` is both `right_knee` and `left_knee`. Axes that are not named keep their position,
+    which is 0 at first."""
     lean_deg: tuple[Number, Number] = (-180.0, 180.0)
-    """How far ahead the trunk then leans, at least and at most; where it does not, the robot begins anew."""
+    """Least and largest lean of the trunk ahead after the motion; outside of them, the robot tries again from the
+    start."""
 
 
 Way = Annotated[tuple[RisingPosture, ...], Field(min_length=1)]
@@ -38,11 +40,11 @@ class GettingUp(Strict):
     """Sequences of postures with which a robot gets up."""
 
     height: Length
-    """Of its root over the ground from which it stands [m]."""
+    """Height of the root over the ground above which the robot stands [m]."""
     front: Way
-    """From its belly."""
+    """Postures from lying on the front."""
     back: Way
-    """From its back."""
+    """Postures from lying on the back."""
 
 
 def load_getting_up(model: RobotModel) -> GettingUp:

@@ -285,7 +285,9 @@ def test_shapes_of_one_body_have_no_distance():
     for place in (np.zeros(3), np.array([0.5, 0, 0])):
         bench.add(Sphere(RADIUS), place)
     bench.plant.Finalize()
-    with pytest.raises(InvalidParameter, match=r"collisions of .* are filtered out; name two other bodies"):
+    with pytest.raises(
+        InvalidParameter, match=r"collisions of .* are filtered out; name two other bodies"
+    ):
         DistanceSensor(
             body=bench.shapes[:1],
             other=bench.shapes[1:],

@@ -142,7 +142,10 @@ def test_a_value_that_is_no_number_counts_as_a_violation(bad: float) -> None:
     for kind in ("joint_limit", "divergence", "torque_limit"):
         assert condition(kind).excess(np.array([0.0, bad])) == np.inf
     fast = condition("divergence")
-    assert fast.why(np.array([bad, 0.0])) == "joint_1 diverged: its speed is inf rad/s, above 100 rad/s"
+    assert (
+        fast.why(np.array([bad, 0.0]))
+        == "joint_1 diverged: its speed is inf rad/s, above 100 rad/s"
+    )
 
 
 def test_a_robot_whose_speed_is_no_number_does_not_stand_still() -> None:

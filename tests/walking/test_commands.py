@@ -305,7 +305,10 @@ def test_a_walk_goes_on_without_feedback_while_a_sensor_fails(run_with_blocks):
         ({"path": {"points": [[0, 0]]}}, "path.points"),
         ({"path": {"points": [[0, 0], [0, 0]]}}, "points 0 and 1 of the path are the same"),
         ({"path": {"points": [[0, 0], [1, 0], [1, 0]]}}, "points 1 and 2 of the path are the same"),
-        ({"commands": [{"time": 1}, {"time": 0.5}]}, "times of commands are .*; they must not decrease"),
+        (
+            {"commands": [{"time": 1}, {"time": 0.5}]},
+            "times of commands are .*; they must not decrease",
+        ),
         (
             {"gait": {"groups": [["right_front_foot"], ["left_foot"]]}},
             "gait.groups.*right_front_foot",

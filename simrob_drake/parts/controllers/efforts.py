@@ -305,7 +305,7 @@ class MotorProtection(LoopSection):
     force: Positive | str | None = None
     """Force that stops the robot [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
     then: Literal["hold", "end"] = "hold"
-    """What to do when the robot stops: hold the posture of that moment, or end the run."""
+    """Action when the robot stops: hold the posture of that moment, or end the run."""
     reset_after: Positive | None = None
     """Time without overload after which the robot moves on [s]; if it is left out, the robot stays stopped."""
 

@@ -92,8 +92,8 @@ class LoopSection(ControllerSection):
     rate: Positive = 100.0
     """Samples a second [Hz]."""
     reads: dict[str, str] = Field(default_factory=dict)
-    """What it reads in place of the true state, by input: a sensor (`position: encoders`), or any output of the
-    station or of another controller."""
+    """Sources that the loop reads in place of the true state, by input: a sensor (`position: encoders`), or any output
+    of the station or of another controller."""
     priority: Integer | None = None
     """Order among the loops of a robot: a loop of higher priority is above the others, and its input `asked` contains
     their changes."""

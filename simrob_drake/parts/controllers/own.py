@@ -142,7 +142,7 @@ class OwnController(ControllerSection):
     """The class, a LeafSystem of Drake: `module:Class`, or `path/to/file.py:Class`; paths start at the station's
     file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """What its constructor takes."""
+    """Arguments of its constructor, by name."""
 
     def block(self, key: str) -> LeafSystem:
         """Import the class and create the block.

@@ -45,13 +45,14 @@ class Pace(Strict):
     """Keys that determine when a cell counts as reached, and what happens if it is not."""
 
     tolerance_deg: Positive = 2.0
-    """How near the measured joints must come to a cell's targets [deg, or m where they slide]."""
+    """Largest distance of the measured joints from the targets of a cell that is reached [deg, or m for prismatic
+    joints]."""
     speed_deg: Positive = 10.0
-    """How slow they must have become there, all axes [deg/s, or m/s]."""
+    """Largest measured speed of any axis at which a cell is reached [deg/s, or m/s]."""
     timeout: Positive | None = None
-    """How long a cell may take [s]; for ever unless given."""
+    """Longest time for a cell [s]; not limited unless given."""
     on_timeout: Literal["stop", "go_on"] = "stop"
-    """What happens then: the run ends with the names of the joints that are late, or the next cell begins."""
+    """Action at the timeout: end the run with the names of the joints that are late, or begin the next cell."""
 
     @model_validator(mode="after")
     def _check_timeout(self) -> Self:

@@ -47,11 +47,11 @@ class SwingUpController(LoopSection):
     `passive_axis`, that of the passive axis as seen from the others, as for a pole on a cart, whose own motion does not
     count."""
     energy_gain: NotNegative = 1.0
-    """How strongly the swing-up accelerates the driven axes, for an error of the energy of 1 J."""
+    """Acceleration of the driven axes by the swing-up, for an energy error of 1 J."""
     position_gain: NotNegative = 1.0
-    """How strongly it draws them back to the posture [1/s²]."""
+    """Acceleration back to the posture, for each unit of distance from it [1/s²]."""
     velocity_gain: NotNegative = 1.0
-    """How strongly it slows them down [1/s]."""
+    """Deceleration, for each unit of speed [1/s]."""
     position_weight: NotNegativeAxisValues = 10.0
     """Weight of the squared position errors in the regulator's cost [1/rad² or 1/m²]."""
     velocity_weight: NotNegativeAxisValues = 1.0
@@ -59,7 +59,8 @@ class SwingUpController(LoopSection):
     torque_weight: PositiveAxisValues = 1.0
     """Weight of the squared torques [1/(N·m)² or 1/N²]."""
     catch: Positive = 1.0
-    """When the regulator takes over: at 1 as soon as no motor will reach its limit on the way, by the linear model."""
+    """Cost below which the regulator takes over, as a part of the cost up to which no motor reaches its limit, by the
+    linear model."""
 
     def check(self, key: str, station: StationContents) -> None:
         """Check the robot.

@@ -32,9 +32,9 @@ class MonitorSection(Strict, ABC):
     robot: str | None = None
     """Robot that it watches; the only robot unless given."""
     after: NotNegative = 0.0
-    """When watching begins [s]."""
+    """Time at which the monitor begins to watch [s]."""
     hold: NotNegative = 0.0
-    """How long the condition must last [s]."""
+    """Time for which the condition must last [s]."""
 
     @property
     def hold_text(self) -> str:

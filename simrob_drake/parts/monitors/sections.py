@@ -50,9 +50,10 @@ class JointLimit(MonitorSection):
 
     kind: Literal["joint_limit"]
     margin_deg: Number = 0.0
-    """How far before the limit the run ends, for axes that turn; negative: beyond it."""
+    """Distance before the limit at which the run ends, for axes that turn [deg]; negative for a distance beyond the
+    limit."""
     margin_m: Number = 0.0
-    """The same for axes that slide [m]."""
+    """Distance before the limit at which the run ends, for axes that slide [m]."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
         """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m]."""
@@ -95,10 +96,10 @@ class TorqueLimit(MonitorSection):
 
     kind: Literal["torque_limit"]
     hold: NotNegative = 0.5
-    """How long it must stay there [s]."""
+    """Time for which the servo must stay at the limit [s]."""
     limit: AxisValues | None = None
-    """What counts as the limit, per axis [N·m or N]: of the servo unless given, and of a motor whose torque falls with
-    its speed what it gives at that speed. Axes that a mapping leaves out keep the limit of their servo."""
+    """Torque that counts as the limit, per axis [N·m or N]. Unless given, that of the servo, or the torque that its
+    motor can give at the present speed. Axes that a mapping leaves out keep the limit of their servo."""
 
     def check(self, name: str, station: StationContents) -> None:
         """Check that the robot exists, and that the limits are positive."""
@@ -178,7 +179,7 @@ class Settled(MonitorSection):
 
     kind: Literal["settled"]
     hold: NotNegative = 0.2
-    """How long it must stand [s]."""
+    """Time for which the robot must stand still [s]."""
     speed_deg: Positive = 0.1
     """Speed below which an axis that turns stands still [deg/s]."""
     speed_m: Positive = 1e-3
@@ -297,9 +298,10 @@ class EmptyGrip(MonitorSection):
 
     kind: Literal["empty_grip"]
     hold: NotNegative = 0.05
-    """How long they must be [s]."""
+    """Time for which the fingers must be closed [s]."""
     part: Positive = 0.02
-    """How near to closed, or to where their shapes meet before, counts, as a part of the way from closed to open."""
+    """Opening up to which a finger counts as closed, as a part of the way from closed to open, beyond the opening at
+    which the shapes of the fingers meet."""
 
     def check(self, name: str, station: StationContents) -> None:
         """Check that the robot exists and has fingers."""

@@ -100,7 +100,7 @@ class Force(ShapeSensor):
 
     kind: Literal["force"]
     other: str | None = None
-    """What presses on the body: a robot, a link, a piece, a shape of a piece, or `floor`; if left out, everything."""
+    """Body that presses: a robot, a link, a piece, a shape of a piece, or `floor`; if left out, everything counts."""
     frame: str = "world"
     """Frame of the force and the moment, and of the point for the moment: `world`, a tool, a link or a piece."""
     resolution: NotNegative = 0.0

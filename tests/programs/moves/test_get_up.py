@@ -140,7 +140,7 @@ def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
 
 
 def test_what_cannot_get_up_is_refused():
-    with pytest.raises(InvalidParameter, match=r"robot humanoid .*section get_up"):
+    with pytest.raises(InvalidParameter, match=r"robot humanoid: .*no section get_up"):
         LeggedRobot("humanoid_dynamic").get_up()
     with pytest.raises(SimrobError, match="dynamic"):
         LeggedRobot("humanoid_kinematic").get_up()
