@@ -170,6 +170,11 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
         ("motor_protection", {"protection.limit": -1}, "must be positive"),
         (
             "motor_protection",
+            {"protection.nominal": -3},
+            "controllers.protection.nominal of joint_1 is -3 N·m; it must be positive",
+        ),
+        (
+            "motor_protection",
             {"protection.weight": 0.5},
             "motor protection always acts in full",
         ),

@@ -371,7 +371,7 @@ class Sequence(ReferenceSection):
         """Describe the reference in words, without its start time."""
         return message(
             "parts.reference_sequence",
-            "sequence of {count} postures in {duration:g} s",
+            "sequence of {count} {count:posture|postures} in {duration:g} s",
             count=len(self.targets),
             duration=self.targets[-1].time,
         )

@@ -349,7 +349,7 @@ def test_a_foot_that_touches_after_half_of_the_step_is_down():
 
 
 def test_strategies_rest_once_the_robot_steps():
-    """It steps beyond 0.05 m. Then the strategy, which acts at once, gives no offset any more."""
+    """The robot steps beyond 0.05 m. Then the strategy, which acts at once, gives no offset any more."""
     still_step = stepping(lift=[0.0, 0.0], reach=[0.0, 0.0])
     robot = FakeRobot(answers=[answer(rise=0, release=0)], steps=[still_step])
 

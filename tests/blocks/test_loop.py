@@ -103,7 +103,7 @@ class TestCellSequence:
         ],
     )
     def test_the_next_cell_begins_once_all_axes_are_near_and_slow(self, position, speed, cell):
-        """Without a timeout, a cell that is not reached lasts for ever."""
+        """A cell that is not reached lasts for ever if there is no timeout."""
         driven = self.after_first_ramp()
 
         for _ in range(20):
@@ -209,7 +209,7 @@ class TestFallGuard:
         assert outputs["active"] == acts
 
     def test_it_ramps_from_the_reference_to_the_posture_and_stays_there(self):
-        """It goes on although the base is high again: only a reset ends it."""
+        """The ramp continues although the base is high again: only a reset ends it."""
         driven = Driven(guard())
 
         first = driven.sample(base_pose=LOW, reference=self.REFERENCE)

@@ -54,7 +54,7 @@ def monitor(kind: str, *options: Any, **keys: Any) -> Monitor:
 def watched(
     block: Monitor, duration: float = 2.0, **signals: Trajectory
 ) -> tuple[bool, float, str]:
-    """Play signals to a monitor in steps of 10 ms; tell whether it ended the run, when and why."""
+    """Play signals to a monitor in steps of 10 ms. Returns whether it ended the run, when and why."""
     builder = DiagramBuilder()
     builder.AddNamedSystem("monitor", block)
     builder.AddSystem(SteadySteps(STEP))
@@ -160,7 +160,8 @@ def test_the_excess_port_tells_by_how_much() -> None:
 
 
 def test_what_slides_is_told_in_metres_and_newtons() -> None:
-    belt, still = "irb120_on_belt", np.zeros(6)
+    belt = "irb120_on_belt"
+    still = np.zeros(6)
     limits = condition("joint_limit", belt, margin_m=0.1)
     position = np.array([1.45, *still])
     assert limits.excess(position) == pytest.approx(0.05)
@@ -243,7 +244,8 @@ def test_a_robot_that_moves_slowly_in_one_joint_is_not_settled() -> None:
     ("error", "settled"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)]
 )
 def test_a_robot_at_rest_is_settled_only_near_its_reference(error: float, settled: bool) -> None:
-    block, off = monitor("settled", error_deg=1.0, hold=0.2), 1 + np.deg2rad(error)
+    block = monitor("settled", error_deg=1.0, hold=0.2)
+    off = 1 + np.deg2rad(error)
     still = {"velocity": line((0, 0, 0), (9, 0, 0)), "position": line((0, 1, 1), (9, 1, 1))}
     assert watched(block, **still, reference=line((0, 1, off), (9, 1, off)))[0] is settled
 

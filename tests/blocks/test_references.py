@@ -36,7 +36,8 @@ from simrob_drake.blocks.references import (
     sequence,
 )
 
-START, TARGET = np.array([0.1, -0.2, 0.0]), np.array([1.1, 0.3, 0.0])
+START = np.array([0.1, -0.2, 0.0])
+TARGET = np.array([1.1, 0.3, 0.0])
 
 
 def value(trajectory: Trajectory, time: float, order: int = 0) -> np.ndarray:
@@ -118,7 +119,8 @@ def test_a_move_is_the_shortest_polynomial_that_rests() -> None:
 
 
 def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> None:
-    times, targets = [0.5, 0.8, 2.0], [TARGET, -TARGET, START]
+    times = [0.5, 0.8, 2.0]
+    targets = [TARGET, -TARGET, START]
     trajectory = sequence(START, times, targets)
     for time, target in zip(times, targets, strict=True):
         np.testing.assert_allclose(value(trajectory, time), target, atol=1e-14)
@@ -139,7 +141,8 @@ def test_the_times_of_a_sequence_rise(times: list[float]) -> None:
 
 
 def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
-    times, samples = np.array([0.0, 1.0, 3.0]), np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])
+    times = np.array([0.0, 1.0, 3.0])
+    samples = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])
     trajectory = interpolate_samples(times, samples, linear=True)
     for time in np.linspace(0, 3, 13):
         expected = [np.interp(time, times, samples[:, joint]) for joint in range(2)]
@@ -149,12 +152,11 @@ def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
 
 def test_a_cubic_table_is_the_spline_of_scipy() -> None:
     random = np.random.default_rng(5)
-    times, samples = np.cumsum(random.uniform(0.1, 1.0, 9)), random.normal(size=(9, 4))
+    times = np.cumsum(random.uniform(0.1, 1.0, 9))
+    samples = random.normal(size=(9, 4))
     # both with not-a-knot ends
-    trajectory, spline = (
-        interpolate_samples(times, samples),
-        CubicSpline(times, samples),
-    )
+    trajectory = interpolate_samples(times, samples)
+    spline = CubicSpline(times, samples)
     for time in np.linspace(times[0], times[-1], 57):
         for order in (0, 1, 2):
             np.testing.assert_allclose(

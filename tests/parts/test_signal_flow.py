@@ -6,6 +6,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from simrob_drake import add_station, load_station, simulate
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import in_language
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
@@ -149,7 +150,7 @@ def test_a_stop_ends_the_run():
         ({"blocks": {"A": {"kind": "transfer_function", "numerator": [1, 0], "denominator": [1], "of": "one"}}},
          "higher degree"),
         ({"blocks": {"A": {"kind": "state_space", "A": [[0]], "B": [[1, 1]], "C": [[1]], "D": [[0]], "of": "one"}}},
-         "must be 1 × 1, for 1 inputs"),
+         "must be 1 × 1, for 1 input and 1 state"),
         ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}},
          "points must increase"),
         ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}
@@ -164,8 +165,21 @@ def test_a_wrong_law_is_refused_with_the_reason(changed, reason):
         simulate(arm(LAW | changed), duration=0.01, progress=False)
 
 
+def test_the_reason_is_translated_with_all_of_its_parts():
+    blocks = {
+        name: {"kind": "delay", "period": period, "of": "one"}
+        for name, period in (("A", 0.02), ("B", 0.020002))
+    }
+
+    with pytest.raises(SimrobError) as raised:
+        simulate(arm(LAW | {"blocks": blocks, "torque": {}}), duration=0.01, progress=False)
+
+    spanish = in_language(raised.value.message, "es")
+    assert "los periodos 0.02, 0.020002 s no tienen un paso común" in spanish
+
+
 def test_a_block_that_cannot_compute_fails_the_run():
-    """From 0.05 s on, the root is that of a negative number."""
+    """The block computes the root of a negative number from 0.05 s on."""
     root = {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}
     law = {"kind": "signal_flow", "blocks": {"Root": root}, "torque": {"joint_1": "Root"}}
 

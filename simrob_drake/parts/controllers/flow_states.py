@@ -94,7 +94,8 @@ class StateSpace(FlowBlock):
                 raise ValueError(
                     message(
                         "parts.matrix_size",
-                        "{name} must be {rows} × {columns}, for {inputs} inputs and {states} states",
+                        "{name} must be {rows} × {columns}, for {inputs} {inputs:input|inputs} "
+                        "and {states} {states:state|states}",
                         name=name,
                         rows=rows,
                         columns=columns,
@@ -107,7 +108,7 @@ class StateSpace(FlowBlock):
             raise ValueError(
                 message(
                     "parts.initial_size",
-                    "initial must contain {states} numbers, one for each state",
+                    "initial must contain {states} {states:number|numbers}, one for each state",
                     states=states,
                 )
             )

@@ -235,7 +235,7 @@ class CellSequence(SampledBlock):
             raise RunEnds(
                 message(
                     "parts.last_cell_done",
-                    "the last of {count} cells is reached",
+                    "the last of {count} {count:cell|cells} is reached",
                     count=len(self._targets),
                 )
             )

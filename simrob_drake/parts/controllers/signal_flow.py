@@ -382,7 +382,7 @@ class SignalFlow(ControllerSection):
         """
         label = message(
             "parts.block_signal_flow",
-            "{name}\nsignal flow, {count} blocks",
+            "{name}\nsignal flow, {count} {count:block|blocks}",
             name=wrap_label(name),
             count=len(self.blocks),
         )
