@@ -19,7 +19,11 @@ from .programs.legged_robot import LeggedRobot as LeggedRobot
 from .programs.program import Program as Program
 from .results.record.state import State as State
 from .results.result import SimulationResult as SimulationResult
+from .results.saved import SavedResult as SavedResult
+from .results.saved import load_result as load_result
+from .results.saved import plot_results as plot_results
 from .robots.motors import Motor as Motor
+from .simulation import FailedRunWarning as FailedRunWarning
 from .simulation import RunBranch as RunBranch
 from .simulation import Runner as Runner
 from .simulation import simulate as simulate

@@ -109,11 +109,8 @@ BOUNDS = {
 """Bound of each measure, by the name of its property of `Measures`."""
 
 LOOSER: dict[str, dict[str, float]] = {
-    "stations": {"comments": 7.5},
     "programs": {"comments": 5.1},
     "results": {"comments": 5.3, "riddles": 1.3, "participles": 1.4},
-    "robots": {"comments": 3.8},
-    "kinematics": {"comments": 2.9, "dense_density": 16.5, "riddles": 1.3, "participles": 2.1},
     "simulation": {"comments": 4.7},
     "base": {"comments": 4.1, "participles": 3.7},
     "cli": {"comments": 5.7},

@@ -192,7 +192,7 @@ def test_check_folds_the_axes_that_are_far_from_their_torque_limits(capsys):
     assert run_command(["check", "humanoid_balance"]) == 0
     folded = " ".join(capsys.readouterr().out.split())
     assert folded.count("torque of") == 1
-    assert "torque of right_knee standing takes -0.61 N·m" in folded
+    assert "torque of right_knee standing requires -0.61 N·m" in folded
     assert "17 more axes each needs at most 20% of its torque limit; --all shows each" in folded
     assert run_command(["check", "humanoid_balance", "--all"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
@@ -303,7 +303,9 @@ def test_a_file_that_is_not_there_is_told_as_such(capsys, command):
 def test_check_says_that_a_robot_starts_below_the_floor(capsys):
     assert run_command(["check", "humanoid_dynamic", "--set", "robot.base=[0,0,0.3,0,0,0]"]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "warning base the feet's lowest point is 146.00 mm below the floor at the start" in out
+    assert (
+        "warning base the lowest point of the feet is 146.00 mm below the floor at the start" in out
+    )
 
 
 def test_settings_may_stand_in_files(tmp_path):

@@ -81,7 +81,7 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     remarks = [
         line
         for line in (tmp_path / "work" / "arm.yaml").read_text().splitlines()
-        if "motors hold it" in line
+        if "the motors need" in line
     ]
     assert [line.removeprefix("# ") in " ".join(said) for line in remarks] == [True]
     proposed = said[-1].strip().removeprefix("simrob ")
@@ -175,9 +175,9 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
     assert run_command(["station", str(file), "--out", "a.yaml", *own]) == 0
     text = (tmp_path / "work" / "a.yaml").read_text()
     assert "mode: kinematic" in text
-    proposed = next(line for line in text.splitlines() if "begin anew: " in line).partition(
-        "begin anew: simrob "
-    )[2]
+    proposed = next(
+        line for line in text.splitlines() if "For a dynamic station, run: " in line
+    ).partition("run: simrob ")[2]
     assert run_command([*shlex.split(proposed), "--out", "b.yaml"]) == 0
     again = yaml.safe_load((tmp_path / "work" / "b.yaml").read_text())
     assert again["mode"] == "dynamic"
@@ -281,7 +281,7 @@ def test_station_takes_a_table_by_its_path_and_runs(capsys):
     written = yaml.safe_load(pathlib.Path("first.yaml").read_text())
     assert written["robot"]["model"] == "two_links.yaml"
     assert run_command(["check", "first.yaml"]) == 0
-    assert "within the joints' limits" in capsys.readouterr().out
+    assert "within the joint limits" in capsys.readouterr().out
 
 
 def test_options_of_an_import_do_not_go_with_a_table(capsys):
@@ -301,7 +301,7 @@ def test_torques_of_a_robot_without_inertias_are_one_line_with_the_reason(tmp_pa
     assert run_command(["check", "arm.yaml"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "0.00 N·m" not in out
-    assert "holding takes" not in out
+    assert "holding requires" not in out
     assert (
         len(
             re.findall(

@@ -59,7 +59,7 @@ MISTAKES = {
         "there is no gait of roid1 'wlak'; did you mean 'walk'?",
     ),
     "a gait that names all": (["roid1_dynamic", "--gait", "x"], "known: .*turn.*walk"),
-    "no legs": (["irb120_dynamic"], "robot irb120 is one without gaits"),
+    "no legs": (["irb120_dynamic"], "robot irb120 is a robot without gaits"),
     "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
     "no number": (["roid1_dynamic", "--amplitude", "nan"], "amplitude"),
     "no time of a step": (["roid1_dynamic", "--step-time", "0"], "step_time"),

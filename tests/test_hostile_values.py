@@ -192,7 +192,7 @@ MANY = np.array([1, 2])
         ),
         (
             lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e12}),
-            r"kp: a gain is of 0 to 1e\+09",
+            r"kp: a gain must be between 0 and 1e\+09",
         ),
         (
             lambda arm, legged: sim.load_station("irb120_dynamic", {"gravity": 1e10}),

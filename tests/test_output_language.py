@@ -88,7 +88,7 @@ def test_the_comments_of_a_first_station_are_in_the_language(tmp_path: Path) -> 
     text = draft_station(models_root() / "irb120" / "irb120.urdf", folder=tmp_path)
     comments = [line for line in text.splitlines() if line.startswith("#")]
     assert comments[0].startswith("# Primera estación de un robot importado")
-    assert any("no toca el suelo ni a sí mismo" in comment for comment in comments)
+    assert any("sin colisiones con el suelo ni entre eslabones" in comment for comment in comments)
     assert "reference:" in text  # keys are the same in each language
 
 

@@ -394,7 +394,7 @@ class TestCodeThatAFileNames:
             ):
                 run(file)
         with pytest.raises(
-            SimrobError, match=r"override controllers.*: would run the code.*allow_code=True"
+            SimrobError, match=r"override controllers.*: would run the Python code.*allow_code=True"
         ):
             load_station(
                 "irb120_dynamic",
@@ -480,14 +480,15 @@ class TestWrong:
 
     def test_a_loop_without_a_state_in_it(self):
         blocks = {"back": Mirror("forth.there", "here"), "forth": Mirror("back.here", "there")}
-        with pytest.raises(SimrobError, match=r"blocks back, forth.*circle.*loop"):
+        with pytest.raises(SimrobError, match=r"blocks back, forth.*algebraic loop"):
             simulate(arm(), blocks=blocks, duration=0.1)
 
     def test_a_block_of_another_run(self):
         nod = Nod()
         simulate(arm(), blocks=[nod], duration=0.01, progress=False)
         with pytest.raises(
-            SimrobError, match=r"blocks nod cannot be .*; a block serves one diagram; make it anew"
+            SimrobError,
+            match=r"blocks nod cannot be .*: a block belongs to one diagram only, so create a new one",
         ):
             simulate(arm(), blocks=[nod], duration=0.01)
 

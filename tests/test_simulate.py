@@ -219,7 +219,7 @@ class TestReferences:
             (((0, 1), np.full((2, 6), 3.0)), r"joint_1 is 171\.89 deg at 0\.00 s; .*-165 to 165"),
             (((0, 1, 2), np.zeros((2, 6))), r"must be of shapes \(m,\) and \(m, n\)"),
             (np.zeros(6), r"an array \(m, 1 \+ n\)"),
-            (PiecewisePolynomial(np.zeros((5, 1))), "5 joints; it must be 6 joints"),
+            (PiecewisePolynomial(np.zeros((5, 1))), "5 joints; it must be a trajectory of 6 joints"),
             ({"arm": np.zeros((2, 7))}, "no robot 'arm'"),
         ],
     )
@@ -385,7 +385,7 @@ class TestDivergence:
     def test_a_run_of_too_long_steps_says_that_it_cannot_be_trusted(self):
         overrides = {"solver.kind": "discrete", "solver.time_step": 0.01}
         explicit = simulate(load_station("irb120_dynamic", overrides), duration=0.1)
-        assert "unstable above steps of" in explicit.warnings[0]
+        assert "unstable with steps above" in explicit.warnings[0]
         implicit = load_station("irb120_dynamic", {**overrides, "servo.realization": "implicit"})
         assert simulate(implicit, duration=0.1).warnings == []
 

@@ -93,7 +93,7 @@ def test_a_stop_that_is_too_stiff_is_blamed_with_its_figures(impatient, finger):
         "bend moves 2.3e-08 kg m², for which its stop (joint_stops.stiffness) of 5.7e+05 N·m/rad"
         in said
     )
-    assert "take solver.kind discrete and servo.realization implicit (" in said
+    assert "use solver.kind discrete and servo.realization implicit (" in said
 
 
 def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):

@@ -15,7 +15,7 @@ quantile of a part is the value up to which this share of the draws lies (its in
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import floor, inf
 from statistics import NormalDist
 from typing import Annotated, Any, NamedTuple, Self, TypeAlias
@@ -447,6 +447,13 @@ def _values_of_list(text: str) -> list[Any]:
     return list(values)
 
 
+def _plain_values(values: Sequence[Any] | Vector) -> list[Any]:
+    """List values that a script gives, with numbers of Python in place of those of NumPy, as YAML has them."""
+    return [
+        value.tolist() if isinstance(value, np.ndarray | np.generic) else value for value in values
+    ]
+
+
 def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     """Make a distribution of a section or of a line of text, which the distribution keeps.
 
@@ -457,6 +464,8 @@ def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     Raises:
         ValueError: the line has none of the forms, or pydantic refuses the section.
     """
+    if isinstance(content, (list, tuple, range, np.ndarray)):
+        return handler({"values": _plain_values(content)})
     if not isinstance(content, str):
         return handler(content)
     try:

@@ -26,13 +26,15 @@ from simrob_drake.kinematics.solver import (
     nearest_turns,
 )
 
-_ROUNDING = 1e-9  # distances up to this are rounding [m or rad]
+_ROUNDING = 1e-9
+"""Distance beyond the reach or a limit that counts as a rounding error [m or rad]."""
 
 _EXACT = 1e-10
 """Errors of a closed-form posture above this [m or rad] come from rounded dimensions of the arm. A few steps of numeric
 search remove them."""
 
-_POLISHING = 10  # largest count of these steps
+_POLISHING = 10
+"""Largest count of these steps."""
 
 _FAR = 1e6
 """Penalty of a posture that misses its target or a limit [rad²]. It is larger than any squared distance from the
@@ -98,18 +100,21 @@ class AnalyticSolver(Solver):
                     str(flag),
                     names,
                 )
+            # A view with the flag's dimension first, so that one assignment forbids the other value of the flag.
             forbidden = 1 - names.index(flag)
             np.moveaxis(is_allowed, dimension, 0)[forbidden] = False
+        # The flat index of the array is the index of a posture, 4·shoulder + 2·elbow + wrist.
         self._allowed = np.flatnonzero(is_allowed)
         self._order = list(chain.order)
-        # Axes that can do a whole turn, with their limits: (index, lower, upper).
+        # Axes that can do a whole turn, with their limits: (index, lower, upper). Any other axis has only one position
+        # within its limits for an angle, so that a path has no turns to choose from.
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
         self._wide = [
             (axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide
         ]
 
     def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Flags]:
-        """Return all postures for each of k targets, whatever the flags.
+        """Compute all postures for each of k targets. The flags of the solver have no effect.
 
         Args:
             targets: poses of the tool in the base.
@@ -153,7 +158,7 @@ class AnalyticSolver(Solver):
             distance of each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
-        # axes that do not move the tool stay
+        # Axes that do not move the tool, such as fingers, stay as in the start.
         postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)
         postures[..., self._order] = form.postures[:, allowed]
         turned, beyond = nearest_turns(self.chain, postures, starts[:, np.newaxis])
@@ -162,29 +167,39 @@ class AnalyticSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the target's own start."""
         form, postures, beyond = self._branches(targets, starts, self._allowed)
-        squared_distance = np.square(postures - starts[:, np.newaxis]).sum(axis=-1)
-        choice = np.argmin(squared_distance + self._penalty(form, beyond), axis=1)
+        difference = postures - starts[:, np.newaxis]
+        squared_distance = np.square(difference).sum(axis=-1)
+        choices = np.argmin(squared_distance + self._penalty(form, beyond), axis=1)
+        # The closed form has all eight postures, and the choices count the allowed ones.
         rows = np.arange(len(targets))
-        out_of_reach = form.out_of_reach[:, self._allowed][rows, choice]
+        out_of_reach = form.out_of_reach[:, self._allowed]
         return self._check_solutions(
-            targets, postures[rows, choice], out_of_reach, beyond[rows, choice]
+            targets,
+            postures[rows, choices],
+            out_of_reach[rows, choices],
+            beyond[rows, choices],
         )
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the posture of the target before."""
+        # The postures of all targets in one call, since only the choice between them depends on the order. Without the
+        # posture before, axes that may have any position get the wrong one; those targets are computed again below.
         all_starts = np.tile(start, (len(targets), 1))
         form, postures, beyond = self._branches(targets, all_starts, self._allowed)
         penalty = self._penalty(form, beyond)
         choices = np.zeros(len(targets), dtype=np.intp)
         last = start
         for row, branches in enumerate(postures):
-            if form.is_singular[row]:  # an axis takes its position from the posture before
+            if form.is_singular[row]:
+                # An axis that may have any position takes it from the posture before.
                 form_of_row, again, beyond_again = self._branches(
                     targets[row : row + 1], last[np.newaxis], self._allowed
                 )
                 branches[:] = again[0]
                 beyond[row] = beyond_again[0]
                 penalty[row] = self._penalty(form_of_row, beyond_again)[0]
+            # Whole turns were chosen close to the start; a path that turns on and on needs them close to the posture
+            # before. `angles` is a view, so that the postures change. Each axis stays within its limits.
             for axis, lower, upper in self._wide:
                 angles = branches[:, axis]
                 angles -= TURN * np.rint((angles - last[axis]) / TURN)
@@ -195,9 +210,12 @@ class AnalyticSolver(Solver):
             choices[row] = choice
             last = branches[choice]
         rows = np.arange(len(targets))
-        out_of_reach = form.out_of_reach[:, self._allowed][rows, choices]
+        out_of_reach = form.out_of_reach[:, self._allowed]
         return self._check_solutions(
-            targets, postures[rows, choices], out_of_reach, beyond[rows, choices]
+            targets,
+            postures[rows, choices],
+            out_of_reach[rows, choices],
+            beyond[rows, choices],
         )
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
@@ -215,7 +233,8 @@ class AnalyticSolver(Solver):
             the penalties, shape (k, b).
         """
         out_of_reach = form.out_of_reach[:, self._allowed]
-        miss = out_of_reach + beyond.max(axis=-1)  # m plus rad: it only ranks the postures
+        # A sum of metres and radians has no meaning of its own: it only ranks the postures.
+        miss = out_of_reach + beyond.max(axis=-1)
         is_rounded = self._fits(beyond) & (out_of_reach <= _ROUNDING)
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
@@ -239,7 +258,8 @@ class AnalyticSolver(Solver):
         weights = np.ones(6)
         is_in_range = (out_of_reach <= _ROUNDING) & self._fits(beyond)
 
-        # Errors from rounded dimensions of the arm.
+        # Errors from rounded dimensions of the arm. Postures out of reach or beyond a limit miss their targets anyway,
+        # so that they need no steps.
         is_rough = (np.abs(errors).max(axis=1) > _EXACT) & is_in_range
         if is_rough.any():
             fit = fit_postures(
@@ -278,7 +298,7 @@ class AnalyticSolver(Solver):
 
         # A closed form takes no iterations; the few steps against rounding are not counted.
         no_iterations = np.zeros(len(targets), dtype=np.int64)
-        return Solutions.found(positions, errors, is_reached, no_iterations, why)
+        return Solutions.from_errors(positions, errors, is_reached, no_iterations, why)
 
     def _reason(self, out_of_reach: float, beyond: Vector) -> str:
         """Write why a target is not reached.
@@ -287,32 +307,31 @@ class AnalyticSolver(Solver):
             out_of_reach: distance of the wrist centre beyond what the arm reaches [m].
             beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
         """
-        postures = message("kinematics.all_postures", "all postures") + (
-            message("kinematics.with_these_flags", " with these flags")
-            if len(self._allowed) < BRANCHES
-            else ""
-        )
         if out_of_reach > _ROUNDING:
             return message(
                 "kinematics.wrist_out_of_reach",
-                "out of reach: the wrist centre lies {distance:.3g} m beyond what the arm reaches",
+                "out of reach: the wrist centre is {distance:.3g} m beyond the reach of the arm",
                 distance=out_of_reach,
             )
         if not self._fits(beyond):
+            postures = message("kinematics.all_postures", "all postures")
+            if len(self._allowed) < BRANCHES:
+                postures += message("kinematics.with_these_flags", " with these flags")
             axis = int(np.argmax(beyond))
             more = message(
                 "kinematics.beyond_its_limit",
-                "{angle} or more beyond its limit",
+                "{angle} beyond its limit",
                 angle=angle(beyond[axis]),
             )
             return message(
                 "kinematics.postures_beyond_limits",
-                "joint limit: {postures} need {axis} {more}",
+                "joint limit: {postures} exceed a limit; in the best posture, {axis} is {more}",
                 postures=postures,
                 axis=self.chain.names[axis],
                 more=more,
             )
+        # In reach and within the limits, yet with an error: the spherical triangle of the wrist does not close.
         return message(
             "kinematics.no_wrist_orientation",
-            "no orientation of the wrist serves: its axes are not at right angles",
+            "the wrist cannot turn the tool to this orientation: its axes are not at right angles",
         )

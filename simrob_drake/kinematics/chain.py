@@ -26,8 +26,11 @@ from simrob_drake.robots.parse import held_robot
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 IDENTITY = np.eye(4)
+"""Pose of the base in the frame of the targets, unless the base moves."""
 _CROSS = np.zeros((3, 9))
 """Row i is the matrix of the cross product with the unit vector eᵢ, row by row."""
+# The cross product is linear in its first factor, so one product with this array gives the matrices of all axes. For
+# instance e₁ × v = (0, -v₃, v₂): element 7 (row 2, column 1) is 1, and element 5 (row 1, column 2) is -1.
 _CROSS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
 
 
@@ -64,17 +67,18 @@ class Screws:
 
         Args:
             positions: one posture (n,) or k postures (k, n) [rad or m].
-            name: what the positions are called in the message of an error.
+            name: name of the positions in the message of an error.
 
         Raises:
             InvalidParameter: positions of another shape, or that are not finite.
         """
         expected = message(
             "kinematics.finite_numbers_an_axis",
-            "{size} finite numbers, or rows of as many, one an axis",
+            "{size} finite numbers, one for each axis, or several such rows",
             size=self.size,
         )
         rows = numbers(positions)
+        # An empty list has the shape (0,), which the message below would report as a wrong count of axes.
         if not rows.size:
             raise InvalidParameter(name, positions, expected)
         if rows.ndim not in (1, 2) or rows.shape[-1] != self.size:
@@ -100,17 +104,24 @@ class Screws:
         Returns:
             motions of the base and of the m bodies that the followed axes carry, shape (m + 1, k, 4, 4).
         """
+        # The factors of A, B and C for each axis and posture, shape (m, k, 3).
         values = postures.T[self._order_indices]
         terms = np.empty((*values.shape, 3))
         terms[..., 0] = 1.0
         terms[..., 1] = np.sin(values)
         terms[..., 2] = 1.0 - np.cos(values)
+        # The exponential of a prismatic joint is linear, A + q B; its matrix C is zero.
         terms[self._prismatic, :, 1] = values[self._prismatic]
-        motions = (terms @ self._exponentials).reshape(len(values), len(postures), 4, 4)
+        # One product of all factors with all matrices is far faster than a loop over postures in Python.
+        flat_motions = terms @ self._exponentials
+        motions = flat_motions.reshape(len(values), len(postures), 4, 4)
+
         frames = np.empty((len(values) + 1, len(postures), 4, 4))
         frames[0] = base
+        # The order is outward, so that the motion of a carrier is ready before those of the bodies on it.
         for index, motion in enumerate(motions):
             carrier = self.after[index] if self.after else index
+            # The screws are given at zero posture in the base frame, so that each motion is multiplied from the right.
             np.matmul(frames[carrier], motion, out=frames[index + 1])
         return frames
 
@@ -121,7 +132,7 @@ class Screws:
 
     @cached_property
     def _prismatic(self) -> Indices:
-        """Numbers of the prismatic axes among the followed ones."""
+        """Indices of the prismatic axes, counted among the followed axes."""
         return np.flatnonzero(~self.revolute[self._order_indices])
 
     @cached_property
@@ -131,11 +142,19 @@ class Screws:
         terms[:, 0] = IDENTITY
         for term, axis in zip(terms, self.order, strict=True):
             if self.revolute[axis]:
+                # Rodrigues' formula with [a], the matrix of the cross product with the axis a:
+                #   R = I + sin(q) [a] + (1 - cos(q)) [a]².
+                # The points of the axis stay where they are, so that the translation is p - R p.
                 spin = skew(self.axes[axis])
-                term[1, :3] = np.column_stack([spin, -spin @ self.points[axis]])
-                term[2, :3] = np.column_stack([spin @ spin, -spin @ spin @ self.points[axis]])
+                point = self.points[axis]
+                term[1, :3, :3] = spin
+                term[1, :3, 3] = -spin @ point
+                term[2, :3, :3] = spin @ spin
+                term[2, :3, 3] = -spin @ spin @ point
             else:
+                # A prismatic joint does not turn anything: it shifts by q along its axis.
                 term[1, :3, 3] = self.axes[axis]
+        # Each matrix as a row of 16 numbers, for one product with the factors of all postures.
         return terms.reshape(-1, 3, 16)
 
 
@@ -266,7 +285,7 @@ class Chain(Screws):
                 names,
                 message(
                     "kinematics.different_names",
-                    "{count} different names, one a joint",
+                    "{count} different names, one for each joint",
                     count=len(joints),
                 ),
             )
@@ -276,19 +295,22 @@ class Chain(Screws):
                 raise UnsupportedChain(
                     message(
                         "kinematics.unsupported_joint",
-                        "{name} is a {kind} joint; chains take revolute and prismatic ones",
+                        "{name} is a {kind} joint; a kinematic chain can only have revolute and prismatic joints",
                         name=name,
                         kind=joint.type_name(),
                     )
                 )
+        # Screws are given at zero posture, but the default posture of a plant can be another one.
         in_plant = AxisMap.of_joints(plant, joints, signs)
         context = plant.CreateDefaultContext()
         in_plant.set_positions(plant, context, np.zeros(len(joints)))
         axes, points = axes_and_points(context, joints, base)
+        # A joint between the base and the world moves the base. Seen from the base, the rest moves the other way.
         senses = np.ones(len(joints))
         for axis, sense in path:
             senses[axis] = sense
         limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
+        # An axis against its joint has the limits -upper and -lower; sorting puts the lower one first.
         bounds = np.sort(in_plant.signs[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
         return cls(
             names=labels,
@@ -305,6 +327,7 @@ class Chain(Screws):
     def with_tool(self, pose: Targets) -> "Chain":
         """Make the chain to another tool centre point, given as one pose in this chain's tool frame."""
         matrix = one_pose(pose, "tool")
+        # The chain has the pose at zero twice, once for its own forward kinematics and once for solvers of Drake.
         in_plant = replace(self.in_plant, tcp=self.in_plant.tcp @ matrix)
         return replace(self, home=self.home @ matrix, in_plant=in_plant)
 
@@ -323,6 +346,7 @@ class Chain(Screws):
 
     def tool_poses(self, frames: Vector) -> Vector:
         """Compute the poses of the tool, shape (k, 4, 4), from :meth:`frames`."""
+        # The last body of the chain carries the tool: T = exp(S₁q₁) ... exp(Sₘqₘ) T(0), the product of exponentials.
         poses: Vector = frames[-1] @ self.home
         return poses
 
@@ -339,15 +363,20 @@ class Chain(Screws):
         Returns:
             the Jacobian, shape (k, 6, n), in the rows of :meth:`jacobian`.
         """
-        # Each axis moves with the body on which it stands, which is the one before in a chain.
-        carried = frames[:-1] @ self._axes_and_points  # (m, k, 4, 2)
+        # Each axis moves with the body on which it stands, which is the one before in a chain. Shape (m, k, 4, 2).
+        carried = frames[:-1] @ self._axes_and_points
         axes = carried[..., :3, 0]
-        arms = places - carried[..., :3, 1]
+        points = carried[..., :3, 1]
+        arms = places - points
         columns = np.empty((*axes.shape[:2], 6))
-        columns[..., :3] = (skew(axes) @ arms[..., np.newaxis])[..., 0]
+        # Revolute axes: v = a × (c - p) and ω = a. A product with [a] is faster than np.cross for many small vectors.
+        velocities = skew(axes) @ arms[..., np.newaxis]
+        columns[..., :3] = velocities[..., 0]
         columns[..., 3:] = axes
+        # Prismatic axes: v = a and ω = 0.
         columns[self._prismatic, :, :3] = axes[self._prismatic]
         columns[self._prismatic, :, 3:] = 0.0
+        # The columns of axes that do not move the tool, such as fingers, stay zero.
         jacobian = np.zeros((len(places), 6, self.size))
         jacobian[:, :, self._order_indices] = columns.transpose(1, 2, 0)
         return jacobian
@@ -355,20 +384,28 @@ class Chain(Screws):
     @property
     def reach(self) -> float:
         """Upper bound of the distance between the tool and the point of the first moving axis [m]."""
+        # A revolute axis keeps the distance from its point to the next one, whatever its position is. A straight line
+        # is no longer than the way over all of these points.
         points = [*self.points[list(self.order)], self.home[:3, 3]]
         distances = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
+        # A prismatic axis adds its travel from zero.
         prismatic = [axis for axis in self.order if not self.revolute[axis]]
         longest_slides = np.maximum(np.abs(self.lower[prismatic]), np.abs(self.upper[prismatic]))
         return distances + float(longest_slides.sum())
 
     def axis_index(self, name: str) -> int:
-        """Find the index of an axis by its name; raises UnknownName: there is no axis of this name."""
+        """Find the index of an axis by its name.
+
+        Raises:
+            UnknownName: there is no axis of this name.
+        """
         return self.names.index(one_of(message("base.axis", "axis"), name, self.names))
 
     @cached_property
     def _axes_and_points(self) -> Vector:
         """Homogeneous coordinates of the unit vector and the point of each followed axis, shape (m, 1, 4, 2)."""
         columns = np.zeros((len(self.order), 1, 4, 2))
+        # A direction has the fourth coordinate 0, so that frames only turn it; a point has 1, and is shifted as well.
         columns[:, 0, :3, 0] = self.axes[self._order_indices]
         columns[:, 0, :3, 1] = self.points[self._order_indices]
         columns[:, 0, 3, 1] = 1.0
@@ -388,6 +425,7 @@ def axes_and_points(
     Returns:
         the unit vectors of the axes, shape (n, 3), and a point on each axis, shape (n, 3) [m].
     """
+    # The origin of a joint's frame is on its axis, and the frame on the parent does not move with the joint itself.
     poses = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
     axes = [
         pose.rotation().matrix() @ _axis(joint) for pose, joint in zip(poses, joints, strict=True)
@@ -425,7 +463,7 @@ def _axes_of_path(
         raise UnsupportedChain(
             message(
                 "kinematics.undriven_joint",
-                "the tool moves also by {missing}, which no axis of the robot drives",
+                "joints that belong to no axis of the robot move the tool: {missing}",
                 missing=", ".join(missing),
             )
         )
@@ -456,7 +494,9 @@ def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tupl
     while back and out and back[-1].index() == out[-1].index():
         back.pop()
         out.pop()
+    # The list `out` begins at the tool, and a path begins at the base.
     path = [(joint, -1.0) for joint in back] + [(joint, 1.0) for joint in reversed(out)]
+    # Welds have no positions.
     return [(joint, sense) for joint, sense in path if joint.num_positions() > 0]
 
 

@@ -50,11 +50,11 @@ the error that the solver promises."""
 BRANCHES = 8
 """Count of postures. The index of a posture is 4·shoulder + 2·elbow + wrist, each of which is 0 or 1."""
 SHOULDERS = ("right", "left")
-"""Names of the two shoulders, by their number in the index; see :class:`AnalyticSolver`."""
+"""Names of the shoulders 0 and 1 of that index; see :class:`AnalyticSolver`."""
 ELBOWS = ("up", "down")
-"""Names of the two elbows, by their number in the index."""
+"""Names of the elbows 0 and 1 of that index."""
 WRISTS = ("no_flip", "flip")
-"""Names of the two wrists, by their number in the index."""
+"""Names of the wrists 0 and 1 of that index."""
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
@@ -63,11 +63,15 @@ class NoClosedForm(SimrobError):
     """Raised for an arm whose geometry the analytic solver does not cover."""
 
     def __init__(self, problem: str) -> None:
-        """Write the message: what the geometry lacks, and which solver takes any robot."""
+        """Write the message.
+
+        Args:
+            problem: the condition that the geometry does not fulfil, in words.
+        """
         super().__init__(
             message(
                 "kinematics.no_closed_form",
-                "there is no closed form for this arm: {problem}; the numeric solver takes any robot",
+                "this arm has no inverse kinematics in closed form: {problem}; use the numeric solver instead",
                 problem=problem,
             )
         )
@@ -107,13 +111,21 @@ class SixAxisArm:
 
     @classmethod
     def of(cls, chain: Chain) -> "SixAxisArm":
-        """Recognise the geometry of a chain; raises NoClosedForm: the geometry is another one."""
+        """Recognise the geometry of a chain.
+
+        Args:
+            chain: the chain of an arm.
+
+        Raises:
+            NoClosedForm: the geometry is not one that has a closed form here.
+        """
+        # Axes that do not move the tool, such as fingers, are not in the order and do not count.
         order = list(chain.order)
         if len(order) != 6 or not chain.revolute[order].all():
             raise NoClosedForm(
                 message(
                     "kinematics.six_revolute_axes",
-                    "it has {count} moving axes, and the form is for six revolute ones",
+                    "the closed form needs six revolute axes, and {count} axes, revolute or prismatic, move the tool",
                     count=len(order),
                 )
             )
@@ -121,6 +133,7 @@ class SixAxisArm:
         points = chain.points[order]
         _check_directions(axes)
 
+        # With axis 4 parallel to axis 3 only axes 5 and 6 have to meet; otherwise axes 4 to 6 must meet in one point.
         parallel = bool(np.linalg.norm(np.cross(axes[2], axes[3])) <= _ANGLE)
         first_of_wrist = 4 if parallel else 3
         centre, miss = _nearest_point(axes[first_of_wrist:], points[first_of_wrist:])
@@ -129,23 +142,26 @@ class SixAxisArm:
                 message(
                     "kinematics.axes_do_not_meet",
                     "the last {count} axes do not meet in a point: they miss it by {miss:.3g} m",
-                    count="two" if parallel else "three",
+                    count=2 if parallel else 3,
                     miss=miss,
                 )
             )
 
+        # Axes 1 to 3 decide where the end of the forearm is: a spherical wrist turns about its centre, which is then
+        # that end; in a parallel wrist, axis 4 still moves the centre.
         plane = _plane_across(axes[1])
         end_of_forearm = points[3] if parallel else centre
         upper = complex(plane @ (points[2] - points[1]))
         fore = complex(plane @ (end_of_forearm - points[2]))
         hand = complex(plane @ (centre - end_of_forearm))
+        # Without an upper arm or a forearm there is no triangle, and the law of cosines would divide by zero.
         if min(abs(upper), abs(fore)) < _LENGTH:
             axis_4 = message("kinematics.axis_4", "axis 4")
             wrist_centre = message("kinematics.wrist_centre", "the wrist centre")
             raise NoClosedForm(
                 message(
                     "kinematics.lies_on_axis_3",
-                    "{part} or axis 2 lies on axis 3",
+                    "the distance between axis 3 and axis 2, or between axis 3 and {part}, is zero",
                     part=axis_4 if parallel else wrist_centre,
                 )
             )
@@ -185,6 +201,7 @@ class SixAxisArm:
         offset along axis 2 is then on the left, seen from axis 1 towards the wrist. So s is -1 for such an arm. An arm
         without an offset has its right shoulder where the wrist centre is on the same side of axis 1 as at zero.
         """
+        # Two arms that are built as mirror images have their offsets on opposite sides, hence the sign of the offset.
         if abs(self.side) > _OFFSET:
             return -float(np.sign(self.side))
         front = np.cross(self.axes[1], self.axes[0])
@@ -199,6 +216,8 @@ class SixAxisArm:
             angles: angles, shape (...) [rad].
             vectors: vectors, shape (..., 3).
         """
+        # v cos(q) + (a × v) sin(q) + a (a·v) (1 - cos(q)) = v + sin(q) (a × v) + (1 - cos(q)) a × (a × v).
+        # Vectors are rows here, so that a × v is the product of v with the transposed matrix.
         spin = self.spins[axis].T
         sine = np.sin(angles)[..., np.newaxis]
         versine = 1.0 - np.cos(angles)[..., np.newaxis]
@@ -218,9 +237,11 @@ class SixAxisArm:
         q = positions.T
         third, fourth = self.senses
 
-        # The wrist centre, first in the plane across axis 2, then turned about axis 1.
+        # The wrist centre, first in the plane across axis 2, then turned about axis 1:
+        #   p = exp(i q2) (upper + exp(i q3) (fore + exp(i q4) hand)), with q3 and q4 in the sense of axis 2.
         hand = self.hand * np.exp(1j * fourth * q[3])
         planar = np.exp(1j * q[1]) * (self.upper + (self.fore + hand) * np.exp(1j * third * q[2]))
+        # The component along axis 2 does not depend on the axes that are parallel to axis 2.
         along = self.axes[1] * (self.axes[1] @ (self.centre - self.upper_arm))
         arm = (
             planar[:, np.newaxis].real * self.plane.real
@@ -233,11 +254,14 @@ class SixAxisArm:
         columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[
             :, np.newaxis
         ]
+        # From the tool to the base: axis 6 turns the tool first. Axes 2 and 3 are parallel, so that one turn by the
+        # sum of their angles about axis 2 has the effect of both on a direction.
         angle_of_forearm = q[1] + third * q[2]
         turns = ((5, q[5]), (4, q[4]), (3, q[3]), (1, angle_of_forearm), (0, q[0]))
         for axis, angles in turns:
             columns = self.turn(axis, np.broadcast_to(angles, (4, len(positions))), columns)
 
+        # The last column is the vector from the wrist centre so far; the wrist centre is added to it.
         poses = np.zeros((len(positions), 4, 4))
         poses[:, :3] = columns.transpose(1, 2, 0)
         poses[:, :3, 3] += centres
@@ -255,6 +279,7 @@ def _check_directions(axes: Vector) -> None:
         raise NoClosedForm(
             message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2")
         )
+    # Two neighbours that are parallel turn the same direction, and the arm lacks a degree of freedom there.
     for one, other in ((0, 1), (3, 4), (4, 5)):
         if np.linalg.norm(np.cross(axes[one], axes[other])) < _SAME_DIRECTION:
             raise NoClosedForm(
@@ -269,6 +294,7 @@ def _check_directions(axes: Vector) -> None:
 
 def _plane_across(axis: Vector) -> Complex:
     """Compute a complex row vector u + iv with unit vectors u, v across an axis; u, v, axis are right-handed."""
+    # The coordinate axis that is least parallel to the axis gives the cross product with the smallest rounding error.
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     plane: Complex = first + 1j * np.cross(axis, first)
@@ -285,9 +311,11 @@ def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
     Returns:
         the point, and its largest distance from one of the lines [m].
     """
-    # projections across the lines
+    # The vector from line i to the point p is (I - aᵢ aᵢ') (p - pᵢ). The sum of its squares is least if
+    #   Σ (I - aᵢ aᵢ') p = Σ (I - aᵢ aᵢ') pᵢ.
     across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
     right_side = (across @ points[..., np.newaxis]).sum(axis=0)[:, 0]
+    # Least squares also solve the singular case of parallel lines, whose distance then shows that they do not meet.
     point = np.linalg.lstsq(across.sum(axis=0), right_side, rcond=None)[0]
     misses = (across @ (point - points)[..., np.newaxis])[..., 0]
     return point, float(np.linalg.norm(misses, axis=1).max())
@@ -295,7 +323,7 @@ def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ClosedForm:
-    """All postures for k poses.
+    """Postures of an arm for k poses, eight for each.
 
     Attributes:
         postures: positions of axes 1 to 6, in any whole turn, shape (k, 8, 6) [rad]. If a pose is out of reach, the arm
@@ -319,7 +347,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         targets: the poses, shape (k, 4, 4).
         starts: positions of axes 1 to 6, shape (k, 6) [rad]. Axes that may have any position get theirs from these.
     """
-    rotations = targets[:, :3, :3] @ arm.home[:3, :3].T  # of the tool from zero
+    # Rotations of the tool from its orientation at zero. The wrist centre is fixed in the tool, so that the pose of the
+    # tool gives its position.
+    rotations = targets[:, :3, :3] @ arm.home[:3, :3].T
     centres = targets[:, :3, 3] + rotations @ (arm.centre - arm.home[:3, 3])
     first, out_of_side, is_any_first = _solve_shoulder(arm, centres, starts[:, 0])
 
@@ -342,9 +372,10 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
             arm, rotations, first, no_forearm, fourth * total_if_free
         )
         total = fourth * wrist[..., 0]
-        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(
-            arm, planar - arm.hand * np.exp(1j * total)
-        )
+        # The hand now has a known direction, exp(i total), so that the end of the forearm is known as well.
+        end_of_forearm = planar - arm.hand * np.exp(1j * total)
+        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, end_of_forearm)
+        # total = q2 + s3 q3 + s4 q4, with the senses s3, s4; a sense is its own inverse.
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
         postures[..., 4:] = wrist[..., 1:]
     else:
@@ -355,6 +386,7 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
             arm, rotations, first, angle_of_forearm, _column(starts[:, 3])
         )
 
+    # The miss along axis 2 and the miss across axis 2 are at right angles.
     out_of_reach = np.broadcast_to(np.hypot(_column(out_of_side), out_of_arm), postures.shape[:-1])
     return ClosedForm(
         postures=postures.reshape(-1, BRANCHES, 6),
@@ -382,17 +414,22 @@ def _solve_shoulder(
     one = arm.axes[0]
     two = arm.axes[1]
     away = centres - arm.shoulder
+    # Rodrigues' formula for a turn by -q about axis 1, with the vectors u along axis 1, v along axis 2 and w to the
+    # wrist centre:  v·R(-q) w = (v·w - h u·v) cos q + w·(u × v) sin q + h u·v, where h = u·w.
     height = away @ one
     a = away @ two - height * (one @ two)
     b = -(away @ (arm.spins[0].T @ two))
     d = arm.side - height * (one @ two)
 
+    # With A = r cos m and B = r sin m the equation is r cos(q - m) = D, so that q = m ± arccos(D / r). If |D| > r, the
+    # wrist centre is out of reach, and the clipped cosine turns the arm towards it.
     radius = np.hypot(a, b)
     spread = np.arccos(np.clip(d / np.maximum(radius, _SINGULAR), -1.0, 1.0))
     middle = np.arctan2(b, a)
     sign = arm.sign_of_right
     first = np.stack([middle + sign * spread, middle - sign * spread], axis=1)
 
+    # A wrist centre on axis 1 stays there for every q. The angle of the start moves the axis least.
     is_any = radius < _SINGULAR
     first[is_any] = starts[is_any, np.newaxis]
     return first, np.maximum(np.abs(d) - radius, 0.0), is_any
@@ -418,16 +455,21 @@ def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
     Returns:
         the sums, shape (k, 2, 1, 1) [rad].
     """
+    # Distance from axis 2 to axis 4 with the desired sum, and the closest distance that upper arm and forearm reach.
     desired = np.broadcast_to(_column(total), target.shape)
-    distance = np.abs(target - arm.hand * np.exp(1j * desired))  # from axis 2 to axis 4
+    distance = np.abs(target - arm.hand * np.exp(1j * desired))
     least = abs(abs(arm.upper) - abs(arm.fore))
     most = abs(arm.upper) + abs(arm.fore)
     reach = np.clip(distance, least, most)
 
+    # Law of cosines, reach² = away² + hand² - 2 away hand cos(swing): the swing is the angle between the hand and the
+    # direction to the target. Lengths of zero are replaced, so that nothing is divided by 0.
     hand = max(abs(arm.hand), _SINGULAR)
     away = np.maximum(np.abs(target), _SINGULAR)
     ahead = np.angle(target * np.conj(arm.hand))
-    swing = np.arccos(np.clip((away**2 + hand**2 - reach**2) / (2.0 * away * hand), -1.0, 1.0))
+    cosine = (away**2 + hand**2 - reach**2) / (2.0 * away * hand)
+    swing = np.arccos(np.clip(cosine, -1.0, 1.0))
+    # Of the two directions of the hand, on either side of the target, the one closer to the desired sum.
     at_limit = ahead + np.copysign(swing, np.sin(desired - ahead))
     return np.where(reach == distance, desired, at_limit)
 
@@ -440,8 +482,8 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
 
     Args:
         arm: the arm.
-        target: where the end of the forearm is to be, across axis 2, shape (k, 2, 1, w) [m], for each shoulder. With a
-            parallel wrist, w is 2, for each wrist; otherwise 1.
+        target: desired position of the end of the forearm across axis 2, shape (k, 2, 1, w) [m], for each shoulder.
+            With a parallel wrist, w is 2, for each wrist; otherwise 1.
 
     Returns:
         axis 2 and axis 3 for each shoulder and elbow, shape (k, 2, 2, w) [rad], and how far the target is out of reach,
@@ -449,6 +491,10 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
     """
     upper = abs(arm.upper)
     fore = abs(arm.fore)
+    # Law of cosines for the angle between the extended upper arm and the forearm:
+    #   distance² = upper² + fore² + 2 upper fore cos(bend).
+    # If the target is too far away, the cosine is above 1 and the arm is stretched. If it is too near, the cosine is
+    # below -1 and the arm is folded.
     distance = np.abs(target)
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     bend = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -456,7 +502,9 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
     # The sense of the bend by shoulder and elbow, shape (2, 2, 1). If the wrist is in front, a positive turn about
     # axis 2 bends the arm down. With the left shoulder the arm is turned round, so that the senses change.
     sense_of_bend = arm.sign_of_right * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])
+    # At zero posture the arm is bent already, by the angle between upper arm and forearm.
     angle = sense_of_bend * bend - np.angle(arm.fore / arm.upper)
+    # Axis 2 then turns the bent arm as a whole to the target.
     end_of_forearm = arm.upper + arm.fore * np.exp(1j * angle)
     second = np.angle(target * np.conj(end_of_forearm))
     third = angle * arm.senses[0]
@@ -500,22 +548,27 @@ def _solve_wrist(
     probes = in_forearm(rotations @ probe)
 
     # Axis 5: tan²(bend / 2) = sin(s - a) sin(s - b) / (sin(s) sin(s - c)) with the sides a, b, c and their half sum s.
+    # Side a is the angle between axes 4 and 5, b that between axes 5 and 6, and c the angle between axis 4 and the
+    # turned axis 6. The arctangent of sine and cosine is exact for small angles, where an arccosine is not.
     across = np.linalg.norm(sixth @ arm.spins[3].T, axis=-1)
     opening = np.arctan2(across, sixth @ four)
     front = _angle_between(four, five)
     rear = _angle_between(five, six)
     numerator = np.sin((opening + front - rear) / 2) * np.sin((opening - front + rear) / 2)
     denominator = np.sin((front + rear + opening) / 2) * np.sin((front + rear - opening) / 2)
+    # A negative product means that the three sides do not close a triangle: axis 6 cannot point in that direction. The
+    # bend is then 0 or π, which brings axis 6 as close to it as the wrist can.
     half_bend = np.arctan2(
         np.sqrt(np.maximum(numerator, 0.0)), np.sqrt(np.maximum(denominator, 0.0))
     )
     bend = 2.0 * half_bend[..., np.newaxis]
     four_across_five = np.cross(np.cross(five, four), five)
     six_across_five = np.cross(np.cross(five, six), five)
+    # At zero posture the wrist may be bent already: the bend is counted from axis 4, the position from zero.
     bend_at_zero = _angle_about(five, four_across_five, six_across_five)
     fifth = np.concatenate([bend, -bend], axis=-1) - bend_at_zero
 
-    # Axis 4 brings the turned axis 6 to its direction.
+    # Axis 4 brings the turned axis 6 to its direction. If the two axes are parallel, every angle of axis 4 does.
     is_any = across < _SINGULAR
     tip = arm.turn(4, fifth, six)
     fourth = _angle_about(four, tip, sixth[..., np.newaxis, :])

@@ -1,7 +1,7 @@
-"""Inverse kinematics as a nonlinear program of Drake, with constraints and wishes (GIK in SimRob)."""
+"""Inverse kinematics as a nonlinear program of Drake, with constraints and costs (GIK in SimRob)."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -36,6 +36,18 @@ _VIOLATED = 1e-6
 
 _LEVER = 1.0
 """Distance from the tool centre point to the points that fix the tool's orientation [m]."""
+
+
+class _Violation(NamedTuple):
+    """A constraint that a posture violates.
+
+    Attributes:
+        name: name of the constraint in messages.
+        amount: distance of its value from its bounds, in the units of the constraint.
+    """
+
+    name: str
+    amount: float
 
 
 class ConstrainedSolver(Solver):
@@ -83,7 +95,7 @@ class ConstrainedSolver(Solver):
                 target_weights,
                 message(
                     "kinematics.two_tolerances",
-                    "two numbers, of position and rotation, not negative",
+                    "two numbers, for position and rotation, not negative",
                 ),
             )
         if not nearness >= 0:
@@ -106,52 +118,64 @@ class ConstrainedSolver(Solver):
         self._weights = None if target_weights is None else weights
         self._nearness = nearness
         self._seeds = random_postures(chain, restarts, seed)
-        self._program(np.eye(4), np.zeros(chain.size))  # raises the errors of wrong goals at once
+        # Wrong goals raise their errors now, where the user has written them, and not when the first target is solved.
+        self._program(np.eye(4), np.zeros(chain.size))
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Solve the program of each target (k, 4, 4) from its own start (k, n)."""
-        return Solutions.joined([*map(self._solve_one, targets, starts)])
+        return Solutions.concatenate([*map(self._solve_one, targets, starts)])
 
     def _solve_one(self, target: Vector, start: Vector) -> Solutions:
-        """Solve the program of one target (4, 4) from a start (n,), then from random postures."""
+        """Solve the program of one target (4, 4) from a start (n,), then from random postures.
+
+        Returns:
+            the first solution without violated constraints, or the one with the smallest sum of violations.
+        """
         start = np.clip(start, self.chain.lower, self.chain.upper)
         program = self._program(target, start)
+        # The start itself remains the best posture if the optimiser never returns finite numbers.
         best = start
-        misses = [("", np.inf)]  # constraints that the best solution misses, and by how much
+        violations = [_Violation("", np.inf)]
         steps = 0
         for guess in (start, *self._seeds):
             solution = program.solve(guess)
             steps += 1
-            new_misses = program.missed(solution)
-            if sum(violation for _, violation in new_misses) < sum(
-                violation for _, violation in misses
-            ):
+            new_violations = program.violations(solution)
+            new_total = sum(violation.amount for violation in new_violations)
+            if new_total < sum(violation.amount for violation in violations):
                 best = solution
-                misses = new_misses
-            if not misses:
+                violations = new_violations
+            if not violations:
                 break
 
+        # The optimiser keeps limits up to its tolerance only, and a robot must not be sent beyond them.
         positions = np.clip(best, self.chain.lower, self.chain.upper)
         errors = self._errors(target, positions)
+        # A target that is a cost may be missed as far as the constraints demand.
         is_target_a_cost = self._weights is not None
-        is_reached = (within(errors, np.ones(6), _TOLERANCE) | is_target_a_cost) & (not misses)
-        names = ", ".join(dict.fromkeys(name for name, _ in misses)) or message(
-            "kinematics.target_pose", "the target pose"
-        )
+        is_reached = (within(errors, np.ones(6), _TOLERANCE) | is_target_a_cost) & (not violations)
+        # Several goals of one class have the same name, which is named once. Without violations, only the clipping can
+        # have moved the tool away from the target.
+        violated_names = dict.fromkeys(violation.name for violation in violations)
+        names = ", ".join(violated_names) or message("kinematics.target_pose", "the target pose")
         why = message(
             "kinematics.no_posture_satisfies",
             "no posture found within the joint limits that satisfies {names}",
             names=names,
         )
-        return Solutions.found(
+        return Solutions.from_errors(
             positions[np.newaxis], errors, is_reached, np.array([steps]), lambda _: why
         )
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
         """Errors of a posture (n,) that count, shape (1, 6) [m, rad]; the others are 0."""
         errors = pose_errors(target[np.newaxis], self.chain.forward(positions))
-        mask = {"pose": [1.0] * 6, "position": [1.0] * 3 + [0.0] * 3, "free": [0.0] * 6}[self._kind]
-        counted: Vector = errors * mask
+        masks = {
+            "pose": [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            "position": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
+            "free": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        }
+        counted: Vector = errors * masks[self._kind]
         return counted
 
     def _program(self, target: Vector, start: Vector) -> "_Program":
@@ -179,11 +203,15 @@ class _Program:
         self._setting = Setting(chain, self._ik.context())
         self._axes = in_plant.axes
         self._default_positions = in_plant.plant.GetPositions(in_plant.plant.CreateDefaultContext())
+        # The plant may have joints that are no axes of the chain, such as those of another robot. They are fixed, or
+        # the optimiser would move them.
         q = self._ik.q()
         others = np.setdiff1d(np.arange(len(q)), in_plant.axes.position_places)
         if others.size:
             fixed = self._default_positions[others]
             self._prog.AddBoundingBoxConstraint(fixed, fixed, q[others])
+        # nearness · |q - q_start|², in the plant's senses of the joints. It decides between the postures that satisfy
+        # the constraints. An arm with more than six axes has infinitely many of them.
         own = q[in_plant.axes.position_places]
         self._prog.AddQuadraticErrorCost(
             nearness * np.eye(chain.size), in_plant.axes.signs * start, own
@@ -191,6 +219,8 @@ class _Program:
 
     def solve(self, guess: Vector) -> Vector:
         """Solve the program from a guess (n,). Returns the positions (n,), whether or not all constraints hold."""
+        # Drake takes SNOPT if its build has it, otherwise IPOPT. The solvers name their tolerance differently, and each
+        # ignores options of the other.
         options = SolverOptions()
         options.SetOption(SnoptSolver.id(), "Major feasibility tolerance", _FEASIBLE)
         options.SetOption(IpoptSolver.id(), "constr_viol_tol", _FEASIBLE)
@@ -198,10 +228,10 @@ class _Program:
         result = Solve(self._prog, full_guess, options)
         return self._axes.positions(result.GetSolution(self._ik.q()))
 
-    def missed(self, positions: Vector) -> list[tuple[str, float]]:
-        """Find the constraints that positions (n,) miss. Returns the name and the violation of each."""
+    def violations(self, positions: Vector) -> list[_Violation]:
+        """Find the constraints that positions (n,) violate."""
         full = self._axes.spread_positions(positions, self._default_positions)
-        misses = []
+        violations = []
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
             value = evaluator.Eval(
@@ -209,13 +239,15 @@ class _Program:
             )
             above = value - evaluator.upper_bound()
             below = evaluator.lower_bound() - value
-            violation = np.maximum(above, below).max(initial=0.0)
-            if not violation <= _VIOLATED:  # also if it is not a number
+            amount = np.maximum(above, below).max(initial=0.0)
+            # "Not less or equal" is also true for NaN, with which every comparison is false.
+            if not amount <= _VIOLATED:
+                # Drake adds the joint limits itself, without a description.
                 name = evaluator.get_description() or message(
                     "kinematics.joint_limits", "the joint limits"
                 )
-                misses.append((name, float(violation)))
-        return misses
+                violations.append(_Violation(name, float(amount)))
+        return violations
 
     def require_target(self, target: Vector, kind: TargetKind) -> None:
         """Add constraints for the position of the tool, and for its orientation.
@@ -229,13 +261,18 @@ class _Program:
         """
         if kind == "free":
             return
+        # Bounds are given in the frame of the target. The tool centre point is at its origin.
         box = RigidTransform(_rotation(target), target[:3, 3])
         free = np.inf
         points = {
             message("kinematics.target_position", "the target position"): (ORIGIN, ORIGIN, ORIGIN)
         }
         if kind == "pose":
-            half = 0.5 * _LEVER  # excludes the postures in which the tool points the other way
+            # A point of the tool's x axis is on the x axis of the target if y = z = 0, and a point of the tool's y axis
+            # is in the target's xy plane if z = 0: three equations for three angles. They also hold for a tool that
+            # points the other way, which coordinates of at least half the lever exclude. The coordinates along the
+            # levers follow from the others; equations for them would make the optimiser's equations singular.
+            half = 0.5 * _LEVER
             points[message("kinematics.target_x_axis", "the target's x axis")] = (
                 (_LEVER, 0.0, 0.0),
                 (half, 0.0, 0.0),
@@ -269,6 +306,7 @@ class _Program:
         base = self._chain.in_plant.base
         context = self._setting.context
         tool, tcp = self._setting.frame("tool")
+        # A weight of zero adds no cost: the solver then has nothing to evaluate.
         if kind != "free" and position_weight > 0:
             weights = position_weight * np.eye(3)
             cost = PositionCost(
@@ -276,6 +314,7 @@ class _Program:
             )
             self._prog.AddCost(cost, self._ik.q())
         if kind == "pose" and rotation_weight > 0:
+            # Drake's cost is c (1 - cos θ), about c θ²/2 for small angles, hence the factor 2.
             rotation = _rotation(target)
             cost = OrientationCost(
                 plant, base, rotation, tool, tcp.rotation(), 2.0 * rotation_weight, context
@@ -285,6 +324,7 @@ class _Program:
     def add(self, goal: Goal) -> None:
         """Add a goal, as a constraint or, with weights, as a cost."""
         constraint = goal.constraint(self._setting)
+        # The bounds of a joint are a condition on one variable; all other goals depend on the whole posture.
         q = self._ik.q()
         if isinstance(goal, JointBounds):
             q = q[self._axes.position_places[[self._chain.axis_index(goal.axis)]]]
@@ -302,10 +342,13 @@ def _violation_cost(constraint: Constraint, weights: Vector) -> Callable[[Any], 
     upper = constraint.upper_bound()
 
     def cost(positions: Any) -> Any:
+        """Sum of the weighted squares of the violations of one vector of variables."""
+        # The sum starts with the type of the variables. With Drake's differentiable scalars, a float would lose the
+        # derivatives if no bound is violated.
         total = 0.0 * positions[0]
-        for value, low, high, weight in zip(
-            constraint.Eval(positions), lower, upper, weights, strict=True
-        ):
+        values = constraint.Eval(positions)
+        for value, low, high, weight in zip(values, lower, upper, weights, strict=True):
+            # Written as products: they exist for all scalars, and have a continuous derivative at the bounds.
             if weight > 0 and value < low:
                 total = total + weight * (value - low) * (value - low)
             elif weight > 0 and value > high:

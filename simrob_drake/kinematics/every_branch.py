@@ -77,9 +77,9 @@ def branches(
         start: posture, shape (n,) [rad or m]. Whole turns of revolute axes are chosen close to this posture. If axes
             can turn against each other without moving the tool, as those of a straight wrist, the postures are a
             family; one posture close to the start stands for the family.
-        held: positions [rad or m] of axes that do not move, by the name of the axis. If more than six axes move the
-            tool, the surplus ones stay as in the start: prismatic axes first, then the third axis, which turns the
-            elbow of arms with seven axes.
+        held: positions [rad or m] of axes that do not move, by the name of the axis. If more than six of the other axes
+            move the tool, the surplus ones stay as in the start: prismatic axes first, then the third axis, which turns
+            the elbow of arms with seven axes.
 
     Returns:
         the postures of each target, shape (b, n); empty if no posture reaches it. Axes are turned into their limits if
@@ -95,12 +95,14 @@ def branches(
     try:
         starts = _closed_form_postures(chain, matrices, begin, moving)
     except NoClosedForm:
+        # In parts, since the arrays of the search grow with the count of targets times that of starts.
         parts = np.array_split(matrices, ceil(len(matrices) / _TARGETS_AT_ONCE))
         found = [
             postures for part in parts for postures in _search(free_chain, part, begin, moving)
         ]
     else:
         found = _refine(free_chain, matrices, starts)
+    # The searches ignore the limits of revolute axes, so that the turns are chosen at the end.
     return [
         nearest_turns(chain, postures, np.broadcast_to(begin, postures.shape))[0]
         for postures in found
@@ -125,9 +127,11 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     try:
         postures, is_good = AnalyticSolver(chain).postures(targets, start)
     except NoClosedForm:
+        # The planner needs one posture of any target, so that the targets share the searches of one round.
         starts_per_target = ceil(_STARTS_PER_ROUND / len(targets))
         starts = random_postures(chain, starts_per_target * len(targets), seed)
-        starts[0] = start  # for the first target
+        # The first search, for the first target, begins at the start of the motion.
+        starts[0] = start
         # Axes that do not move the tool stay as they are.
         idle_axes = np.setdiff1d(np.arange(chain.size), chain.order)
         starts[:, idle_axes] = start[idle_axes]
@@ -138,6 +142,7 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     turned, beyond = nearest_turns(
         chain, good_postures, np.broadcast_to(start, good_postures.shape)
     )
+    # Limits are rounded: a posture beyond one by rounding counts, and the planner gets it at the limit itself.
     is_within_limits = (beyond <= chain.limits.tolerances).all(axis=-1)
     clipped = np.clip(turned[is_within_limits], chain.lower, chain.upper)
     return _distinct(chain, clipped)[0]
@@ -173,12 +178,16 @@ def _with_held_axes(
         values[axis] = value
         fixed.add(axis)
 
+    # With more than six axes a pose has infinitely many postures. A prismatic axis, such as a rail below an arm, is
+    # held first, since the arm keeps its six axes then.
     moving = [axis for axis in chain.order if axis not in fixed]
     while len(moving) > _MOST_MOVING_AXES:
         prismatic = [axis for axis in moving if not chain.revolute[axis]]
         third = moving[2]
         moving.remove(prismatic[0] if prismatic else third)
 
+    # Without limits of revolute axes, searches are not stopped on their way to a posture that lies within the limits
+    # after a whole turn. Axes that are held get equal limits, which the searches cannot leave.
     lower = np.where(chain.revolute, -np.inf, chain.lower)
     upper = np.where(chain.revolute, np.inf, chain.upper)
     still = np.setdiff1d(np.arange(chain.size), moving)
@@ -188,9 +197,14 @@ def _with_held_axes(
 
 
 def _closed_form_postures(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> Vector:
-    """Compute the postures of targets (k, 4, 4) in closed form, shape (k, 8, n); raises NoClosedForm."""
+    """Compute the postures of targets (k, 4, 4) in closed form, shape (k, 8, n).
+
+    Raises:
+        NoClosedForm: the arm has no closed form, or some of its axes do not move.
+    """
+    # The closed form moves all six axes, so that it cannot keep one of them where it is.
     if len(moving) < chain.size:
-        raise NoClosedForm(message("kinematics.axes_are_held", "axes of it are held"))
+        raise NoClosedForm(message("kinematics.axes_are_held", "some of its axes are held"))
     return AnalyticSolver(chain).postures(targets, start)[0]
 
 
@@ -250,15 +264,17 @@ def _search(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> li
         for each target the different postures that were found, shape (b, n).
     """
     seeds = random_postures(chain, _MOST_STARTS, 0)
+    # For each target, its postures so far, and how often each of them was found.
     found = [np.empty((0, chain.size))] * len(targets)
-    hits = [np.empty(0)] * len(targets)  # how often each of the postures was found
-    # indices of the targets whose postures are not complete
+    hits = [np.empty(0)] * len(targets)
+    # Indices of the targets whose postures are not complete.
     open_targets = list(range(len(targets)))
     for first in range(0, _MOST_STARTS, _STARTS_PER_ROUND):
         seeds_of_round = seeds[first : first + _STARTS_PER_ROUND]
         starts = np.broadcast_to(seeds_of_round, (len(open_targets), _STARTS_PER_ROUND, chain.size))
         postures, is_good = _fit_from(chain, targets[open_targets], starts)
         for target, own, good in zip(open_targets, postures, is_good, strict=True):
+            # All members of a family have to become the same posture, or each would count as a posture of its own.
             new = _follow_families(chain, targets[target], own[good], start, moving)
             all_found = np.vstack([found[target], new])
             all_hits = np.append(hits[target], np.ones(len(new)))
@@ -270,7 +286,13 @@ def _search(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> li
 
 
 def _is_complete(hits: Vector) -> bool:
-    """Whether postures that were found so often, shape (b,), are probably all of a target. See the module."""
+    """Whether the postures found so far are probably all postures of a target; see the docstring of the module.
+
+    Args:
+        hits: how often each posture was found, shape (b,).
+    """
+    # No posture after a whole round of searches means that the target is out of reach, and this is complete as well:
+    # zero is even, and the least of no hits is set to infinity.
     has_even_number = len(hits) % 2 == 0
     return has_even_number and bool(hits.min(initial=np.inf) >= _LEAST_HITS)
 
@@ -303,6 +325,7 @@ def _follow_families(
         if not is_moving.any():
             break
 
+        # The null space is only tangent to the family: after a long step, the correction could end on another branch.
         limited_steps = steps * (_LONGEST_FAMILY_STEP / np.maximum(longest, _LONGEST_FAMILY_STEP))
         rows = rows[is_moving]
         moved = postures[rows]
@@ -332,11 +355,17 @@ def _steps_in_null_space(chain: Chain, postures: Vector, start: Vector, moving: 
     _, values, directions = np.linalg.svd(chain.jacobian(postures)[..., moving])
     is_null = np.zeros(directions.shape[:2], dtype=bool)
     is_null[:, : values.shape[1]] = values < _SINGULAR
+    # The rows outside the null space become zero, so that all postures have arrays of one shape.
     directions *= is_null[..., np.newaxis]
-    # The sine of the difference has the same sense, and whole turns do not count.
+
+    # The sine of a difference within half a turn has its sign, and whole turns do not count.
     difference = start - postures
-    towards_start = np.where(chain.revolute, np.sin(difference), difference)[:, moving, np.newaxis]
-    steps: Vector = (directions.transpose(0, 2, 1) @ (directions @ towards_start))[..., 0]
+    towards_start = np.where(chain.revolute, np.sin(difference), difference)
+    moving_towards_start = towards_start[:, moving, np.newaxis]
+
+    # N' (N d), the orthogonal projection on the null space.
+    components = directions @ moving_towards_start
+    steps: Vector = (directions.transpose(0, 2, 1) @ components)[..., 0]
     return steps
 
 
@@ -352,6 +381,7 @@ def _distinct(chain: Chain, postures: Vector, hits: Vector | None = None) -> tup
         the different postures, shape (b, n), and how often each was found, shape (b,).
     """
     hits = np.ones(len(postures)) if hits is None else hits
+    # The first posture of the rest stays and takes the hits of all postures equal to it, until no posture is left.
     kept = []
     counts = []
     while len(postures):

@@ -24,10 +24,13 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import POSE_SIZE, Targets, Vector, one_pose
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.kinematics.chain import Chain
 
 ORIGIN = (0.0, 0.0, 0.0)
+"""Origin of a frame, in this frame [m]."""
 HERE = (0.0,) * POSE_SIZE
+"""Pose of a frame in itself: zero position and zero angles."""
 
 Triple = tuple[float, float, float]
 
@@ -51,11 +54,13 @@ class Setting:
         Raises:
             UnknownName: there is no such frame.
         """
+        # "tool" and "base" are no frames of the URDF: the tool centre point may be offset from the tool frame.
         in_plant = self.chain.in_plant
         if name == "tool":
             return in_plant.tool, RigidTransform(in_plant.tcp)
         if name == "base":
             return in_plant.base, RigidTransform()
+        # Only frames of this robot: a plant with several robots has the same names several times.
         instance = in_plant.base.model_instance()
         if not in_plant.plant.HasFrameNamed(name, instance):
             frames = [
@@ -75,7 +80,8 @@ class Goal(ABC):
     """A condition on postures.
 
     Attributes:
-        weight: weight of the cost, one number or one for each value of the condition; None makes it a constraint.
+        weight: weight of the cost, one number or one for each value of the condition. If it is None, the goal is a
+            constraint.
     """
 
     weight: float | Triple | None = None
@@ -94,20 +100,20 @@ class Goal(ABC):
             or not np.isfinite(weights).all()
             or (weights < 0).any()
         ):
-            one = (
-                message("kinematics.one_weight", "one number, not negative")
-                if size == 1
-                else message(
+            if size == 1:
+                expected = message("kinematics.one_weight", "one number, not negative")
+            else:
+                expected = message(
                     "kinematics.one_or_many_weights",
-                    "one number, or {size}, none negative",
+                    "one number, or {size} numbers, none negative",
                     size=size,
                 )
-            )
             raise InvalidParameter(
                 message("kinematics.weight_of", "weight of {name}", name=type(self).__name__),
                 self.weight,
-                one,
+                expected,
             )
+        # One number is the weight of every value.
         return np.broadcast_to(weights, (size,))
 
 
@@ -119,7 +125,7 @@ class PositionBounds(Goal):
         lower: lower bounds of x, y, z in ``frame`` [m]; -inf without a bound.
         upper: upper bounds of x, y, z in ``frame`` [m]; inf without a bound.
         frame: frame of the box, as a pose in the base.
-        weight: weight of the cost, one number or one each for x, y, z; None makes it a constraint.
+        weight: weight of the cost, one number or one each for x, y, z. If it is None, the goal is a constraint.
     """
 
     lower: Triple = (-np.inf, -np.inf, -np.inf)
@@ -142,7 +148,7 @@ class OrientationCone(Goal):
         direction: direction in the base, of any length.
         angle: largest angle between axis and direction, 0 to π [rad].
         axis: axis of the tool.
-        weight: weight of the squared violation of the cosine; None makes it a constraint.
+        weight: weight of the squared violation of the cosine. If it is None, the goal is a constraint.
     """
 
     direction: Triple
@@ -157,6 +163,7 @@ class OrientationCone(Goal):
                 self.angle,
                 message("kinematics.zero_to_pi", "0 ... π rad"),
             )
+        # Users give the axis in the tool's own frame. Drake wants it in a frame of the plant.
         tool, tcp = setting.frame("tool")
         in_plant = setting.chain.in_plant
         axis = tcp.rotation() @ _direction("axis", self.axis)
@@ -174,7 +181,8 @@ class Aiming(Goal):
         target: point in the base [m].
         angle: largest angle between the axis and the direction to the target, 0 to π/2 [rad].
         axis: axis of the tool.
-        weight: weight of the squared violations of Drake's two values of the cone [m, m²]; None makes it a constraint.
+        weight: weight of the squared violations of Drake's two values of the cone [m, m²]. If it is None, the goal is a
+            constraint.
     """
 
     target: Triple
@@ -189,6 +197,7 @@ class Aiming(Goal):
                 self.angle,
                 message("kinematics.zero_to_half_pi", "0 ... π/2 rad"),
             )
+        # The line of sight begins at the tool centre point, and not at the origin of the plant's tool frame.
         in_plant = setting.chain.in_plant
         tool, tcp = setting.frame("tool")
         axis = tcp.rotation() @ _direction("axis", self.axis)
@@ -213,7 +222,7 @@ class JointBounds(Goal):
         axis: name of the axis.
         lower: lower bound [rad or m].
         upper: upper bound [rad or m].
-        weight: weight of the squared distance outside the bounds; None makes it a constraint.
+        weight: weight of the squared distance outside the bounds. If it is None, the goal is a constraint.
     """
 
     axis: str
@@ -221,7 +230,7 @@ class JointBounds(Goal):
     upper: float = np.inf
 
     @classmethod
-    def fixed(cls, axis: str, value: float, weight: float | None = None) -> "JointBounds":
+    def at_position(cls, axis: str, value: float, weight: float | None = None) -> "JointBounds":
         """Make the goal that an axis has a position [rad or m]."""
         return cls(axis=axis, lower=value, upper=value, weight=weight)
 
@@ -235,8 +244,12 @@ class JointBounds(Goal):
             [self.upper],
             1,
         )
+        # An axis against its joint swaps the bounds, so that they are sorted again.
         ends = np.sort(np.concatenate([sign * lower, sign * upper]))
         return BoundingBoxConstraint(ends[:1], ends[1:])
+
+
+keep_former_attributes(JointBounds, fixed="at_position")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,7 +261,7 @@ class DistanceBounds(Goal):
         lower: lower bound of the distance [m].
         upper: upper bound of the distance [m].
         points: the two points in these frames [m].
-        weight: weight of the squared violation of the squared distance; None makes it a constraint.
+        weight: weight of the squared violation of the squared distance. If it is None, the goal is a constraint.
     """
 
     frames: tuple[str, str]
@@ -259,6 +272,7 @@ class DistanceBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant."""
         lower, upper = _bounds("DistanceBounds", [self.lower], [self.upper], 1)
+        # Drake squares the bounds, and a negative one would then look like a positive one.
         if lower[0] < 0:
             raise InvalidParameter(
                 message("kinematics.lower_of_distance", "lower of DistanceBounds"),
@@ -283,7 +297,7 @@ class DistanceBounds(Goal):
 def point_in_box(
     setting: Setting, point: npt.ArrayLike, box: RigidTransform, lower: Vector, upper: Vector
 ) -> Constraint:
-    """Make the constraint that a point of the tool lies in a box.
+    """Make the constraint that keeps a point of the tool in a box.
 
     Args:
         setting: chain and context.
@@ -309,26 +323,47 @@ def point_in_box(
 def _bounds(
     owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int
 ) -> tuple[Vector, Vector]:
-    """Convert bounds to arrays (size,); raises InvalidParameter: another size, NaN, or a lower bound above an upper."""
+    """Convert bounds to arrays (size,).
+
+    Args:
+        owner: name of the goal, for the message of an error.
+        lower: lower bounds.
+        upper: upper bounds.
+        size: required count of numbers in each of them.
+
+    Raises:
+        InvalidParameter: bounds of another size, or with NaN, or a lower bound above an upper one.
+    """
+    # Infinite bounds are allowed: they mean that there is no bound. NaN is not, as every comparison with it is false.
     low = np.asarray(lower, dtype=float)
     high = np.asarray(upper, dtype=float)
     if low.shape != (size,) or high.shape != (size,) or np.isnan(low).any() or np.isnan(high).any():
         raise InvalidParameter(
             message("kinematics.bounds_of", "bounds of {owner}", owner=owner),
             (lower, upper),
-            message("kinematics.numbers_each", "{size} numbers each", size=size),
+            message(
+                "kinematics.numbers_each",
+                "{size} numbers for the lower bounds and {size} for the upper bounds",
+                size=size,
+            ),
         )
     if (low > high).any():
         raise InvalidParameter(
             message("kinematics.bounds_of", "bounds of {owner}", owner=owner),
             (lower, upper),
-            message("kinematics.lower_then_upper", "lower first, then upper"),
+            message(
+                "kinematics.lower_then_upper", "lower bounds, and upper bounds that are not smaller"
+            ),
         )
     return low, high
 
 
 def _triple(name: str, values: npt.ArrayLike) -> Vector:
-    """Convert values to an array (3,); raises InvalidParameter: these are not three finite numbers."""
+    """Convert values to an array (3,).
+
+    Raises:
+        InvalidParameter: these are not three finite numbers.
+    """
     triple = np.asarray(values, dtype=float)
     if triple.shape != (3,) or not np.isfinite(triple).all():
         raise InvalidParameter(
@@ -338,11 +373,15 @@ def _triple(name: str, values: npt.ArrayLike) -> Vector:
 
 
 def _direction(name: str, values: npt.ArrayLike) -> Vector:
-    """Convert values to a unit vector (3,); raises InvalidParameter: these are not three numbers, or all are zero."""
+    """Convert values to a unit vector (3,).
+
+    Raises:
+        InvalidParameter: these are not three finite numbers, or all are zero.
+    """
     direction = _triple(name, values)
     if not direction.any():
         raise InvalidParameter(
-            name, values, message("kinematics.a_direction", "a direction, not zero")
+            name, values, message("kinematics.a_direction", "a vector other than zero")
         )
     unit: Vector = direction / np.linalg.norm(direction)
     return unit

@@ -19,7 +19,7 @@ _LEAST_DENOMINATOR = 1e-12
 """Least denominator of a gain, so that nothing is divided by 0."""
 
 _LONGEST_STEP = 0.5
-"""Longest step of one axis, in case that damping alone does not limit it [rad or m]."""
+"""Longest step of one axis, in case damping alone does not limit it [rad or m]."""
 
 
 class IncrementalSolver(Solver):
@@ -94,7 +94,8 @@ class IncrementalSolver(Solver):
         positions = np.clip(starts, self.chain.lower, self.chain.upper)
         poses_at_start = self.chain.forward(positions)
 
-        # Rotations beyond the limit are not followed.
+        # Rotations beyond the limit are not followed: the goal keeps the orientation that the tool has at the start. A
+        # limit of 0 follows no rotation at all, not even one of exactly 0.
         rotations = np.linalg.norm(pose_errors(targets, poses_at_start)[:, 3:], axis=1)
         is_rotation_followed = (rotations <= self._limit) & (self._limit > 0)
         goals = targets.copy()
@@ -122,7 +123,8 @@ class IncrementalSolver(Solver):
             )
             positions[rows] = own_positions
             errors[rows] = own_errors
-        if self._limit == 0:  # rotations do not count
+        # With a limit of 0 the solver follows positions only, and rotations do not count as errors.
+        if self._limit == 0:
             errors[:, 3:] = 0.0
 
         def why(row: int) -> str:
@@ -134,7 +136,9 @@ class IncrementalSolver(Solver):
                 is_rotation_followed=bool(is_rotation_followed[row]),
             )
 
-        return Solutions.found(positions, errors, self._within(errors) | is_accepted, steps, why)
+        return Solutions.from_errors(
+            positions, errors, self._within(errors) | is_accepted, steps, why
+        )
 
     def _follow(self, goals: Vector, positions: Vector) -> Counts:
         """Do damped steps until the goals are reached or the iterations are used up.
@@ -154,6 +158,7 @@ class IncrementalSolver(Solver):
             rows = np.flatnonzero(~self._within(errors))
             if not rows.size:
                 break
+            # Only goals that are not reached get a step: one more would move the others by rounding errors, and count.
             jacobians = self.chain.jacobian_at(frames, poses[:, :3, 3])[rows]
             moved = positions[rows] + _damped_steps(jacobians, errors[rows])
             positions[rows] = np.clip(moved, self.chain.lower, self.chain.upper)
@@ -179,10 +184,11 @@ class IncrementalSolver(Solver):
             turn = angle(float(np.linalg.norm(error[3:])))
             return message(
                 "kinematics.rotation_limit",
-                "rotation limit: the tool would turn by {turn} at once, and the limit is {limit}",
+                "rotation limit: the tool would turn by {turn} from one point to the next; the limit is {limit}",
                 turn=turn,
                 limit=angle(self._limit),
             )
+        # A rotation that is not followed cannot be the reason.
         weights = np.array([1.0, 1.0, 1.0, *[float(is_rotation_followed)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 
@@ -200,13 +206,19 @@ def _damped_steps(jacobians: Vector, errors: Vector) -> Vector:
         the steps, shape (k, n) [rad or m].
     """
     left, values, right = np.linalg.svd(jacobians, full_matrices=False)
+    # Singular values come in descending order. With the smallest one s and the threshold t, the law of Nakamura and
+    # Hanafusa is λ² = λ₀² (1 - (s/t)²) below the threshold, and 0 above it.
     least = values[:, -1:]
-    damping_squared = np.where(
-        least < _NEAR_SINGULAR, _LARGEST_DAMPING**2 * (1.0 - (least / _NEAR_SINGULAR) ** 2), 0.0
-    )
+    closeness = 1.0 - (least / _NEAR_SINGULAR) ** 2
+    damping_squared = np.where(least < _NEAR_SINGULAR, _LARGEST_DAMPING**2 * closeness, 0.0)
+
+    # U' e, then the gains s / (s² + λ²), then V. The gain of a direction without motion, s = 0, is 0 and not 1/0.
     projected = (left.transpose(0, 2, 1) @ errors[..., np.newaxis])[..., 0]
     gains = values / np.maximum(values**2 + damping_squared, _LEAST_DENOMINATOR)
-    steps = (right.transpose(0, 2, 1) @ (gains * projected)[..., np.newaxis])[..., 0]
+    scaled = gains * projected
+    steps = (right.transpose(0, 2, 1) @ scaled[..., np.newaxis])[..., 0]
+
+    # All axes are shortened by one factor, so that the step keeps its direction.
     longest = np.abs(steps).max(axis=1, keepdims=True)
     limited: Vector = steps * (_LONGEST_STEP / np.maximum(longest, _LONGEST_STEP))
     return limited

@@ -39,7 +39,7 @@ _LEAST_DAMPING = 1e-12
 """Damping that is always added, so that the equations of a singular posture can be solved."""
 
 _SMALLEST_STEP = 1e-12
-"""Largest step at which a search has stopped moving [rad or m]."""
+"""A search has stopped moving if no axis moves by this much in a step [rad or m]."""
 
 COARSE = 1e-2
 """Share of the cost that a step must take away, for a search whose failure is followed by another one."""
@@ -48,7 +48,8 @@ FINE = 1e-12
 """Share of the cost that a step must take away, for the best compromise. Smaller steps only follow rounding errors."""
 
 _SMALLEST_ANGLE_SQUARED = 1e-6
-"""Square of the angle up to which a factor is taken at 1e-3 rad, where it is its limit 1/12 to seven digits [rad²]."""
+"""Square of the smallest angle with which a factor of the derivatives is computed [rad²]. At zero the factor is 0/0; at
+this angle of 1e-3 rad it equals its limit 1/12 to seven digits."""
 
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -90,6 +91,7 @@ class Fit:
                 given.
         """
         self.iterations[indices] += other.iterations if iterations is None else iterations
+        # Not "<=": at equal costs, the posture that was found first stays, so that results do not depend on restarts.
         is_better = other.costs < self.costs[indices]
         replaced = indices[is_better]
         self.postures[replaced] = other.postures[is_better]
@@ -99,10 +101,10 @@ class Fit:
 
 @dataclass(eq=False)
 class _Searches:
-    """Searches that go on, k rows.
+    """The k searches that have not ended yet.
 
     Attributes:
-        numbers: number of each search among all, shape (k,).
+        numbers: index of each search among all searches, shape (k,).
         targets: poses of the tool, shape (k, 4, 4).
         base: poses of the base, shape (k, 4, 4), or (1, 4, 4) if it is the same for all.
         lower: lower bounds of the axes, shape (k, n) [rad or m].
@@ -126,9 +128,14 @@ class _Searches:
     damping: Vector
 
     def keep(self, is_kept: Flags) -> None:
-        """End all searches but some of them."""
+        """End all searches except the marked ones.
+
+        Args:
+            is_kept: whether each search goes on, shape (k,).
+        """
         self.numbers = self.numbers[is_kept]
         self.targets = self.targets[is_kept]
+        # One base for all searches has a single row, which stays.
         if len(self.base) > 1:
             self.base = self.base[is_kept]
         self.lower = self.lower[is_kept]
@@ -142,8 +149,17 @@ class _Searches:
     def accept(
         self, is_better: Flags, postures: Vector, errors: Vector, jacobians: Vector, costs: Vector
     ) -> None:
-        """Take the new postures, and what belongs to them, of the searches in which they are better."""
-        if is_better.all():  # the usual case, which needs no copies
+        """Replace the postures of the searches in which the new ones are better, with their errors and derivatives.
+
+        Args:
+            is_better: whether the new posture of each search is better, shape (k,).
+            postures: the new postures, shape (k, n) [rad or m].
+            errors: their errors, shape (k, 6) [m, rad].
+            jacobians: minus the derivatives of the errors, shape (k, 6, n).
+            costs: their costs, shape (k,).
+        """
+        # The usual case needs no copies.
+        if is_better.all():
             self.postures = postures
             self.errors = errors
             self.jacobians = jacobians
@@ -191,6 +207,7 @@ def fit_postures(
         room: distance that axes keep to their limits [rad or m]. Only axes keep it whose range is more than four times
             this distance, and which have it at the start.
     """
+    # An axis with a small range would hardly move if it kept the distance on both sides.
     kept_distance = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
     starts = np.clip(starts, chain.lower, chain.upper)
     count = len(starts)
@@ -205,6 +222,7 @@ def fit_postures(
         numbers=np.arange(count),
         targets=targets,
         base=base,
+        # A start nearer to a limit than the distance sets the bound: the search must not begin outside its bounds.
         lower=np.minimum(chain.lower + kept_distance, starts),
         upper=np.maximum(chain.upper - kept_distance, starts),
         postures=starts,
@@ -215,6 +233,8 @@ def fit_postures(
     )
     is_target_reached = np.zeros(count // rivals, dtype=bool)
     is_done = within(errors, weights, tolerance)
+    # All searches do their steps side by side, as rows of arrays. Results are written as searches end, and the rest
+    # goes on. The last pass does no step: it only ends what is left.
     for step in range(iterations + 1):
         if step == iterations:
             is_done[:] = True
@@ -251,15 +271,20 @@ def _do_step(chain: Chain, searches: _Searches, *, weights: Vector, flat: float)
         whether each search has stopped: its accepted step takes away too little, or its rejected step moves nothing.
         After any other rejected step it goes on with more damping.
     """
-    trial = np.clip(searches.postures + _steps(searches, weights), searches.lower, searches.upper)
+    # Projected step: axes that would leave their bounds stop there.
+    unbounded = searches.postures + _steps(searches, weights)
+    trial = np.clip(unbounded, searches.lower, searches.upper)
     errors, jacobians = _linearise(chain, trial, searches.targets, searches.base)
     costs = errors**2 @ weights
     gain = searches.costs - costs
     is_better = gain > 0.0
     has_stopped: Flags = is_better & (gain < flat * searches.costs)
     if not is_better.all():
+        # More damping makes the next step shorter. It cannot help if this one was too short to move anything.
         has_moved = (np.abs(trial - searches.postures) >= _SMALLEST_STEP).any(axis=1)
         has_stopped |= ~is_better & ~has_moved
+    # Little damping means Newton's step, which converges fast near the target; much damping means a short step down the
+    # gradient, which lowers the cost even where the linearisation is poor.
     searches.damping *= np.where(is_better, _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE)
     searches.accept(is_better, trial, errors, jacobians, costs)
     return has_stopped
@@ -274,17 +299,26 @@ def _steps(searches: _Searches, weights: Vector) -> Vector:
 
     in which the damping is a share of the cost. Rows and columns of axes that are pressed against a limit are removed.
     """
+    # Right side Jᵀ W e, the negative gradient of half the cost, and Gauss and Newton's approximation Jᵀ W J of the
+    # Hessian matrix.
     weighted = searches.jacobians.transpose(0, 2, 1) * weights
     push = (weighted @ searches.errors[..., np.newaxis])[..., 0]
     hessian: Vector = weighted @ searches.jacobians
+
+    # An axis at a limit that would move beyond it is held. If it stayed in the equations, the steps of the other axes
+    # would presuppose its motion, and the clipped step might not lower the cost.
     is_at_lower = searches.postures <= searches.lower
     is_at_upper = searches.postures >= searches.upper
     if is_at_lower.any() or is_at_upper.any():
         is_held = (is_at_lower & (push < 0)) | (is_at_upper & (push > 0))
         push[is_held] = 0.0
-        hessian *= (~is_held)[:, :, np.newaxis] & ~is_held[:, np.newaxis, :]
+        is_free = ~is_held
+        hessian *= is_free[:, :, np.newaxis] & is_free[:, np.newaxis, :]
+
+    # The damping keeps the matrix regular, too: held axes have left zero rows in it.
     damping = searches.damping * searches.costs + _LEAST_DAMPING
-    damped_hessian = hessian + damping[:, np.newaxis, np.newaxis] * np.eye(push.shape[1])
+    identity = np.eye(push.shape[1])
+    damped_hessian = hessian + damping[:, np.newaxis, np.newaxis] * identity
     steps = np.linalg.solve(damped_hessian, push[..., np.newaxis])[..., 0]
     return np.asarray(steps, dtype=float)
 
@@ -309,21 +343,24 @@ def _linearise(
     frames = chain.frames(postures, base)
     poses = chain.tool_poses(frames)
     errors = pose_errors(targets, poses)
+    # The position errors change by minus the velocity of the tool, so that the first three rows stay as they are.
     jacobians = chain.jacobian_at(frames, poses[:, :3, 3])
+
+    # The rotation errors change by -Jr⁻¹(e) ω. Without this factor the derivative is right for small errors only.
     rotation_errors = errors[:, 3:]
     angle_squared = (rotation_errors * rotation_errors).sum(axis=1)
     # With the half angle h: 1/θ² - (1 + cos θ)/(2θ sin θ) = (1/4 - h/(4 tan h)) / h²
     half_angle = np.sqrt(0.25 * np.maximum(angle_squared, _SMALLEST_ANGLE_SQUARED))
     factor = (0.25 - 0.25 * half_angle / np.tan(half_angle)) / (half_angle * half_angle)
     cross = skew(rotation_errors)
-    change = IDENTITY[:3, :3] + 0.5 * cross + factor[:, np.newaxis, np.newaxis] * (cross @ cross)
+    second_order = factor[:, np.newaxis, np.newaxis] * (cross @ cross)
+    change = IDENTITY[:3, :3] + 0.5 * cross + second_order
     jacobians[:, 3:] = change @ jacobians[:, 3:]
     return errors, jacobians
 
 
-_SETTLING = (
-    30  # largest count of steps from a posture at a limit to a target that lies a little beyond
-)
+_SETTLING = 30
+"""Largest count of steps from a posture at a limit to a target a little beyond what the limits allow."""
 
 
 def fit_beyond_limits(
@@ -344,7 +381,8 @@ def fit_beyond_limits(
     Returns:
         the best postures, which may be beyond the limits by the tolerance for rounding, and their errors.
     """
-    slack = chain.limits.tolerances  # shape (n,) [rad or m]
+    # The tolerances have the shape (n,) [rad or m].
+    slack = chain.limits.tolerances
     widened = replace(chain, lower=chain.lower - slack, upper=chain.upper + slack)
     return fit_postures(
         widened, targets, starts, weights=weights, tolerance=tolerance, iterations=_SETTLING
@@ -465,8 +503,10 @@ class NumericSolver(Solver):
         # First search from the start. A redundant arm keeps some room to its limits, if a target can be reached so.
         is_redundant = len(self.chain.order) > POSE_SIZE
         fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if is_redundant else 0.0)
-        missing = np.flatnonzero(~self._within(fit))  # indices of the targets that are not reached
+        # Indices of the targets that are not reached.
+        missing = np.flatnonzero(~self._within(fit))
         if is_redundant and missing.size:
+            # Some targets can be reached only close to a limit. This counts more than room for the next move.
             fit.replace(missing, self._fit(targets[missing], starts[missing], flat=COARSE))
             missing = np.flatnonzero(~self._within(fit))
 
@@ -476,12 +516,11 @@ class NumericSolver(Solver):
         for first in range(0, len(self._seeds), _SEEDS_PER_ROUND):
             if not missing.size:
                 break
-            self._restart(
-                fit, missing, self._seeds[first : first + _SEEDS_PER_ROUND], targets, starts
-            )
+            seeds_of_round = self._seeds[first : first + _SEEDS_PER_ROUND]
+            self._restart(fit, missing, seeds_of_round, targets, starts)
             missing = np.flatnonzero(~(self._within(fit) | is_accepted))
 
-        # The others get the best compromise.
+        # The others get the best compromise: the searches so far have ended early, as soon as progress was slow.
         if missing.size:
             fit.replace(missing, self._fit(targets[missing], fit.postures[missing], flat=FINE))
             is_accepted |= self._accept_at_limits(fit, missing, targets)
@@ -494,7 +533,7 @@ class NumericSolver(Solver):
                 self.chain, targets[row], fit.postures[row], errors[row], self._weights
             )
 
-        return Solutions.found(
+        return Solutions.from_errors(
             fit.postures, errors, self._within(fit) | is_accepted, fit.iterations, why
         )
 
@@ -502,7 +541,7 @@ class NumericSolver(Solver):
         """Accept targets that are out of reach only because limits are rounded, see :func:`settle_at_limits`.
 
         Args:
-            fit: the best postures so far, k rows. The rows of accepted targets are changed.
+            fit: the best postures so far for the k targets. Those of accepted targets are changed.
             missing: indices of the targets that are not reached. Only those with an axis at a limit are examined: wider
                 limits cannot help the others.
             targets: all targets, shape (k, 4, 4).
@@ -552,7 +591,7 @@ class NumericSolver(Solver):
     def _restart(
         self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector
     ) -> None:
-        """Search each missing target from each of some random postures, and take the best result if it costs less.
+        """Search each missing target from random postures, and take the best result if it costs less.
 
         Args:
             fit: the best postures so far. Those of missing targets are replaced if a search finds a cheaper one.
@@ -566,13 +605,17 @@ class NumericSolver(Solver):
         repeated_seeds = np.tile(seeds, (len(missing), 1))
         again = self._fit(repeated_targets, repeated_seeds, flat=COARSE, rivals=seed_count)
 
-        # Of the postures that reach a target the closest to its start is the best; of the others the cheapest.
+        # A search from a random posture may end whole turns away from the start, which would make it look far away.
         origins = np.repeat(starts[missing], seed_count, axis=0)
         again.postures[:], _ = nearest_turns(self.chain, again.postures, origins)
+
+        # Of the postures that reach a target the closest to its start is the best; of the others the cheapest.
         squared_distance = np.square(again.postures - origins).sum(axis=1)
         rank = np.where(self._within(again), squared_distance, _RANK_OF_UNREACHED + again.costs)
         best_seed = np.argmin(rank.reshape(-1, seed_count), axis=1)
+        # The searches of target i are in the rows i * seed_count and following.
         best = np.arange(len(missing)) * seed_count + best_seed
+        # A target is charged for the steps of all of its searches, not only for those of the best one.
         steps_of_target = again.iterations.reshape(-1, seed_count).sum(axis=1)
         fit.replace(missing, again.rows(best), steps_of_target)
 
@@ -590,6 +633,7 @@ def _read_weights(weights: npt.ArrayLike) -> Vector:
     values = finite(weights)
     if values.shape != (POSE_SIZE,) or (values < 0).any() or not values.any():
         raise InvalidParameter("weights", weights, expected)
+    # Users order angles Rz Ry Rx, as in a pose; rotation vectors have the order x, y, z.
     return values[_FROM_POSE_ORDER]
 
 
@@ -606,6 +650,7 @@ def random_postures(chain: Chain, count: int, seed: int) -> Vector:
     Returns:
         the postures, shape (count, n) [rad or m].
     """
+    # Half a turn to both sides covers every direction of a revolute axis.
     range_without_limit = np.where(chain.revolute, TURN / 2, 1.0)
     lower = np.where(np.isfinite(chain.lower), chain.lower, -range_without_limit)
     upper = np.where(np.isfinite(chain.upper), chain.upper, range_without_limit)

@@ -1,6 +1,6 @@
 """All solvers of inverse kinematics, by the name that moves and functions take under ``solver``.
 
-A new solver of the core is a file in this folder and a line in `_CORE`. Installed extensions add further ones.
+To add a solver to the core, add a file to this folder and an entry to `_CORE`. Installed extensions add further ones.
 """
 
 import inspect
@@ -27,9 +27,10 @@ _CORE: dict[str, type[Solver]] = {
 }
 """The solvers of the core."""
 _AUTO = "auto"
-"""Name that stands for the analytic solver if the arm has a closed form, else for the numeric one."""
+"""Name that selects the analytic solver if the arm has a closed form, else the numeric one."""
 _POINT = "inverse_kinematics"
 """Extension point at which extensions add solvers."""
+# Additions of extensions under one of these names are left out, so that a file means the same on every machine.
 register_core_names(_POINT, lambda: [_AUTO, *_CORE])
 
 CoreSolverName = Literal["auto", "numeric", "constrained", "analytic", "incremental"]
@@ -68,7 +69,7 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         [known for known in solver_names() if known != _AUTO],
     )
     solver_class = _solver_class(name)
-    # without the first parameter, the chain
+    # An unknown option would raise Python's TypeError without a suggestion. The first parameter is the chain.
     known_options = list(inspect.signature(solver_class).parameters)[1:]
     for option in options:
         one_of(
@@ -80,9 +81,13 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 
 
 def solver_for(chain: Chain, solver: SolverLike) -> Solver:
-    """Return the solver that a move names, or the one that was given. Searches get the finer tolerances of a path.
+    """Make the solver that a move names, or return the given solver. Searches get the finer tolerances of a path.
 
-    ``"auto"`` stands for the analytic solver or, if the arm has no closed form, for the numeric one.
+    ``"auto"`` selects the analytic solver or, if the arm has no closed form, the numeric one.
+
+    Args:
+        chain: chain of joints whose axes the solver moves.
+        solver: name of a solver, or a solver that was made for this chain.
 
     Raises:
         UnknownName: there is no such solver.
@@ -90,14 +95,15 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
         InvalidParameter: the given solver was made for another robot or tool.
     """
     if isinstance(solver, Solver):
-        # The home of a chain is the pose of its tool at zero, so that another tool has another one.
+        # The home of a chain is the pose of its tool at zero, which differs between two tools. A solver made for
+        # another tool would bring this one to the wrong poses without any error.
         if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():
             raise InvalidParameter(
                 "solver",
                 type(solver).__name__,
                 message(
                     "kinematics.solver_of_this_arm",
-                    "one made for arm.chain with the tool it has now",
+                    "a solver made for arm.chain with its present tool",
                 ),
             )
         return solver
@@ -111,7 +117,11 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
 
 
 def _check_name(name: str) -> str:
-    """Check the name of a solver in a program's file; raises UnknownName if there is no such solver."""
+    """Check the name of a solver in a program's file.
+
+    Raises:
+        UnknownName: there is no such solver.
+    """
     return one_of(
         message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"),
         name,
@@ -128,7 +138,12 @@ SolverName: TypeAlias = Annotated[
 
 
 def _solver_class(name: str) -> type[Solver]:
-    """Return the class of a solver; raises BrokenExtension if it is one of an extension and cannot be imported."""
+    """Return the class of a solver.
+
+    Raises:
+        BrokenExtension: the solver is one of an extension that cannot be imported.
+    """
+    # The module of an extension is imported only if its solver is used.
     if name in _CORE:
         return _CORE[name]
     added: type[Solver] = load_addition_class(additions(_POINT)[name], Solver)

@@ -61,7 +61,8 @@ class Skeleton(Screws):
 
     def mass_points(self, frames: Vector) -> Vector:
         """Positions of the mass points, shape (k, 6 (n + 1), 3) [m], from :meth:`frames`."""
-        points = frames[..., :3, :] @ self.mass_points_at_zero[:, np.newaxis]  # (n + 1, k, 3, 6)
+        # Shape (n + 1, k, 3, 6): the points of all bodies at once, for all postures.
+        points = frames[..., :3, :] @ self.mass_points_at_zero[:, np.newaxis]
         return np.asarray(points.transpose(1, 0, 3, 2).reshape(frames.shape[1], -1, 3))
 
     def link_poses(self, link: str, frames: Vector) -> Vector:
@@ -79,16 +80,20 @@ class Skeleton(Screws):
         Returns:
             the indices of the axes from the root to the frame, and their chain, without joint limits.
         """
+        # The root is the base of every path here, so that all joints lead outward and their senses are 1.
         root = self.plant.GetFrameByName(self.model.root)
         end = self.plant.GetFrameByName(link)
         joints = [joint for joint, _ in joints_between(self.plant, root, end)]
+
+        # The chain needs the signs of its own axes only, in its own order.
         own_axes = list(self.model.axes.values())
         index_of_joint = {axis.joint: index for index, axis in enumerate(own_axes)}
         indices = tuple(index_of_joint[joint.name()] for joint in joints)
         signs = [own_axes[index].sign for index in indices]
-        chain = Chain.of_plant(
-            self.plant, joints=joints, base=root, tool=end, signs=signs
-        ).with_tool(tool)
+        chain_to_frame = Chain.of_plant(self.plant, joints=joints, base=root, tool=end, signs=signs)
+        chain = chain_to_frame.with_tool(tool)
+
+        # A planned walk must not be bent by a limit: that it exceeds one is found, and reported, afterwards.
         unlimited = np.full(len(indices), np.inf)
         return indices, replace(chain, lower=-unlimited, upper=unlimited)
 
@@ -109,6 +114,7 @@ def skeleton_of(robot: str | RobotModel, element: Element | None = None) -> Skel
 
 @lru_cache(maxsize=8)
 def _of_package(robot: str) -> Skeleton:
+    """Make the skeleton of a robot of the package once. Its files do not change while Python runs."""
     return _of_model(load_robot(robot))
 
 
@@ -120,19 +126,23 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
 
     # The axes from the root to the body that each axis carries, this axis included.
     axis_of_joint = {joint.name(): axis for axis, joint in enumerate(joints)}
-    paths = [
-        [
-            axis_of_joint[other.name()]
-            for other, _ in joints_between(plant, root, joint.frame_on_child())
-        ]
-        for joint in joints
-    ]
+    paths = []
+    for joint in joints:
+        path = joints_between(plant, root, joint.frame_on_child())
+        paths.append([axis_of_joint[other.name()] for other, _ in path])
+
+    # A carrier has a shorter path than the axes on it, so that sorting by length puts it before them.
     outward = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
     # The body on which each axis stands: 0 is the root, i is carried by the i-th axis.
-    carriers = [
-        outward.index(paths[axis][-2]) + 1 if len(paths[axis]) > 1 else 0 for axis in outward
-    ]
+    carriers = []
+    for axis in outward:
+        if len(paths[axis]) == 1:
+            carriers.append(0)
+            continue
+        axis_before = paths[axis][-2]
+        carriers.append(outward.index(axis_before) + 1)
 
+    # Masses and frames are taken at zero posture, as the screws are; motions then multiply them.
     axis_map = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])
     context = plant.CreateDefaultContext()
     axis_map.set_positions(plant, context, np.zeros(len(joints)))
@@ -153,7 +163,12 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
 
 
 def _check_joints(model: RobotModel, plant: MultibodyPlant, joints: Sequence[Joint]) -> None:
-    """Check that all joints of a plant that move are axes and revolute; raises InvalidParameter: others are."""
+    """Check that all moving joints of a plant are revolute axes of the robot.
+
+    Raises:
+        InvalidParameter: a moving joint is not an axis, or is not revolute.
+    """
+    # Welds have no velocities.
     axis_joints = [joint.name() for joint in joints]
     moving = [
         joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()
@@ -170,7 +185,7 @@ def _check_joints(model: RobotModel, plant: MultibodyPlant, joints: Sequence[Joi
                 "kinematics.with_joints", "with the joints {joints}", joints=", ".join(unsuitable)
             ),
             message(
-                "kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute"
+                "kinematics.robot_of_revolute_axes", "a robot whose joints are all revolute axes"
             ),
         )
 
@@ -204,12 +219,19 @@ def _links(
 
 def _mass_points(body: RigidBody, context: Context) -> Vector:
     """Compute the six mass points of a body in a context, as homogeneous coordinates, shape (4, 6) [m]."""
+    # Drake gives inertias about the body's origin. The eigenvectors of that about the centre of mass are the principal
+    # axes, the columns of `axes`.
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
     about_centre = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
     moments, axes = np.linalg.eigh(about_centre)
+
+    # s_k = (tr J / 2 - J_k) / m. It is not negative for a physical body, except by rounding.
     mass = max(inertia.get_mass(), _LEAST_MASS)
     spread = np.maximum(moments.sum() / 2 - moments, 0.0) / mass
+    # Two points on each principal axis, at ±sqrt(3 s_k). The fourth coordinate of all points is 1.
     arms = axes * np.sqrt(3.0 * spread)
-    points = np.vstack([centre[:, np.newaxis] + np.hstack([arms, -arms]), np.ones(6)])
-    return np.asarray(body.body_frame().CalcPoseInWorld(context).GetAsMatrix4() @ points)
+    places = centre[:, np.newaxis] + np.hstack([arms, -arms])
+    points = np.vstack([places, np.ones(6)])
+    pose = body.body_frame().CalcPoseInWorld(context).GetAsMatrix4()
+    return np.asarray(pose @ points)

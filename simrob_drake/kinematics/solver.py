@@ -11,6 +11,7 @@ import numpy.typing as npt
 from simrob_drake.base.errors import InvalidParameter, SimrobError, angle
 from simrob_drake.base.frames import Targets, Vector, pose_matrices
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.kinematics.chain import Chain
 
 POSITION_TOLERANCE = 1e-6
@@ -60,7 +61,7 @@ class Unreachable(SimrobError):
         """Write the message: the target (such as ``targets[3]``), the reason, and the errors of the best posture."""
         errors = message(
             "kinematics.best_solution",
-            "the best solution comes within {distance:.3g} m and {angle}",
+            "the error of the best solution is {distance:.3g} m and {angle}",
             distance=position_error,
             angle=angle(rotation_error),
         )
@@ -103,7 +104,7 @@ class Solutions:
     reasons: tuple[str, ...]
 
     @classmethod
-    def found(
+    def from_errors(
         cls,
         positions: Vector,
         errors: Vector,
@@ -120,27 +121,32 @@ class Solutions:
             iterations: counts of the steps, shape (k,).
             why: function that writes, for the index of a target that is not reached, the reason.
         """
+        # A reason takes a Jacobian and a singular value decomposition, so it is written only where one is needed.
+        reasons = tuple("" if good else why(row) for row, good in enumerate(reached.tolist()))
         return cls(
             positions=positions,
             reached=reached,
             position_error=np.linalg.norm(errors[:, :3], axis=1),
             rotation_error=np.linalg.norm(errors[:, 3:], axis=1),
             iterations=iterations,
-            reasons=tuple("" if good else why(row) for row, good in enumerate(reached.tolist())),
+            reasons=reasons,
         )
 
     @classmethod
-    def joined(cls, parts: "Sequence[Solutions]") -> "Solutions":
+    def concatenate(cls, parts: "Sequence[Solutions]") -> "Solutions":
         """Join the solutions of parts of a batch, in order."""
+        # All fields are arrays except the last one, the tuple of reasons.
         arrays = [field.name for field in fields(cls)[:-1]]
         whole: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays
         }
-        return cls(**whole, reasons=tuple(reason for part in parts for reason in part.reasons))
+        reasons = tuple(reason for part in parts for reason in part.reasons)
+        return cls(**whole, reasons=reasons)
 
     @property
     def first_missed(self) -> int:
-        """Index of the first target that is not reached. There must be one."""
+        """Index of the first target that is not reached. At least one target must be missed."""
+        # The smallest value is False, and argmin returns its first index.
         return int(np.argmin(self.reached))
 
     def unreachable(self, row: int, target: str, *, index: int | None = None) -> Unreachable:
@@ -161,6 +167,9 @@ class Solutions:
         )
 
 
+keep_former_attributes(Solutions, found="from_errors", joined="concatenate")
+
+
 def require(solutions: Solutions, name: str = "targets") -> Vector:
     """Return the positions (k, n) of solutions, if every target is reached.
 
@@ -174,10 +183,11 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
     """
     if solutions.reached.all():
         return solutions.positions
+    # One target needs no index, which would be 0 in every message.
     row = solutions.first_missed
-    raise solutions.unreachable(
-        row, f"{name}[{row}]" if len(solutions.reached) > 1 else f"the {name.removesuffix('s')}"
-    )
+    is_batch = len(solutions.reached) > 1
+    target = f"{name}[{row}]" if is_batch else f"the {name.removesuffix('s')}"
+    raise solutions.unreachable(row, target)
 
 
 def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
@@ -198,6 +208,7 @@ def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
             "iterations", iterations, message("kinematics.one_or_more", "1 or more")
         )
     for name, value in tolerances.items():
+        # Also true for NaN.
         if not value > 0:
             raise InvalidParameter(name, value, message("kinematics.more_than_zero", "more than 0"))
     return np.array(list(tolerances.values()))
@@ -231,6 +242,7 @@ class Solver(ABC):
         """
         matrices = pose_matrices(targets)
         starts = self.chain.postures(start, "start")
+        # The dimension decides, not the count: one row (1, n) is a batch of one, which gives the same result.
         if np.ndim(start) == 1:
             return self._solve_in_order(matrices, starts[0])
         if len(starts) != len(matrices):
@@ -239,7 +251,7 @@ class Solver(ABC):
                 message("kinematics.count_of_postures", "{count} postures", count=len(starts)),
                 message(
                     "kinematics.one_posture_a_target",
-                    "one posture, or {count}, one a target",
+                    "one posture, or {count} postures, one for each target",
                     count=len(matrices),
                 ),
             )
@@ -251,7 +263,7 @@ class Solver(ABC):
         for index in range(len(targets)):
             last = parts[-1].positions if parts else start[np.newaxis]
             parts.append(self._solve_each(targets[index : index + 1], last))
-        return Solutions.joined(parts)
+        return Solutions.concatenate(parts)
 
     @abstractmethod
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
@@ -272,7 +284,9 @@ def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[V
     """
     lower = chain.lower - _ROUNDING_BEYOND_LIMIT
     upper = chain.upper + _ROUNDING_BEYOND_LIMIT
+    # Prismatic axes have no turns; a turn of zero leaves their positions as they are.
     turns = np.where(chain.revolute, TURN, 0.0)
+    # First the turn closest to the reference, then as many whole turns back as it is beyond a limit.
     closest = positions - turns * np.round((positions - reference) / TURN)
     turned_down = closest - turns * np.ceil(np.maximum(closest - upper, 0.0) / TURN)
     turned_up = closest + turns * np.ceil(np.maximum(lower - closest, 0.0) / TURN)
@@ -294,6 +308,8 @@ def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[V
     is_rounded = (beyond > 0.0) & (closest_beyond <= chain.limits.tolerances)
     best = np.where(is_rounded, closest, best)
     beyond = np.where(is_rounded, closest_beyond, beyond)
+    # Positions within the limits up to rounding are clipped to them, and positions beyond a limit are not: the caller
+    # decides whether the distance is acceptable.
     return np.where(beyond > 0.0, best, np.clip(best, chain.lower, chain.upper)), beyond
 
 
@@ -316,19 +332,22 @@ def why_unreached(
             not count.
         weights: weights of the errors, shape (6,).
     """
+    # The most certain reason first: no posture reaches a point that is farther away than the arm is long. This needs
+    # neither the limits nor the posture.
     if chain.order and error[:3].any():
         first = chain.order[0]
         distance = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
         if distance > chain.reach:
             return message(
                 "kinematics.out_of_reach",
-                "out of reach: it lies {distance:.3g} m from {axis}, and the arm is {reach:.3g} m long",
+                "out of reach: the target is {distance:.3g} m from {axis}, and the arm is {reach:.3g} m long",
                 distance=distance,
                 axis=chain.names[first],
                 reach=chain.reach,
             )
 
-    # The gradient of the cost presses joints against their limits.
+    # The search moves joints along Jᵀ W e, the negative gradient of half the cost. A joint at a limit is the reason if
+    # this would move it beyond the limit, and not by a negligible part of the error.
     jacobian = chain.jacobian(posture)[0]
     push = jacobian.T @ (weights * error)
     is_strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
@@ -339,24 +358,28 @@ def why_unreached(
         (is_held_above, chain.upper, message("base.upper", "upper")),
     ):
         if is_held.any():
+            # The first of several axes at limits. A prismatic one has its limit in metres.
             axis = int(np.argmax(is_held))
+            value = limits[axis]
             limit = (
-                angle(limits[axis])
-                if chain.revolute[axis]
-                else compound("{limits:.4g} m", limits=limits[axis])
+                angle(value) if chain.revolute[axis] else compound("{limits:.4g} m", limits=value)
             )
             return message(
                 "kinematics.at_joint_limit",
-                "joint limit: {axis} stands at its {side} limit of {limit}",
+                "joint limit: {axis} is at its {side} limit of {limit}",
                 axis=chain.names[axis],
                 side=side,
                 limit=limit,
             )
 
+    # Only the directions that count and the axes that move the tool: columns of zeros would make every posture look
+    # singular. Singular values come in descending order, the smallest one last.
     rows = jacobian[weights > 0][:, list(chain.order)]
     if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
         return message(
             "kinematics.singular_posture",
-            "singular posture: the arm is stretched or folded there and cannot move the way that is left",
+            "singular posture: the arm is stretched or folded and cannot move in the direction of the remaining error",
         )
-    return message("kinematics.no_solution_from_start", "no solution found from this start")
+    return message(
+        "kinematics.no_solution_from_start", "no solution found from this initial posture"
+    )

@@ -38,7 +38,7 @@ from simrob_drake.stations.collisions import CollisionPolicy
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.posed import PosedStation
-from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
+from simrob_drake.stations.resolved_pieces import carriers_of, flange, tool_in_use
 from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
 
 _FLOOR_THICKNESS = 0.1  # thickness of a box that replaces a floor [m]

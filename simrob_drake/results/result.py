@@ -56,6 +56,7 @@ from simrob_drake.stations.resolve import resolve
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
+    from simrob_drake.results.plots.own import NotebookFigure
 
 _WIDTH = 100
 """Largest count of characters of a line of text about a result."""
@@ -327,6 +328,21 @@ class SimulationResult(RecordedRun):
                 return save_video(self, target)
             case _:
                 return save_recording(self, target)
+
+    def plot(self, *signals: str) -> "NotebookFigure":
+        """Draw signals of the run: a frame for each. A notebook shows the returned figure.
+
+        Args:
+            signals: names of signals, with ``*`` for any part, such as ``q.joint_2`` or ``tau.*``. If there are none,
+                positions and torques of all joints that move are drawn.
+
+        Raises:
+            UnknownName: there is no signal of this name.
+        """
+        # Imported here, since Matplotlib takes long to load.
+        from simrob_drake.results.saved import plot_results
+
+        return plot_results(self, signals=signals)
 
     def check(self, strict: bool = True) -> Self:
         """Check that the run did what was asked.

@@ -11,12 +11,13 @@ class Axis(Strict):
     joint: str
     """The joint's name in the URDF."""
     sign: Literal[-1, 1] = 1
-    """-1 where the axis is positive in the other sense than its joint."""
+    """1 if the axis is positive in the direction of its joint, -1 if it is positive in the opposite direction."""
     aliases: tuple[str, ...] = ()
-    """Other names by which users may call it."""
+    """Other names by which users may call the axis."""
 
 
 def axes_by_name(axes: Any) -> Any:
-    """Spread a plain list of joints, which are called as themselves, into axes by name."""
-    plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
-    return {name: {"joint": name} for name in axes} if plain else axes
+    """Convert a plain list of joints to axes by name, each called as its joint. Other values are returned unchanged."""
+    # Values of another form get their errors from pydantic, which names the key.
+    is_plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
+    return {name: {"joint": name} for name in axes} if is_plain else axes

@@ -18,6 +18,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import compound, join_texts, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import Number
 
 
@@ -26,6 +27,7 @@ def in_a_row(places: npt.NDArray[np.intp]) -> npt.NDArray[np.intp] | slice:
 
     A slice takes a third of the time to read or write.
     """
+    # An empty array has no first index for a slice.
     are_consecutive = len(places) > 0 and bool((np.diff(places) == 1).all())
     if not are_consecutive:
         return places
@@ -74,7 +76,7 @@ class AxisMap:
                 signs,
                 message(
                     "robots.numbers_1_or_minus_1",
-                    "{joints} numbers 1 or -1, one a joint",
+                    "{joints} numbers 1 or -1, one for each joint",
                     joints=len(joints),
                 ),
             )
@@ -115,6 +117,7 @@ class AxisMap:
         Returns:
             positions of the plant, shape (..., nq).
         """
+        # A sign is its own inverse: the same product converts in both directions.
         spread = np.array(onto)
         spread[..., self.position_places] = self.signs * axes
         return spread
@@ -179,15 +182,26 @@ class AxisMap:
         actuation = plant.MakeActuationMatrix()[:, columns]
         matrix = (self.velocity_matrix @ actuation).T
 
+        # An actuator is a further one if an actuator before it has the same joint.
         joints = [actuator.joint().index() for actuator in actuators]
         is_further = [joint in joints[:row] for row, joint in enumerate(joints)]
         matrix[is_further] = 0.0
+        # A controller may compute efforts for passive axes as well. Their only actuators are those of friction, which
+        # must not get them.
         if passive is not None:
             matrix[:, passive] = 0.0
         return np.asarray(matrix)
 
     def _matrix(self, places: np.ndarray[tuple[int], np.dtype[np.intp]], columns: int) -> Vector:
-        """Make a matrix that selects places of a vector with as many entries as columns, with the signs of the axes."""
+        """Make a matrix that selects entries of a vector, with the signs of the axes.
+
+        Args:
+            places: index of the entry for each of the n axes, shape (n,).
+            columns: count of the entries of the vector.
+
+        Returns:
+            the matrix, shape (n, columns), with one entry of 1 or -1 in each row.
+        """
         matrix = np.zeros((len(places), columns))
         matrix[np.arange(len(places)), places] = self.signs
         return matrix
@@ -198,15 +212,15 @@ AxisValues = Number | list[Number] | dict[str, Number]
 
 
 def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Make a check of values that are given per axis.
+    """Make a check of the values that a user gives for the axes.
 
     Args:
         accepts: returns whether a number is allowed.
-        meaning: message for a number that is not, which says what is allowed.
+        meaning: message for a number that is not allowed. It describes the allowed numbers.
     """
 
     def check(values: AxisValues) -> AxisValues:
-        """Check every number of the values; raises ValueError for pydantic."""
+        """Check every number of the values. A wrong one raises ValueError, which pydantic reports with the key."""
         if isinstance(values, dict):
             numbers = list(values.values())
         elif isinstance(values, list):
@@ -224,10 +238,12 @@ NotNegativeAxisValues = Annotated[
     AxisValues,
     every_axis(lambda value: value >= 0, message("robots.not_negative", "it must not be negative")),
 ]
+"""Values of axes, none of which is negative."""
 PositiveAxisValues = Annotated[
     AxisValues,
     every_axis(lambda value: value > 0, message("robots.positive", "it must be positive")),
 ]
+"""Values of axes, all of which are positive."""
 
 
 @dataclass(frozen=True)
@@ -248,15 +264,19 @@ class AxisUnit:
     effort: str
     digits: str
 
-    def shown(self, position: float) -> str:
+    def format(self, position: float) -> str:
         """Write a position [rad or m] in the user's unit, such as "110.0 deg"."""
         return compound(
             "{position} {name}", position=f"{position / self.size:{self.digits}}", name=self.name
         )
 
 
-REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
-PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
+keep_former_attributes(AxisUnit, shown="format")
+
+REVOLUTE = AxisUnit(size=float(np.deg2rad(1.0)), name="deg", si="rad", effort="N·m", digits=".1f")
+"""Units of a revolute axis. Users write degrees."""
+PRISMATIC = AxisUnit(size=1.0, name="m", si="m", effort="N", digits=".4g")
+"""Units of a prismatic axis."""
 
 
 def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector], str]) -> str:
@@ -265,17 +285,13 @@ def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector],
     Args:
         values: a value of each axis, shape (n,) or (n, k), in the axis' unit.
         units: unit of each axis.
-        written: writes some of the values.
+        written: function that writes some of the values.
     """
+    # A set would lose the order of the axes, in which the units appear.
     kinds = list(dict.fromkeys(units))
-    return join_texts(
-        (
-            compound(
-                "{written} {kind}",
-                written=written(values[[unit == kind for unit in units]]),
-                kind=kind,
-            )
-            for kind in kinds
-        ),
-        ", ",
-    )
+    texts = []
+    for kind in kinds:
+        has_unit = [unit == kind for unit in units]
+        text = written(values[has_unit])
+        texts.append(compound("{written} {kind}", written=text, kind=kind))
+    return join_texts(texts, ", ")

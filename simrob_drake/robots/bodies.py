@@ -33,12 +33,13 @@ from simrob_drake.robots.urdf import (
     set_inertia,
 )
 
+# "ee" alone is in many words, such as "wheel" and "knee", so that it has to be a word of its own.
 _TOOL_NAME = re.compile(
     r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE
 )
-"""Names that published robots give to the place of the tool."""
+"""Names that published robots give to the frame of the tool."""
 _GRASP_NAME = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
-"""The names among them for the point at which fingers grasp."""
+"""Those of these names that mean the point at which fingers grasp."""
 SHAPE_TAGS = ("visual", "collision")
 """Tags of the elements of a link that have a shape."""
 
@@ -80,6 +81,7 @@ def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[
         for carrier, links in bodies(robot).items()
         if not any(mass_of(link) > 0 for link in links)
     }
+    # A link that a joint moves is the carrier of its own body, so that the two sets have names of carriers.
     moving = {
         link_of(joint, "child")
         for joint in robot.iterfind("joint")
@@ -108,11 +110,13 @@ class _Inertia:
 
     def in_parent(self, pose: RigidTransform) -> "_Inertia":
         """Express the inertia in a parent frame, in which the present frame has the given pose."""
+        # Moments about the centre of mass only turn: J' = R J Rᵀ. They do not depend on the origin of the frame.
         rotation = pose.rotation().matrix()
         return _Inertia(self.mass, pose @ self.com, rotation @ self.moments @ rotation.T)
 
     def __add__(self, other: "_Inertia") -> "_Inertia":
         """Combine two inertias in the same frame, as if they were rigidly joined."""
+        # Both moments are moved to the common centre of mass before they are added.
         mass = self.mass + other.mass
         com = (self.mass * self.com + other.mass * other.com) / mass
         return _Inertia(mass, com, self._moments_about(com) + other._moments_about(com))
@@ -129,7 +133,7 @@ class _Inertia:
 def merge_fixed_links(robot: ET.Element) -> None:
     """Merge every link of a checked URDF that is on a fixed joint into its parent; changes the element.
 
-    A frame with the name of the link stays in its place.
+    A frame with the name of the link replaces the link.
     """
     links = {name_of(link): link for link in robot.iterfind("link")}
     # The joints and frames that start at each link. They move to the parent with the link.
@@ -148,12 +152,13 @@ def merge_fixed_links(robot: ET.Element) -> None:
         child = links.pop(child_name)
         moved = starting.pop(child_name)
         _merge_link(child, links[parent_name], pose)
+        # What started at the child now starts at the parent, with the pose of the fixed joint in front.
         for element in moved:
             place(element, pose @ pose_of(element))
             start = element.find("parent") if element.tag == "joint" else element
             assert start is not None  # checked before
             start.set("link", parent_name)
-        # In place of the link, a frame of the same name stays.
+        # Stations, tools and pieces name links. A frame of the same name keeps such a name valid.
         robot.remove(child)
         robot.remove(joint)
         starting[parent_name].remove(joint)
@@ -165,6 +170,7 @@ def _merge_link(child: ET.Element, parent: ET.Element, pose: RigidTransform) -> 
 
     A link without mass adds its shapes only.
     """
+    # Poses of shapes are given in their link, so that they change with the link to which they belong.
     shapes = [element for tag in SHAPE_TAGS for element in child.iterfind(tag)]
     for shape in shapes:
         place(shape, pose @ pose_of(shape))
@@ -176,6 +182,7 @@ def _merge_link(child: ET.Element, parent: ET.Element, pose: RigidTransform) -> 
     inertia_of_parent = _inertia_of(parent)
     if inertia_of_parent is not None:
         total = inertia_of_parent + total
+    # The moments have the axes of the parent, so that the pose is a translation to the centre of mass alone.
     set_inertia(parent, mass=total.mass, moments=total.moments, pose=RigidTransform(total.com))
 
 
@@ -184,6 +191,7 @@ def _inertia_of(link: ET.Element) -> _Inertia | None:
     inertial = link.find("inertial")
     if inertial is None or mass_of(link) == 0:
         return None
+    # A URDF gives moments in a frame of their own, whose origin is the centre of mass.
     in_own_frame = _Inertia(mass_of(link), np.zeros(3), moments_of(inertial))
     return in_own_frame.in_parent(pose_of(inertial))
 
@@ -193,8 +201,8 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
     They come in this order, each once:
 
-    1. the frames and links of the hand with a usual name for a tool (``tool0``, ``tcp`` ...), first those that name the
-       place of a grasp,
+    1. the frames and links of the hand with a usual name for a tool (``tool0``, ``tcp`` ...), first those for the point
+       of a grasp,
     2. the palm, which is the link that holds the fingers,
     3. one link or frame at the end of each kinematic chain.
 
@@ -205,7 +213,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
     hand = _hand_names(root, palm) if palm else []
     grasps = [name for name in hand if _GRASP_NAME.search(name)]
     tools = [name for name in hand if _TOOL_NAME.search(name)]
-    # A dict drops repeated names and keeps their order.
+    # The first name of the hand is that of the palm. A dict drops repeated names and keeps their order.
     return list(dict.fromkeys([*grasps, *tools, *hand[:1], *_chain_tools(root)]))
 
 
@@ -218,7 +226,7 @@ def _hand_names(root: ET.Element, palm: str) -> list[str]:
 
 
 class _ChainTool(NamedTuple):
-    """The place for a tool at the end of a kinematic chain.
+    """The link or frame for a tool at the end of a kinematic chain.
 
     Attributes:
         has_usual_name: whether its name is usual for a tool.
@@ -232,10 +240,11 @@ class _ChainTool(NamedTuple):
 
 
 def _chain_tools(root: ET.Element) -> list[str]:
-    """Find the place for a tool at the end of each kinematic chain.
+    """Find the link or frame for a tool at the end of each kinematic chain.
 
-    It is the last link or frame with a usual name that is rigidly attached to the chain's last moving link or, without
-    such a name, the outermost attached link. Usual names come first, then chains with more joints, then file order.
+    The tool is the last link or frame with a usual name that is rigidly attached to the chain's last moving link or,
+    without such a name, the outermost attached link. Usual names come first, then chains with more joints, then file
+    order.
     """
     carrier_of = carriers(root)
     starts = joints_at(root)
@@ -250,6 +259,7 @@ def _chain_tools(root: ET.Element) -> list[str]:
         end = link_of(joint, "child")
         if end in inner:
             continue
+        # Published arms end in several links without a joint between them, such as a flange and a `tool0`.
         attached = [end, *(link_of(fixed, "child") for fixed in outward(starts, end, rigid=True))]
         frames = [
             name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in attached
@@ -257,12 +267,14 @@ def _chain_tools(root: ET.Element) -> list[str]:
         usual = [name for name in (*frames, *attached) if _TOOL_NAME.search(name)]
         name = usual[-1] if usual else attached[-1]
         found.append(_ChainTool(bool(usual), counts[end], name))
+    # The chain with more joints is more likely that of an arm. The sort is stable: equal entries keep the file's order.
     found.sort(key=lambda tool: (not tool.has_usual_name, -tool.joint_count))
     return [tool.name for tool in found]
 
 
 def _joint_counts(root: ET.Element) -> dict[str, int]:
     """Count the moving joints between the root link and each link, by the link's name."""
+    # Outward, so that the count of a joint's parent is known before that of its child.
     counts = {root_link(root): 0}
     for joint in outward(joints_at(root), root_link(root)):
         is_moving = joint.get("type") in MOVABLE_JOINTS

@@ -1,7 +1,7 @@
-"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF.
+"""Robots for stations: folders of ``models/`` with a ``robot.yaml``, any other such file, or any clean URDF.
 
 A robot has n axes. An axis is a joint of the robot's URDF with a sense: it is positive in the direction of the joint or
-against it. Users write positions in degrees, or in metres for prismatic axes; properties of a robot are in SI units.
+against it. Users write positions in degrees, or in metres for prismatic axes. Properties of a robot are in SI units.
 A follower is an axis that follows another one, its leader, by a ``mimic`` joint of the URDF.
 """
 
@@ -63,32 +63,33 @@ from simrob_drake.robots.urdf import (
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 
 PASSIVE = "servo.passive"
+"""Key of the axes without a motor in a station and in a ``robot.yaml``, for messages."""
 LIMIT = "servo.torque_limit"
-"""Keys of a station and of a ``robot.yaml``, for messages."""
+"""Key of the largest torques in a station and in a ``robot.yaml``, for messages."""
 
 
 class RobotModel(Strict):
     """A robot as its ``robot.yaml`` describes it.
 
     The order of ``axes`` is the order of every vector of this robot, and each axis is positive in the sense that
-    its ``sign`` gives to the URDF's joint. A table of Denavit-Hartenberg parameters stands for a URDF, and tells root,
-    axes and tools.
+    its ``sign`` gives to the URDF's joint. A table of Denavit-Hartenberg parameters replaces the URDF, and determines
+    root, axes and tools.
     """
 
     name: FileName
-    """What it is called; as its folder or its file unless given."""
+    """Name of the robot; that of its folder or its file unless given."""
     folder: Path
-    """Where its file lies, which all its file names start from."""
+    """Folder of the robot's file. All file names in it are relative to this folder."""
     description: str = ""
-    """What it is, in one line."""
+    """Description of the robot in one line."""
     source: str = ""
     """Source of the values, and which of them are estimates."""
     urdf: str | None = None
-    """Its URDF; a table takes its place."""
+    """File of the robot's URDF. A robot with a table `dh` has none."""
     dh: DhTable | None = None
-    """Its table of Denavit-Hartenberg parameters, in place of a URDF; it tells root, axes and tools, too."""
+    """Table of Denavit-Hartenberg parameters, in place of a URDF. It determines root, axes and tools."""
     base: Literal["fixed", "floating"] = "fixed"
-    """Whether its root link is fixed to the world, as an arm's is, or moves freely."""
+    """Whether the root link is fixed to the world, as that of an arm, or moves freely."""
     root: str
     """The root link of the URDF."""
     axes: Annotated[
@@ -96,57 +97,60 @@ class RobotModel(Strict):
         BeforeValidator(axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
         Field(min_length=1),
     ]
-    """Its axes by name, in the order of every vector; a plain list where they are called as their joints."""
+    """Axes by name, in the order of every vector; a plain list if all axes have the names of their joints."""
     tools: dict[str, str] = Field(default_factory=dict)
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
-    """Where its axes are at the start of a station that does not say `initial_deg` [deg, or m of a prismatic axis]. An
-    axis whose range excludes 0 is in the middle of it unless a mapping or a list says where."""
+    """Positions of the axes at the start of a station without `initial_deg` [deg, or m of a prismatic axis]. An axis
+    whose range excludes 0 is in the middle of its range unless a mapping or a list gives its position."""
     drives: Drives = default_of(Drives)
-    """Its motors, gears and friction, which a station may change."""
+    """Motors, gears and friction of the axes, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
-    """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
-    unless given, and without these none."""
+    """Largest acceleration of the axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
+    unless given. Without either, acceleration has no limit."""
     jerk_deg: PositiveAxisValues | None = None
-    """Largest jerk of its axes [deg/s³, or m/s³ of a prismatic axis], for moves with `profile: jerk_limited`."""
+    """Largest jerk of the axes [deg/s³, or m/s³ of a prismatic axis], for moves with `profile: jerk_limited`."""
     payload: Positive | None = None
-    """Largest mass that it is rated to carry, beside its own links [kg]."""
+    """Largest mass that the robot is rated to carry, in addition to its own links [kg]."""
     tcp_speed: Positive | None = None
-    """Largest speed that its tool centre point is rated for [m/s]."""
+    """Largest rated speed of the tool centre point [m/s]."""
     postures: dict[str, dict[str, Number]] = Field(default_factory=dict)
-    """Named postures, for programs: where axes are [deg, or m of a prismatic axis]; the others stay where they are."""
+    """Named postures for programs: positions of axes [deg, or m of a prismatic axis]. Axes that a posture does not name
+    keep their positions."""
     servo: Gains = default_of(Gains)
-    """Gains of its servos, which a station may change."""
+    """Gains of the servos, which a station may change."""
     feet: Feet | None = None
-    """What it stands on."""
+    """Contact shapes of the robot's feet."""
     gripper: Gripper | None = None
-    """Its fingers; found in a URDF that stands alone."""
+    """Fingers of the robot. Those of a URDF without a `robot.yaml` are found by themselves."""
     loops: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    """Couplings that close loops of its tree, as under `couplings` of a station; a first station has them."""
+    """Couplings that close kinematic loops, as under `couplings` of a station. The robot's first station gets them."""
     _file: Path | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
-    def _of_table(cls, content: Any) -> Any:
+    def _add_keys_of_table(cls, content: Any) -> Any:
         """Add the keys that a table of Denavit-Hartenberg parameters determines, if the content has a table."""
         if isinstance(content, dict) and isinstance(content.get("dh"), dict):
             return described_by_table(content)
         return content
 
     @model_validator(mode="after")
-    def _one_origin(self) -> "RobotModel":
+    def _check_source(self) -> "RobotModel":
         """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
         if (self.urdf is None) == (self.dh is None):
             raise ValueError(
                 message("robots.urdf_or_dh", "a robot has either a urdf or a dh table")
             )
+        # A robot's folder has to be complete: it can then be copied, and its file cannot name other files of a disk.
+        # Paths are resolved, since "../" and links would lead out of the folder otherwise.
         if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(
             self.folder.resolve()
         ):
             raise ValueError(
                 message(
                     "robots.urdf_outside_folder",
-                    "the urdf {urdf} lies outside of the robot's folder; copy it there",
+                    "the urdf {urdf} is outside the robot's folder; copy it into that folder",
                     urdf=self.urdf,
                 )
             )
@@ -166,7 +170,7 @@ class RobotModel(Strict):
 
     @property
     def description_file(self) -> Path:
-        """The YAML file that describes the robot; it need not exist for a robot of a URDF alone."""
+        """The YAML file that describes the robot. A robot of a URDF alone may have no such file."""
         return self._file or self.folder / ROBOT_FILE
 
     @cached_property
@@ -177,11 +181,13 @@ class RobotModel(Strict):
             InvalidModel: the file is damaged.
             InvalidParameter: the key ``root`` does not name the root link.
         """
+        # A table can describe an impossible robot as well as a file can, so that it has the same checks.
         if self.dh is None:
             root = checked_urdf(self.urdf_path)
         else:
             root = dh_robot(self.name, self.dh)
             check_urdf(root, self.urdf_path)
+        # The root also follows from the URDF. A key that differs belongs to another version of the file.
         if self.root != root_link(root):
             raise InvalidParameter(
                 "root",
@@ -193,6 +199,7 @@ class RobotModel(Strict):
                     file=self.urdf_path,
                 ),
             )
+        # Motors first, since rotor inertia and gear ratio are written into the actuators of motors.
         self._apply_passive_axes(root)
         # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]
@@ -203,7 +210,7 @@ class RobotModel(Strict):
         return root
 
     def _apply_passive_axes(self, root: Element) -> None:
-        """Take the motors of the axes that the description calls passive out of the URDF, and give all others one.
+        """Remove the motors of the axes under ``servo.passive`` from the URDF, and give all other axes a motor.
 
         Nothing changes if the description has no key ``servo.passive``.
 
@@ -216,32 +223,33 @@ class RobotModel(Strict):
         joints = [axis.joint for axis in self.axes.values()]
         passive = {joints[self.axis_index(axis, PASSIVE)] for axis in self.servo.passive}
         remove_motors(root, passive)
-        # NaN stands for axes without a value.
-        limits = self.axis_vector(
-            {} if self.servo.torque_limit is None else self.servo.torque_limit, LIMIT, np.nan
-        )
+        # NaN means an axis without a value.
+        torque_limits = {} if self.servo.torque_limit is None else self.servo.torque_limit
+        limits = self.axis_vector(torque_limits, LIMIT, np.nan)
+        # The joints that have kept their motors, which need no new one.
         driven = driven_joints(root)
         elements = {name_of(joint): joint for joint in root.iterfind("joint")}
         for axis, joint, limit in zip(self.axes, joints, limits.tolist(), strict=True):
             if joint in passive or joint in driven:
                 continue
+            # Also true for NaN. Drake makes no actuator of a motor without a positive effort.
             if not limit > 0:
                 raise Unsuitable(
                     LIMIT,
                     message(
                         "robots.motor_without_limit",
-                        "{key} gives {axis} a motor",
+                        "{key} leaves out {axis}, so that {axis} has a motor",
                         key=PASSIVE,
                         axis=axis,
                     ),
                     message(
                         "robots.give_its_limit",
-                        "give {axis} a torque limit, too [N·m or N]",
+                        "give {axis} a torque limit [N·m or N] as well",
                         axis=axis,
                     ),
                 )
             child_of(elements[joint], "limit").set("effort", format_number(limit))
-            # A transmission is there already if the URDF has one with the effort 0.
+            # The URDF has a transmission already if the joint is passive only by its effort of 0.
             if joint not in transmissions_of(root):
                 add_motor(root, joint, drive=f"{joint}_drive")
 
@@ -261,8 +269,8 @@ class RobotModel(Strict):
         return self.model_copy(update={"servo": servo})
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
-        """Spread the values of a key over the joints, by name; joints of axes without a value are left out."""
-        # NaN stands for axes without a value.
+        """Spread the values of a key over the joints, by name. Joints of axes without a value are left out."""
+        # NaN means an axis without a value.
         vector = self.axis_vector(values, key, np.nan)
         return {
             joint: value
@@ -275,14 +283,17 @@ class RobotModel(Strict):
 
         A mapping by axis changes only the values of the axes that it names.
         """
+        # Keys with their defaults are not changes: they must not replace the values of the robot.
         changes = drives.model_dump(exclude_unset=True)
         for key, values in changes.items():
             own = getattr(self.drives, key)
+            # One number or a list gives every axis a value, and replaces the own values as it is.
             if not isinstance(values, dict) or own is None:
-                continue  # the new values replace the own ones as they are
-            # NaN stands for axes without a value.
-            before = self.axis_vector(own, f"drives.{key}", np.nan)
-            vector = self.axis_vector(values, f"drives.{key}", before)
+                continue
+            # The own values, spread over the axes, with those of the mapping in their place. NaN means no value.
+            where = f"drives.{key}"
+            before = self.axis_vector(own, where, np.nan)
+            vector = self.axis_vector(values, where, before)
             by_axis = dict(zip(self.axes, vector.tolist(), strict=True))
             changes[key] = {axis: value for axis, value in by_axis.items() if np.isfinite(value)}
         return self.model_copy(update={"drives": self.drives.model_copy(update=changes)})
@@ -294,7 +305,7 @@ class RobotModel(Strict):
 
     @property
     def is_arm(self) -> bool:
-        """Whether the robot is an arm: its base is fixed, it has no feet, and it has a tool."""
+        """Whether the robot is an arm: a robot with a fixed base, without feet, and with a tool."""
         return self.base == "fixed" and self.feet is None and bool(self.tools)
 
     @property
@@ -309,6 +320,7 @@ class RobotModel(Strict):
         Raises:
             UnknownName: an axis names a joint that the URDF does not have.
         """
+        # The error names the moving joints only: an axis on a fixed joint would be no use.
         known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
         unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
         if unknown is not None:
@@ -323,6 +335,7 @@ class RobotModel(Strict):
     @cached_property
     def axis_limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limits of the axes, each of shape (n,) [rad or m]."""
+        # Shape (n, 2), one row for each axis.
         of_joints = np.array([joint_limits(joint) for joint in self.joints])
         # An axis against its joint has the limits -upper and -lower; sorting puts the lower one first.
         lower, upper = np.sort(of_joints * self.signs[:, np.newaxis], axis=1).T
@@ -352,7 +365,8 @@ class RobotModel(Strict):
 
     @property
     def efforts(self) -> Vector:
-        """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]; 0 of a passive axis."""
+        """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]. It is 0 for a passive axis."""
+        # A URDF may state an effort for a joint that no transmission drives.
         limits = np.array([joint_value(joint, "effort") for joint in self.joints])
         return np.where(self.passive, 0.0, limits)
 
@@ -367,6 +381,7 @@ class RobotModel(Strict):
 
         It is 0 for a passive axis, which has no motor and no gear.
         """
+        # The key has the user's units. Without the key, no axis has play.
         play = self.user_units * self.axis_vector(
             self.drives.backlash_deg or 0.0, "drives.backlash_deg"
         )
@@ -378,6 +393,7 @@ class RobotModel(Strict):
 
         It is infinite if the URDF has none, and for passive axes, whose speed no motor limits.
         """
+        # A value that is missing is read as 0. A velocity of 0, with which nothing could move, counts as missing, too.
         limits = np.array([joint_value(joint, "velocity") or np.inf for joint in self.joints])
         return np.where(self.passive, np.inf, limits)
 
@@ -389,13 +405,14 @@ class RobotModel(Strict):
         )
         if self.acceleration_deg is None:
             return own
+        # A mapping may name some axes only. The others keep the limits of the URDF, here in the user's units.
         return self.user_units * self.axis_vector(
             self.acceleration_deg, "acceleration_deg", own / self.user_units
         )
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
-        """Whether each axis is prismatic. If so, values in keys ``..._deg`` are metres, and its torques are forces."""
+        """Whether each axis is prismatic. Its values in keys ``..._deg`` are then metres, and its torques forces."""
         return tuple(joint.get("type") == "prismatic" for joint in self.joints)
 
     @property
@@ -438,7 +455,8 @@ class RobotModel(Strict):
         values = self.axis_vector(self.home_deg, "home_deg", defaults)
         is_one_number = not isinstance(self.home_deg, Mapping | Sequence)
         if is_one_number:
-            # The number 0 is meant for the axes that can be at zero.
+            # One number 0, which is also the default, is meant for the axes that can be at zero. A position of 0 in a
+            # mapping or a list is kept, so that a check can report it.
             is_unreachable = self.excludes_zero & (values == 0.0)
             values = np.where(is_unreachable, defaults, values)
         return self.with_followers(self.user_units * values)
@@ -459,7 +477,8 @@ class RobotModel(Strict):
         """
         known = {"home": self.home_deg, **self.postures}
         one_of(message("base.posture_of", "posture of {name}", name=self.name), name, known)
-        if name not in self.postures:  # it is `home`, which need not be among the named postures
+        # A file may name a posture `home` itself, which then counts. Otherwise it is the posture of `home_deg`.
+        if name not in self.postures:
             return self.home
         position = self.axis_vector(
             self.postures[name], f"postures.{name}", others / self.user_units
@@ -468,7 +487,7 @@ class RobotModel(Strict):
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:
-        """Closed and open position of each finger [rad or m], by the index of its axis; empty without fingers.
+        """Closed and open position of each finger [rad or m], by the index of its axis. It is empty without fingers.
 
         Raises:
             UnknownName: the gripper names an axis that the robot does not have.
@@ -525,11 +544,12 @@ class RobotModel(Strict):
                 values,
                 message(
                     "robots.number_for_each_axis",
-                    "one number, or {count} numbers, one an axis of {name}",
+                    "one number, or {count} numbers, one for each axis of {name}",
                     count=count,
                     name=self.name,
                 ),
             )
+        # A copy, since a broadcast array is read-only.
         return np.broadcast_to(vector, (count,)).copy()
 
     def firmness(self, values: AxisValues | None) -> list[Firmness]:
@@ -539,15 +559,20 @@ class RobotModel(Strict):
     def axis_index(self, axis: str, where: str = "") -> int:
         """Find the index of an axis by its name or an alias.
 
+        Args:
+            axis: the name or alias.
+            where: key under which a user has written it, for the message of an error; empty if there is none.
+
         Raises:
-            UnknownName: there is no such axis; ``where`` is the key with its name, for the message.
+            UnknownName: there is no such axis.
         """
         for index, (name, entry) in enumerate(self.axes.items()):
             if axis == name or axis in entry.aliases:
                 return index
-        kind = message("base.axis_of", "axis of {name}", name=self.name) + (
-            message("robots.under_section", " (under {where})", where=where) if where else ""
-        )
+        kind = message("base.axis_of", "axis of {name}", name=self.name)
+        if where:
+            kind += message("robots.under_section", " (under {where})", where=where)
+        # Suggestions for a misspelt name include the aliases.
         aliases = [alias for entry in self.axes.values() for alias in entry.aliases]
         raise UnknownName(kind, axis, [*self.axes, *aliases])
 
@@ -564,10 +589,11 @@ def load_robot(name: str) -> RobotModel:
         UnknownName: no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
+    # The list of all robots takes longer, since extensions are searched for it. Only the error needs the list.
     file = model_file("robots", name) if isinstance(name, str) else None
-    return load_robot_file(
-        file or robot_files()[one_of(message("base.robot", "robot"), name, robot_names())]
-    )
+    if file is None:
+        file = robot_files()[one_of(message("base.robot", "robot"), name, robot_names())]
+    return load_robot_file(file)
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
@@ -581,6 +607,7 @@ def load_robot_file(file: Path | str) -> RobotModel:
     """
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
+    # A key `name` of the file comes last and replaces the name that is given here.
     robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
     robot._file = file
     return robot
@@ -608,6 +635,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
             str(path),
             message("robots.robot_that_moves", "a robot with at least one joint that moves"),
         )
+    # A robot's name becomes part of file names, and a URDF may have any text as a name.
     names = [name for name in (root.get("name", ""), path.stem) if is_file_name(name)]
     hand = fingers_of(root)
     robot = RobotModel(
@@ -618,6 +646,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
         tools={tool: tool for tool in tool_links(root, "" if hand is None else hand.palm)},
     )
+    # Units of the axes are needed for the gripper, and the gripper for the home posture, so the robot grows in steps.
     if hand is not None:
         robot = robot.model_copy(update={"gripper": _gripper(robot, hand)})
     return robot.model_copy(update={"home_deg": _home_of_urdf(robot)})
@@ -636,10 +665,10 @@ def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
 
 
 def _home_of_urdf(robot: RobotModel) -> AxisValues:
-    """Choose the home posture of a robot whose file has none, in the user's units: fingers are open, others at zero.
+    """Choose the home posture of a robot whose file has none, in the user's units.
 
-    Joints that cannot be at zero are in the middle of their ranges. Axes at zero are left out of the mapping; if all
-    are at zero, the result is the number 0.
+    Fingers are open. All other axes are at zero or, if their range excludes zero, in the middle of it. Axes at zero are
+    left out of the mapping. If all axes are at zero, the result is the number 0.
     """
     opened = {}
     if robot.gripper is not None:
@@ -660,6 +689,8 @@ def described_robot(path: Path) -> RobotModel | None:
     file = path.parent / ROBOT_FILE
     if file_state(file) is None:
         return None
+    # The folder may have several URDFs, and its description is that of one of them. Resolved paths compare the files
+    # and not the ways to write their names.
     described = load_robot_file(file)
     is_of_this_urdf = described.urdf_path.resolve() == path.resolve()
     return described if is_of_this_urdf else None

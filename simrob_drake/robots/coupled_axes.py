@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from simrob_drake.base.frames import Vector
 
-# Entries of the reduced equations that are smaller count as zero. Ratios are scaled to 1 before.
 _ZERO = 1e-9
+"""Entries of the reduced equations that are smaller count as zero [1]. Ratios are scaled to 1 before."""
 
 
 class Firmness(IntEnum):
@@ -32,7 +32,7 @@ class Firmness(IntEnum):
     UNNAMED = 1
     """The user gives no value for this axis, which stays where it is unless a coupling moves it."""
     LEADING = 2
-    """One value stands for all axes. Of coupled axes, the follower gives way, and the axis that leads it keeps it."""
+    """The user gives one value for all axes. Of coupled axes, the follower gives way, and its leader does not."""
     NAMED = 3
     """The user gives the value of this axis, in a mapping or a list, so that it never gives way."""
 
@@ -53,6 +53,7 @@ def firmness_of_values(
     Returns:
         the firmness of each axis, in the order of the axes.
     """
+    # Only a mapping distinguishes axes. A list names every axis, and None names none.
     if isinstance(values, Mapping):
         named = {index_of(axis) for axis in values}
         return [Firmness.NAMED if index in named else Firmness.UNNAMED for index in range(count)]
@@ -181,6 +182,7 @@ class CoupledAxes:
     @cached_property
     def _is_follower(self) -> npt.NDArray[np.bool_]:
         """Whether each axis is a follower, the first axis in the ratios of an equation, shape (n,)."""
+        # A dict keeps the order in which the user, or the URDF, has written the axes.
         first = {next(iter(equation.ratios)) for equation in self.equations if equation.ratios}
         return np.array([name in first for name in self.names], dtype=bool)
 
@@ -212,6 +214,7 @@ class CoupledAxes:
                 undecided[axis] = tuple(
                     other for other in others if firmness[other] == Firmness.UNNAMED
                 )
+        # Rows without a pivot have only axes that never give way: the user's values must fulfil them.
         unused = [row for row in range(len(rows)) if row not in row_of.values()]
         conditions = tuple(self._condition(rows[row]) for row in unused)
         return Dependence(matrix, offset, tuple(row_of), undecided, conditions)
@@ -225,6 +228,7 @@ class CoupledAxes:
         """
         scale = np.abs(self.ratios).max(axis=1, initial=0.0, keepdims=True)
         scale[scale == 0] = 1.0
+        # The factors begin as an identity, and change with the rows: they show later which equations a row comes from.
         return np.hstack([self.ratios / scale, totals[:, np.newaxis] / scale, np.eye(len(totals))])
 
     def _eliminate(self, rows: Vector, firmness: Sequence[Firmness]) -> dict[int, int]:
@@ -257,7 +261,8 @@ class CoupledAxes:
             pivot_row = max(unused, key=lambda row: abs(rows[row, axis]))
             if abs(rows[pivot_row, axis]) < _ZERO:
                 continue  # no row that is left contains the axis
-            # Solve the pivot row for the axis, and remove the axis from all other rows.
+            # Solve the pivot row for the axis, and remove the axis from all other rows, also from those used before:
+            # each row then gives its axis without back substitution.
             rows[pivot_row] /= rows[pivot_row, axis]
             for other in range(len(rows)):
                 if other != pivot_row:
@@ -267,6 +272,7 @@ class CoupledAxes:
 
     def _condition(self, row: Vector) -> AxisCondition:
         """Make a condition from a reduced row: n ratios, the total, and the factors of the original equations."""
+        # A factor that is not zero belongs to an equation that contributes to the row.
         count = len(self.names)
         sources = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO).tolist()
         labels = tuple(self.equations[equation].label for equation in sources)
@@ -291,8 +297,9 @@ class CoupledAxes:
             return None
         deviations = positions @ condition.ratios - condition.total
         sample = int(np.argmax(np.abs(deviations)))
-        # The follower's position counts as the wrong one; if no axis of the condition follows, the first axis' does.
+        # The position of the follower counts as the wrong one. If no axis follows another, that of the first axis does.
         wrong_axis = int(min(axes, key=lambda axis: (not self._is_follower[axis], axis)))
+        # Σ r q - c = deviation, so that this axis alone would have to move by -deviation / r.
         shift = -deviations[sample] / condition.ratios[wrong_axis]
         if abs(shift) <= bounds[wrong_axis]:
             return None

@@ -8,17 +8,17 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.robots.catalog import RobotModel
 
-_DESCRIPTION_KEYS = frozenset(
-    ("dh", "urdf", "axes")
-)  # keys of robots that no station has at its top
+_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))
+"""Keys of the description of a robot, none of which a station's file has at its top level."""
 
 
 def is_description_file(text: str) -> bool:
-    """Whether a text is the path of a YAML file that describes a robot, not a station. False if it is no such path.
+    """Whether a text is the path of a YAML file that describes a robot, and not of one that describes a station.
 
     Raises:
         InvalidConfig: the file cannot be read.
     """
+    # The text may be the name of a robot or of a station, or the path of a URDF. Only a YAML file is read.
     file = Path(text)
     if not is_yaml_name(file) or not isfile(file):
         return False
@@ -31,6 +31,7 @@ def gripper_advice(robot: RobotModel) -> str:
     A robot with a description file of its own gets a line for this file. Files of imported robots are in a cache, where
     users should not write; such a robot gets an option of the import.
     """
+    # The best guess for a jaw is the last axis, since axes are listed from the base outward.
     jaw_axis = list(robot.axes)[-1]
     joint = robot.axes[jaw_axis].joint
     file = robot.description_file
@@ -39,11 +40,11 @@ def gripper_advice(robot: RobotModel) -> str:
         entry = f"import_options: {{gripper: {joint}}}"
         return message(
             "robots.gripper_option",
-            "for a moving jaw {joint} write `{entry}` below urdf in the station, or import with --gripper {joint}",
+            "if {joint} moves a jaw, write `{entry}` below urdf in the station, or import with --gripper {joint}",
             joint=joint,
             entry=entry,
         )
-    # The limits of the last axis, in degrees or metres.
+    # The limits of the last axis, in degrees or metres: a jaw is usually closed at one and open at the other.
     unit_size = robot.user_units[-1]
     lower, upper = robot.axis_limits
     lower_text = f"{float(lower[-1] / unit_size):.4g}"
@@ -52,7 +53,7 @@ def gripper_advice(robot: RobotModel) -> str:
     unit = robot.unit_names[-1]
     return message(
         "robots.gripper_entry",
-        "for a moving jaw {axis} write `{entry}` into {file}: closed and open [{unit}]",
+        "if {axis} moves a jaw, write `{entry}`, its closed and open position [{unit}], into {file}",
         axis=jaw_axis,
         entry=entry,
         file=file,

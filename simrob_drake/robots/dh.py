@@ -1,7 +1,7 @@
 """Arms that are described by a table of Denavit-Hartenberg parameters, and the URDF of such an arm.
 
 The shapes of its links are generated: a drum at each joint, tubes between the joints, a foot and a flange. Their sizes
-are in proportion to the length of the arm, so they are a likeness and no data.
+are in proportion to the length of the arm, so that they show an arm like this one, but are not its data.
 """
 
 import xml.etree.ElementTree as ET
@@ -44,7 +44,7 @@ TOOL_LINK = "tool0"
 """Name of the link at the tool flange."""
 
 _JOINT = "joint_{}"
-"""Names of joints that have none of their own, with the number of the row."""
+"""Name of a joint that has no name of its own, with the number of its row."""
 
 Range = tuple[Number, Number]
 """Lowest and highest position of a joint."""
@@ -55,6 +55,8 @@ class DhRow(Strict):
 
     Mass, centre of mass and inertia are those of the link, in the frame of this row.
     """
+
+    # Turns and slides have keys of their own, since a number alone would not show whether it is in degrees or metres.
 
     joint: str | None = None
     """Name of the joint; `joint_1` and so on unless given."""
@@ -110,11 +112,12 @@ class DhRow(Strict):
                     key=limit_key,
                 )
             )
+        # Keys of the other kind would be ignored, and the joint would then not have the limits that the user sees.
         if has_other_keys:
             raise ValueError(
                 message(
                     "robots.dh_joint_has_both",
-                    "a {kind} joint has {key} and {other_key}",
+                    "a {kind} joint has the keys {key} and {other_key}, and not those of the other kind",
                     kind=self.type,
                     key=limit_key,
                     other_key=velocity_key,
@@ -125,7 +128,7 @@ class DhRow(Strict):
             raise ValueError(
                 message(
                     "robots.dh_limits_order",
-                    "{key} must be a lower and a higher number; it is {lower:g}, {upper:g}",
+                    "{key} must be a lower limit and a higher limit; it is {lower:g}, {upper:g}",
                     key=limit_key,
                     lower=lower,
                     upper=upper,
@@ -136,6 +139,7 @@ class DhRow(Strict):
     @property
     def range(self) -> tuple[float, float]:
         """Lowest and highest position [rad or m]."""
+        # The checks have made sure that exactly one of the two keys is given.
         if self.limit is not None:
             return self.limit
         lower, upper = np.deg2rad(self.limit_deg or (0.0, 0.0)).tolist()
@@ -187,16 +191,19 @@ class DhTable(Strict):
         In the classical convention, all motions of a row are behind its joint, and so in the link that it moves. In the
         modified convention, length and twist are before the joint, and so in the link before.
         """
+        # Offset and d are about and along the joint's own axis: both conventions can have them behind the joint.
         if self.convention == "classical":
             return [_motion(row.offset_deg, row.d, row.a, row.alpha_deg) for row in self.rows]
         return [_motion(row.offset_deg, row.d, 0.0, 0.0) for row in self.rows]
 
     def origins(self) -> list[RigidTransform]:
         """Compute the pose of each joint at zero in the link before, and last the pose of the tool in the last link."""
+        # Length and twist are about and along the same x axis, so that their order does not matter.
         if self.convention == "modified":
             before_joints = [_motion(0.0, 0.0, row.a, row.alpha_deg) for row in self.rows]
         else:
             before_joints = [RigidTransform()] * len(self.rows)
+        # One origin for each joint and one for the tool: what is behind the joint before, then what is before this one.
         row_frames = [transform_from_pose(self.base), *self.link_frames()]
         motions = [*before_joints, transform_from_pose(self.tool)]
         return [frame @ motion for frame, motion in zip(row_frames, motions, strict=True)]
@@ -205,7 +212,8 @@ class DhTable(Strict):
 def described_by_table(content: dict[str, Any]) -> Any:
     """Fill in the keys of a robot's description that follow from its table: root, axes and tools.
 
-    A key that is given keeps its value. A table that is no table is left to the checks of :class:`DhTable`.
+    A key that is given keeps its value. Content without proper rows is left as it is, since the checks of
+    :class:`DhTable` describe the fault.
     """
     rows = content["dh"].get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
@@ -215,11 +223,19 @@ def described_by_table(content: dict[str, Any]) -> Any:
 
 
 def _motion(turn_deg: float, z: float, x: float, twist_deg: float) -> RigidTransform:
-    """Compute the transform Rz(turn) Tz(z) Tx(x) Rx(twist)."""
-    turn, twist = np.deg2rad([turn_deg, twist_deg])
-    return RigidTransform(
-        RollPitchYaw(twist, 0.0, turn), np.array([x * np.cos(turn), x * np.sin(turn), z])
-    )
+    """Compute the transform Rz(turn) Tz(z) Tx(x) Rx(twist).
+
+    Args:
+        turn_deg: angle about z [deg].
+        z: translation along z [m].
+        x: translation along the x axis after the turn [m].
+        twist_deg: angle about this x axis [deg].
+    """
+    turn = np.deg2rad(turn_deg)
+    twist = np.deg2rad(twist_deg)
+    # The rotation is Rz(turn) Rx(twist). The translation along x is turned by the rotation about z before it.
+    translation = np.array([x * np.cos(turn), x * np.sin(turn), z])
+    return RigidTransform(RollPitchYaw(twist, 0.0, turn), translation)
 
 
 _THICKNESS = 0.055
@@ -230,12 +246,13 @@ _TAPER = 0.5
 
 
 class _DrumSize(NamedTuple):
-    """Size of a drum, divided by the radius of the tube at its place."""
+    """Size of a drum, divided by the radius of the tube next to it."""
 
     radius: float
     length: float
 
 
+# Sizes for the look alone: a joint is thicker than its tubes, the foot is wide and flat, and the flange is thin.
 _JOINT_DRUM = _DrumSize(radius=1.25, length=2.6)
 _FOOT_DRUM = _DrumSize(radius=1.8, length=0.3)
 _FLANGE_DRUM = _DrumSize(radius=0.8, length=0.4)
@@ -244,6 +261,7 @@ _ROD = 0.7
 """Radius of the rod of a prismatic joint, divided by the radius of the tube."""
 
 _FLANGE_COLOUR: Colour = (0.66, 0.68, 0.7, 1.0)
+"""Colour of the flange: red, green, blue, opacity."""
 _SHORTEST_TUBE = 1e-6
 """Length below which tubes are left out [m]."""
 
@@ -259,7 +277,7 @@ class LinkShape:
 def dh_robot(name: str, table: DhTable) -> ET.Element:
     """Make the ``robot`` element of an arm.
 
-    Its links are ``base_link``, ``link_1`` and so on, and ``tool0``. Each link moves about, or along, the z axis of its
+    The links are ``base_link``, ``link_1`` and so on, and ``tool0``. Each link moves about, or along, the z axis of its
     own frame. The pose of ``tool0`` in ``base_link`` is the product of the table.
 
     Args:
@@ -270,15 +288,22 @@ def dh_robot(name: str, table: DhTable) -> ET.Element:
     shapes = link_shapes(table)
     origins = table.origins()
     frames = table.link_frames()
-    names = [BASE_LINK, *(f"link_{number}" for number in range(1, len(table.rows) + 1)), TOOL_LINK]
+
+    row_links = [f"link_{number}" for number in range(1, len(table.rows) + 1)]
+    names = [BASE_LINK, *row_links, TOOL_LINK]
     links = [ET.SubElement(robot, "link", name=link) for link in names]
     # The last link, tool0, has no shapes.
     for link, shapes_of_link in zip(links, [*shapes, []], strict=True):
         _add_shapes(link, shapes_of_link)
+
+    # Row i connects link i with link i + 1, where link 0 is the base. The base has no inertia: it does not move.
     for number, (row, joint_name) in enumerate(zip(table.rows, table.joints, strict=True)):
+        parent = names[number]
+        child = names[number + 1]
         _add_inertia(links[number + 1], row, frames[number], shapes[number + 1])
-        ends = {"parent": names[number], "child": names[number + 1]}
-        joint = add_joint(robot, joint_name, kind=row.type, pose=origins[number], **ends)
+        joint = add_joint(
+            robot, joint_name, kind=row.type, pose=origins[number], parent=parent, child=child
+        )
         _add_motion(joint, row)
         add_motor(robot, joint_name, drive=f"{joint_name}_transmission")
     add_joint(robot, "flange", parent=names[-2], child=names[-1], pose=origins[-1])
@@ -287,6 +312,7 @@ def dh_robot(name: str, table: DhTable) -> ET.Element:
 
 def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
     """Add shapes to a link, each as a visual and as a collision element."""
+    # Drake requires different names for the geometries of a link.
     for number, shape in enumerate(shapes):
         name = f"{link.get('name')}_{number}"
         visual = add_solid(link, "visual", name, shape.solid)
@@ -309,6 +335,7 @@ def _add_inertia(
         return
     whole = solid_inertia([shape.solid for shape in shapes], closed=True)
     centre = whole.centre if row.com is None else frame @ np.array(row.com)
+    # Shapes are given in the link's own frame, and values of a row in the frame of the row.
     if row.inertia is None:
         density = row.mass / whole.volume
         moments = density * whole.moments
@@ -323,6 +350,7 @@ def _add_inertia(
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
     """Add axis, limits and viscous friction to a joint."""
+    # Denavit and Hartenberg's frames have their z axes along the joints.
     ET.SubElement(joint, "axis", xyz="0 0 1")
     lower, upper = row.range
     limit = ET.SubElement(
@@ -349,8 +377,8 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
         begin = _foot(radius) if number == 0 else _joint(table, number, radius)
         shapes.append(LinkShape(begin, table.joint_colour))
         if number == len(table.rows):
+            # The outer face of the flange is at the tool, so that its centre is half its length before the tool.
             length = _FLANGE_DRUM.length * radius
-            # Its outer face is at the tool.
             flange = _drum(
                 end, radius=_FLANGE_DRUM.radius * radius, length=length, centre=-length / 2
             )
@@ -360,9 +388,11 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
 
 
 def _radii(table: DhTable) -> Vector:
-    """Compute the radius of the tubes of each link [m], one more than rows, from the base to the tool."""
+    """Compute the radius of the tubes of each link, from the base to the tool, shape (rows + 1,) [m]."""
+    # Length of the extended arm. The first origin is that of the base, which may be a column of any height.
     length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
     length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
+    # A spherical wrist alone has no length; its drums would have no size.
     thickness = table.thickness or _THICKNESS * max(length, 0.1)
     return np.asarray(thickness * np.linspace(1.0, 1.0 - _TAPER, len(table.rows) + 1))
 
@@ -377,6 +407,7 @@ def _tubes(end: Vector, radius: float) -> list[Solid]:
     Returns:
         none, one or two tubes, and the ball if there are two.
     """
+    # The z axis is that of the joint before: along it the next joint is offset by d, and across it by a.
     origin = np.zeros(3)
     corner = np.array([0.0, 0.0, end[2]])
     tubes = []
@@ -406,12 +437,15 @@ def _joint(table: DhTable, number: int, radius: float) -> Solid:
     """
     row = table.rows[number - 1]
     if row.type == "prismatic":
-        # The rod slides through the link before. It reaches back into it even when it is pushed out fully.
-        _, upper = row.range
-        return _tube(np.array([0.0, 0.0, -upper]), np.array([0.0, 0.0, radius]), _ROD * radius)
+        # The rod slides through the link before. It reaches back into that link even when it is extended fully.
+        upper = row.range[1]
+        start = np.array([0.0, 0.0, -upper])
+        end = np.array([0.0, 0.0, radius])
+        return _tube(start, end, _ROD * radius)
     length = _JOINT_DRUM.length * radius
-    # A first joint at the origin of the base is put on the ground; the drum would be half in it otherwise.
-    is_on_ground = number == 1 and not _are_apart(table.origins()[0].translation(), np.zeros(3))
+    # A first joint at the origin of the base is put on the ground; half of the drum would be below it otherwise.
+    first_origin = table.origins()[0].translation()
+    is_on_ground = number == 1 and not _are_apart(first_origin, np.zeros(3))
     centre = length / 2 if is_on_ground else 0.0
     return _drum(RigidTransform(), radius=_JOINT_DRUM.radius * radius, length=length, centre=centre)
 

@@ -56,16 +56,17 @@ class FootContact(FootSurface):
     @model_validator(mode="after")
     def _check_links(self) -> "FootContact":
         """Check that the feet have either spheres or boxes, and that ``others`` names feet only."""
+        # Equal truth values mean that both are given or that both are missing.
         if bool(self.points) == bool(self.boxes):
             raise ValueError(
-                message("robots.spheres_or_boxes", "feet are either spheres about points, or boxes")
+                message("robots.spheres_or_boxes", "feet need either points or boxes, not both")
             )
         strange = self.others.keys() - {*self.links}
         if strange:
             raise ValueError(
                 message(
                     "robots.strange_others",
-                    "others has {strange}; the feet are {feet}",
+                    "others names {strange}, which are no feet; the feet are {feet}",
                     strange=", ".join(sorted(strange)),
                     feet=", ".join(self.links),
                 )
@@ -82,6 +83,7 @@ class FootContact(FootSurface):
         own = self.others.get(link)
         if own is None:
             return self
+        # Only the values that the file gives for this foot. Those left out have defaults, which must not count.
         return self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
 
     def support_points(self, link: str) -> Vector:
@@ -93,6 +95,7 @@ class FootContact(FootSurface):
         Returns:
             the lowest point of each sphere, or the four lower corners of the box, shape (k, 3) [m].
         """
+        # For an upright foot, "below" is along the z axis of its link.
         if link in self.points:
             return np.array(self.points[link]) - (0.0, 0.0, self.surface(link).radius)
         sole = self.boxes[link]
@@ -116,7 +119,9 @@ class FootContact(FootSurface):
         else:
             own_points = self.support_points(link)
             drop = 0.0
-        points = poses[:, np.newaxis, :3, 3] + own_points @ poses[:, :3, :3].transpose(0, 2, 1)
+        # R p for all poses and points. Points are rows, so that they are multiplied with Rᵀ.
+        turned = own_points @ poses[:, :3, :3].transpose(0, 2, 1)
+        points = poses[:, np.newaxis, :3, 3] + turned
         return np.asarray(points - [0.0, 0.0, drop])
 
 
@@ -124,7 +129,7 @@ class Feet(Strict):
     """The kinds of feet of a robot."""
 
     default: str
-    """Name of the kind that a station takes unless it names another."""
+    """Name of the kind that a station uses unless it names another."""
     contacts: dict[str, FootContact] = Field(min_length=1)
     """Kinds of feet by name."""
 
@@ -135,7 +140,7 @@ class Feet(Strict):
             raise ValueError(
                 message(
                     "robots.unknown_default_contact",
-                    "default '{default}' is none of {contacts}",
+                    "default is '{default}'; it must be one of {contacts}",
                     default=self.default,
                     contacts=", ".join(self.contacts),
                 )
@@ -143,12 +148,15 @@ class Feet(Strict):
         return self
 
     def kind(self, name: str | None) -> FootContact:
-        """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
+        """Return a kind of feet by its name, or the default one if the name is None.
+
+        Raises:
+            UnknownName: there is no such kind.
+        """
         if name is None:
             return self.contacts[self.default]
-        return self.contacts[
-            one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)
-        ]
+        known_name = one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)
+        return self.contacts[known_name]
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
@@ -164,17 +172,18 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name in feet.links:
         link = links[one_of(message("robots.link_under_feet", "link (under feet)"), name, links)]
+        # The mesh of a foot would touch the ground next to the contact shapes, and count twice.
         for old in link.findall("collision"):
             link.remove(old)
         surface = feet.surface(name)
         if name in feet.boxes:
             sole = feet.boxes[name]
-            solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
+            shape: Box | Sphere = Box(*sole.size)
+            centres: tuple[Triple, ...] = (sole.centre,)
         else:
-            sphere = Sphere(surface.radius)
-            solids = [
-                Solid(RigidTransform(np.array(centre)), sphere) for centre in feet.points[name]
-            ]
+            shape = Sphere(surface.radius)
+            centres = feet.points[name]
+        solids = [Solid(RigidTransform(np.array(centre)), shape) for centre in centres]
         for number, solid in enumerate(solids):
             collision = add_solid(link, "collision", f"{name}_contact_{number}", solid)
             add_contact(collision, _contact_properties(surface))
@@ -187,7 +196,8 @@ def _contact_properties(surface: FootSurface) -> dict[str, float | None]:
     """
     static, dynamic = surface.friction
     return {
-        "compliant_hydroelastic": None,  # an element without a value
+        # An element without a value: its presence makes the shape compliant.
+        "compliant_hydroelastic": None,
         "point_contact_stiffness": surface.stiffness,
         "hunt_crossley_dissipation": surface.dissipation,
         "mu_static": static,

@@ -37,35 +37,37 @@ from simrob_drake.robots.urdf import (
 )
 
 FOLLOWS = "follows"
-"""Element in which an import writes a ``mimic``, since Drake's parser would heed that under discrete solvers only."""
+"""Element in which an import writes a ``mimic``, since Drake's parser would apply that under discrete solvers only."""
 JAW = "jaw"
-"""Element in which an import marks the joint that its user calls the moving jaw of a hand."""
+"""Element in which an import marks the joint that its user names as the moving jaw of a hand."""
 
-_MOST_FINGERS = 5  # largest count of sliding fingers of a hand
-_SAME_DISTANCE = 1e-6  # relative difference below which two distances of fingers count as equal
+_MOST_FINGERS = 5
+"""Largest count n of sliding fingers of a hand. All combinations of their two ends are tried, 2ⁿ in all."""
+_SAME_DISTANCE = 1e-6
+"""Relative difference below which two distances of fingers count as equal."""
 _JAW_NAME = re.compile(r"jaw|finger|claw|grip", re.IGNORECASE)
-_WRIST_NAME = re.compile(
-    r"roll|pitch|yaw|rot|twist|wrist", re.IGNORECASE
-)  # joints that turn a whole hand
+"""Names that published robots give to jaws and fingers."""
+_WRIST_NAME = re.compile(r"roll|pitch|yaw|rot|twist|wrist", re.IGNORECASE)
+"""Names of joints that turn a whole hand."""
 
 
 class Gripper(Strict):
     """Fingers, which move together."""
 
     axes: Annotated[dict[str, tuple[Number, Number]], Field(min_length=1)]
-    """Its axes, each with where it is closed and where open [deg, or m of a prismatic axis]."""
+    """Axes of the fingers, each with its closed and its open position [deg, or m of a prismatic axis]."""
     force: Positive | None = None
-    """Largest force of each finger [N]; what its motor has unless given."""
+    """Largest force of each finger [N]; that of its motor unless given."""
 
     @model_validator(mode="after")
-    def _opens(self) -> "Gripper":
+    def _check_travel(self) -> "Gripper":
         """Check that each finger is closed and open at different positions."""
         still = [axis for axis, (closed, opened) in self.axes.items() if closed == opened]
         if still:
             raise ValueError(
                 message(
                     "robots.open_unlike_closed",
-                    "{axes} must be open elsewhere than closed",
+                    "{axes} must have different closed and open positions",
                     axes=", ".join(still),
                 )
             )
@@ -97,7 +99,7 @@ class FingerHand(NamedTuple):
 
 
 class _Travel(NamedTuple):
-    """Positions of a joint at both ends of its travel [rad or m]; one of them is closed, but not known yet which one.
+    """Positions of a joint at both ends of its travel [rad or m], before it is decided which of the two is closed.
 
     The fingers of a hand reach their first positions together, and their second positions together.
     """
@@ -121,25 +123,25 @@ class _HandCandidate(NamedTuple):
 def fingers_of(root: ET.Element) -> FingerHand | None:
     """Find the fingers in the ``robot`` element of a URDF.
 
-    Returns None if there are none, or if it is not clear at which end they are closed.
+    Returns None if the robot has no fingers, or if it is not clear at which end they are closed.
     """
     joints = {
         name_of(joint): joint
         for joint in root.iterfind("joint")
         if joint.get("type") in MOVABLE_JOINTS
     }
+    # The most certain signs first: a name or a mark of the user, then a coupling in the file, then the geometry alone.
     jaw = _jaw(root, joints)
     if jaw is not None:
         return jaw
     hand = _joints_that_follow(joints) or _joints_that_slide(root, joints)
     if hand is None or not _is_hand(root, joints, hand):
         return None
-    at_first = _mean_distance(
-        root, {name: travel.first for name, travel in hand.travels.items()}, hand.palm
-    )
-    at_second = _mean_distance(
-        root, {name: travel.second for name, travel in hand.travels.items()}, hand.palm
-    )
+    first_positions = {name: travel.first for name, travel in hand.travels.items()}
+    second_positions = {name: travel.second for name, travel in hand.travels.items()}
+    at_first = _mean_distance(root, first_positions, hand.palm)
+    at_second = _mean_distance(root, second_positions, hand.palm)
+    # Fingers that move side by side in one direction keep their distance: they do not grasp.
     if isclose(at_first, at_second, rel_tol=_SAME_DISTANCE):
         return None
     is_closed_second = at_second < at_first
@@ -173,6 +175,7 @@ def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | Non
     name = found[0]
     joint = joints[name]
     low, high = joint_limits(joint)
+    # Without limits there is no closed and no open end.
     if not np.isfinite([low, high]).all():
         return None
     palm = link_of(joint, "parent")
@@ -190,8 +193,8 @@ def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | Non
 def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) -> list[str]:
     """Find the joints that may move the only moving jaw of a hand, by name.
 
-    Such a joint, or its link, is named as a jaw. No joint moves beyond it, it follows no other joint and leads none,
-    and the link that holds it moves and has a shape.
+    Such a joint, or its link, is named as a jaw. No other joint moves beyond this joint, which follows no other joint
+    and leads none. The link that holds it moves and has a shape.
     """
     starts = joints_at(root)
     carrier_of = carriers(root)
@@ -210,6 +213,7 @@ def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) ->
         is_last = not any(name_of(other) in joints for other in _joints_beyond(starts, joint))
         is_alone = joint.find(FOLLOWS) is None and name not in leaders
         is_named = _is_jaw_name(name) or _is_jaw_name(link_of(joint, "child"))
+        # A palm without a shape has no fixed jaw, and a palm that never moves is the frame of a machine.
         has_moving_palm = carrier_of[palm] in moving_bodies and palm in links_with_shapes
         if is_named and is_last and is_alone and has_moving_palm:
             palm_of[name] = palm
@@ -234,12 +238,13 @@ def _distance_from_palm(root: ET.Element, joint: ET.Element, position: float) ->
     links = {name_of(link): link for link in root.iterfind("link")}
     palm_centre = _centre_of_mass(links[link_of(joint, "parent")])
     jaw_centre = _centre_of_mass(links[link_of(joint, "child")])
-    pose = pose_of(joint) @ _joint_motion(joint, position)  # of the jaw in the frame of the palm
+    # Pose of the jaw in the frame of the palm.
+    pose = pose_of(joint) @ _joint_motion(joint, position)
     return float(np.linalg.norm(pose @ jaw_centre - palm_centre))
 
 
 def _centre_of_mass(link: ET.Element) -> Vector:
-    """Read the centre of mass of a link in its frame, shape (3,) [m]; the origin if it has no inertia."""
+    """Read the centre of mass of a link in the link's frame, shape (3,) [m]. Without inertia, it is the origin."""
     inertial = link.find("inertial")
     return np.zeros(3) if inertial is None else np.asarray(pose_of(inertial).translation())
 
@@ -269,20 +274,22 @@ def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | No
     # For each leader: the travels of the leader and of its followers, by the joint's name.
     groups: dict[str, dict[str, _Travel]] = {}
     for name, joint in joints.items():
+        # The joint may follow no other joint, or one that does not move.
         follows = joint.find(FOLLOWS)
         leader = "" if follows is None else follows.get("joint", "")
-        if (
-            follows is None or leader not in joints
-        ):  # it follows no joint, or one that does not move
+        if follows is None or leader not in joints:
             continue
+        # With a factor of 0 the joint does not move, and is no finger.
         factor, offset = mimic_line(follows)
-        if factor == 0:  # the joint does not move, and is no finger
+        if factor == 0:
             continue
+        # The ends of a follower are those to which its leader moves it. Its own limits may be wider.
         low, high = joint_limits(joints[leader])
         group = groups.setdefault(leader, {leader: _Travel(low, high)})
         group[name] = _Travel(factor * low + offset, factor * high + offset)
     if not groups:
         return None
+    # Other joints of a robot may follow each other, too, such as the two sides of a linkage.
     leader = max(groups, key=lambda name: len(groups[name]))
     travels = groups[leader]
     if not np.isfinite(list(travels.values())).all():
@@ -317,7 +324,8 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
         """Mean distance of the fingers in their first positions [m]."""
         return _mean_distance(root, {name: travel.first for name, travel in travels.items()}, palm)
 
-    # Each finger may be closed at either end of its own travel.
+    # Each finger may be closed at either end of its own travel: two fingers that close on each other may both move in
+    # the positive direction of their own axes, or one of them in the negative one.
     both_directions = [
         (limits, _Travel(limits.second, limits.first)) for limits in limits_of.values()
     ]
@@ -328,8 +336,8 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
 def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCandidate) -> bool:
     """Whether the fingers are the only moving joints beyond the palm, in two branches or more.
 
-    Some joint has to move the palm, as the wrist of an arm does. In the file of a gripper alone nothing moves it. There
-    a joint or a link has to be named as a finger: the axes of a machine that slide from its frame are no fingers.
+    Some joint has to move the palm, as the wrist of an arm does. In the file of a gripper alone nothing moves the palm,
+    and a joint or a link has to be named as a finger: the axes of a machine that slide from its frame are no fingers.
 
     Args:
         root: the ``robot`` element.
@@ -368,9 +376,11 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
         palm: name of the link that holds the fingers.
     """
     links = {name_of(link): link for link in root.iterfind("link")}
-    poses = {palm: RigidTransform()}  # poses of the links beyond the palm, in the frame of the palm
+    # Poses of the links beyond the palm, in the frame of the palm.
+    poses = {palm: RigidTransform()}
     centres = list[Vector]()
     for joint in outward(joints_at(root), palm):
+        # Outward, so that the pose of a joint's parent is known before that of its child.
         name = name_of(joint)
         child = link_of(joint, "child")
         motion = _joint_motion(joint, positions.get(name, 0.0))
@@ -386,10 +396,12 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
 
 def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
     """Compute the motion of a joint from its zero to a position [rad or m]: a translation or a rotation."""
+    # The axis of a joint without an element <axis> is x, by the definition of URDF.
     element = joint.find("axis")
     direction = "1 0 0" if element is None else element.get("xyz", "1 0 0")
     axis = np.array(direction.split(), dtype=float)
-    axis /= np.linalg.norm(axis)  # in a file the vector may have any length: it is a direction
+    # In a file the vector may have any length: it is a direction.
+    axis /= np.linalg.norm(axis)
     if joint.get("type") == "prismatic":
         return RigidTransform(position * axis)
     rotation = RotationMatrix(AngleAxis(position, axis))

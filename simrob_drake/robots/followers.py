@@ -30,7 +30,12 @@ class MimicFollower(NamedTuple):
     offset: float
 
     def ratios(self, follower: str) -> dict[str, float]:
-        """Ratios of a gear between the follower, by its name, and its leader; the total of the gear is the offset."""
+        """Ratios of the equation between the follower, by its name, and its leader. Its total is the offset.
+
+        Args:
+            follower: name of the axis.
+        """
+        # q_follower = factor q_leader + offset, written as 1 q_follower - factor q_leader = offset.
         return {follower: 1.0, self.leader: -self.factor}
 
 
@@ -52,15 +57,18 @@ def followers_among(
         follows = joint.find(FOLLOWS)
         if follows is None:
             continue
+        # A description may have no axis for the leading joint. Its position is then unknown, and nothing is coupled.
         leader = axis_of_joint.get(follows.get("joint", ""))
         if leader is None:
             continue
         # The file gives the line between joints: joint = factor * leader's joint + offset. With axis = sign * joint for
         # both, and sign² = 1: axis = sign * factor * leader's sign * leader's axis + sign * offset.
-        factor, offset = mimic_line(follows)
+        line = mimic_line(follows)
         sign = axes[name].sign
         sign_of_leader = axes[leader].sign
-        found[name] = MimicFollower(leader, sign * factor * sign_of_leader, sign * offset)
+        found[name] = MimicFollower(
+            leader=leader, factor=sign * line.factor * sign_of_leader, offset=sign * line.offset
+        )
     return found
 
 
@@ -79,6 +87,7 @@ def with_followers(
     """
     if not followers:
         return positions
+    # Followers of followers make this a system of equations. The solver of coupled axes puts them in order.
     equations = []
     for axis, follower in followers.items():
         equations.append(
@@ -100,4 +109,5 @@ def with_followers(
     totals = coupled.totals(np.zeros(len(axes)))
     # The positions of all axes as an affine function of the given positions: matrix @ q + offset.
     dependence = coupled.solve(firmness, totals)
+    # Positions are rows, so that they are multiplied with the transposed matrix.
     return np.asarray(positions @ dependence.matrix.T + dependence.offset)

@@ -51,7 +51,7 @@ class GaitsFile:
         return [name for name, value in self.content.items() if isinstance(value, Mapping)]
 
     def section(self, name: str) -> Mapping[str, Any]:
-        """Return the content of a section; empty if the file has no such section."""
+        """Return the content of a section. It is empty if the file has no such section."""
         found = self.content.get(name)
         return found if isinstance(found, Mapping) else {}
 
@@ -67,6 +67,7 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
         InvalidParameter: the robot has no file of gaits.
         InvalidConfig: the file cannot be read, or ``facing_deg`` is missing or wrong.
     """
+    # A name needs only the folder: the model itself, with its meshes and checks, is not loaded.
     if isinstance(robot, str):
         name = one_of(message("base.robot", "robot"), robot, robot_names())
         folder = robot_files()[name].parent
@@ -77,8 +78,10 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
     if not file.is_file():
         raise InvalidParameter(
             message("base.robot_called", "robot {name}", name=name),
-            message("robots.robot_without_gaits", "one without gaits"),
-            message("robots.robot_with_gaits_file", "one with a file {file}", file=GAITS_FILE),
+            message("robots.robot_without_gaits", "a robot without gaits"),
+            message("robots.robot_with_gaits_file", "a robot with a file {file}", file=GAITS_FILE),
         )
+    # The sections are checked by the modules that use them, each by its own model.
     content = read_yaml(file)
-    return GaitsFile(file, validated(_Head, content, file).facing_deg, content)
+    head = validated(_Head, content, file)
+    return GaitsFile(file=file, facing_deg=head.facing_deg, content=content)

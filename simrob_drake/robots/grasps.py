@@ -29,13 +29,14 @@ _LINES = 80
 """Count of lines along each side of the grid."""
 
 _HALVINGS = 12
-"""Count of bisections that find the opening at which fingers meet: to 1/4096 of the stroke."""
+"""Count of bisections that find the opening at which fingers meet, to 1/4096 of the stroke."""
 
 _SAME_GAP = 1e-3
 """Points whose gap exceeds the smallest one by at most this belong to the faces that meet [m]."""
 
 _SKEW = 0.03
-"""Directions that are off the axes of the palm by less than this are along these axes [rad]."""
+"""Largest deviation of a direction from an axis of the palm that is taken for an error of the shapes [rad]. The axis is
+then taken in place of the direction."""
 
 _SMALLEST = 1e-6
 """Lengths below this are rounding errors [m]."""
@@ -102,6 +103,7 @@ class Stroke:
         A change of the opening moves each face by half of the change of the gap, and all axes by their travel:
         effort * travel = fingers * force * d(gap)/d(opening) / 2.
         """
+        # A gap that does not change needs no effort. The least slope keeps the result positive: callers divide by it.
         slope = float(np.interp(opening, _OPENINGS, np.gradient(self.gaps, _OPENINGS)))
         return self.fingers * max(slope, _SMALLEST) / 2 / self.travel
 
@@ -118,6 +120,7 @@ def stroke_of(model: RobotModel) -> Stroke | None:
     is_sliding = all(model.prismatic[axis] for axis in model.fingers)
     if found is not None or not is_sliding:
         return found
+    # Sliding fingers change the gap by their own travel, in proportion to the opening.
     travel = _travel(model)
     return Stroke(gaps=travel * _OPENINGS, fingers=len(model.fingers), travel=travel)
 
@@ -128,7 +131,7 @@ def _travel(model: RobotModel) -> float:
 
 
 class _Meeting(NamedTuple):
-    """Two fingertips at the opening at which they meet.
+    """Two fingertips that close on each other, at the opening at which they meet.
 
     Attributes:
         tips: the two fingertips.
@@ -158,7 +161,7 @@ class _Gaps(NamedTuple):
 
 
 class _LineHits(NamedTuple):
-    """Places at which lines enter and leave a fingertip, as distances along the lines.
+    """Points at which lines enter and leave a fingertip, as distances along the lines.
 
     Attributes:
         enters: distance at which each line enters, shape (k,) [m]; infinite if it misses the tip.
@@ -191,7 +194,8 @@ class _Tip:
 
     def __init__(self, body: RigidBody, shapes: list[Vector]) -> None:
         """Compute the hulls of a link's shapes from their corners, shape (k, 3) each [m]."""
-        from scipy.spatial import ConvexHull  # slow to load, and only hands need it
+        # Imported here, since it takes long and only hands need it.
+        from scipy.spatial import ConvexHull
 
         self.body = body
         self.points = np.vstack(shapes)
@@ -208,15 +212,21 @@ class _Tip:
             points: a point of each line, shape (k, 3) [m].
             direction: unit vector along the lines, shape (3,).
         """
+        # The planes are in the frame of the tip, so that the lines are brought there.
         to_tip = pose.inverse()
         points = (to_tip @ points.T).T
         direction = to_tip.rotation() @ direction
+        # A tip may have several hulls: it begins with the first one that a line enters and ends with the last one.
         first = np.full(len(points), np.inf)
         last = np.full(len(points), -np.inf)
         for planes in self._planes:
+            # A point p + t d of a line is in a plane if n·(p + t d) + offset = 0, so that t = -(n·p + offset) / n·d.
+            # The slope n·d, shape (planes,), is positive where the line leaves the hull. The height n·p + offset, shape
+            # (lines, planes), is positive if the point is outside.
             normals = planes[:, :3]
-            slope = normals @ direction  # (planes,), positive where the line leaves
-            height = points @ normals.T + planes[:, 3]  # (lines, planes), positive outside
+            slope = normals @ direction
+            height = points @ normals.T + planes[:, 3]
+            # Lines along a plane divide by zero. They are treated below.
             with np.errstate(divide="ignore", invalid="ignore"):
                 crossing = -height / slope
             enters = np.where(slope < 0, crossing, -np.inf).max(axis=1)
@@ -240,33 +250,40 @@ class _Hand:
         """Build the plant of a robot with fingers."""
         self._model = model
         self._robot = lone_robot(model)
-        self._context = self._robot.plant.CreateDefaultContext()
+        plant = self._robot.plant
+        self._context = plant.CreateDefaultContext()
+
+        # The palm is the parent of the first joint of any finger. In the plant this link may be merged with the link
+        # that carries it. Its name is therefore taken from the URDF: a frame of this name exists in any case.
         innermost = self._innermost_joint(self._finger_joints()[0])
-        name = self._robot.plant.get_joint(JointIndex(innermost)).name()
-        # Links without an own frame in the plant may be merged: the URDF tells which link is the palm.
-        palm = next(link_of(joint, "parent") for joint in model.joints if name_of(joint) == name)
-        self.palm = self._robot.plant.GetFrameByName(palm, self._robot.instance)
+        joint_name = plant.get_joint(JointIndex(innermost)).name()
+        joint = next(joint for joint in model.joints if name_of(joint) == joint_name)
+        self.palm = plant.GetFrameByName(link_of(joint, "parent"), self._robot.instance)
 
     def stroke(self) -> Stroke | None:
         """Measure the gap over the opening. Returns None if no two fingers close on each other."""
         meeting = self.meeting()
         if meeting is None:
             return None
-        # Follow the two points of the faces that meet, each fixed to its tip.
+        # Follow the two points of the faces that meet, each fixed to its tip. The origin of the grasp is in the middle
+        # between them.
         self._open(meeting.opening)
         touching = []
         for tip, side in zip(meeting.tips, (-1, 1), strict=True):
             point = meeting.pose.translation() + side * meeting.gap / 2 * meeting.direction
             touching.append(self._pose(tip).inverse() @ point)
+        first_tip, second_tip = meeting.tips
         gaps = []
         for opening in _OPENINGS:
             self._open(opening)
-            left, right = (
-                self._pose(tip) @ point for tip, point in zip(meeting.tips, touching, strict=True)
-            )
-            gaps.append((right - left) @ meeting.direction)
+            first_point = self._pose(first_tip) @ touching[0]
+            second_point = self._pose(second_tip) @ touching[1]
+            gaps.append((second_point - first_point) @ meeting.direction)
+
         reaches = [reach.distance for reach in self._reaches().values()]
         fingers = sum(distance > _FINGER_REACH * max(reaches) for distance in reaches)
+        # The gap has to grow with the opening, or it could not be inverted. Fingers that turn may close it a little
+        # again near the open end.
         return Stroke(
             gaps=np.maximum.accumulate(gaps), fingers=fingers, travel=_travel(self._model)
         )
@@ -284,15 +301,19 @@ class _Hand:
         # Outward: from the palm to the tips, across the direction in which they close.
         outward = closed.mean(axis=0)
         outward = outward - (outward @ direction) * direction
+        # Tips that do not move against each other, or that lie in the palm, have no frame.
         if min(np.linalg.norm(opening_move), np.linalg.norm(outward)) < _SMALLEST:
             return None
-        y_and_z = np.column_stack([direction, outward / np.linalg.norm(outward)])
-        rotation = np.column_stack([np.cross(*y_and_z.T), y_and_z])
+        # The columns of the rotation are the axes of the frame: x = y × z.
+        y_axis = direction
+        z_axis = outward / np.linalg.norm(outward)
+        rotation = np.column_stack([np.cross(y_axis, z_axis), y_axis, z_axis])
         # The direction's sign depends on the order of the tips. Of the two frames, turned by half a turn about z,
         # choose the one nearer to that of the palm: it has the larger trace.
         turned = rotation * (-1, -1, 1)
         if np.trace(rotation) < np.trace(turned):
             rotation = turned
+        # Meshes are not exactly symmetric. A frame along the axes of the palm is what the maker meant.
         if np.abs(rotation - np.round(rotation)).max() < _SKEW:
             rotation = np.round(rotation)
             direction = np.round(direction)
@@ -300,6 +321,7 @@ class _Hand:
 
     def _tips(self) -> list[_Tip]:
         """Tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
+        # Of three fingers or more, two are enough to define the frame.
         reaches = self._reaches()
         farthest = sorted(reaches, key=lambda joint: -reaches[joint].distance)[:2]
         return [reaches[joint].tip for joint in sorted(farthest)]
@@ -315,7 +337,9 @@ class _Hand:
             tip = self._tip(joint.child_body())
             if tip is None:
                 continue
-            distance = float(np.linalg.norm((self._pose(tip) @ tip.points.T).T, axis=1).max())
+            corners = (self._pose(tip) @ tip.points.T).T
+            distance = float(np.linalg.norm(corners, axis=1).max())
+            # A finger of several links counts once, with the link that reaches farthest.
             innermost = self._innermost_joint(joint)
             if innermost not in reaches or reaches[innermost].distance < distance:
                 reaches[innermost] = _Reach(distance, tip)
@@ -339,6 +363,7 @@ class _Hand:
         inspector = self._robot.scene_graph.model_inspector()
         outlines = []
         for shape in self._robot.plant.GetCollisionGeometriesForBody(body):
+            # A flat shape, whose corners have rank 2, has no hull.
             outline = shape_outline(inspector, shape)
             is_solid = np.linalg.matrix_rank(outline - outline.mean(axis=0), tol=_SMALLEST) == 3
             if is_solid:
@@ -376,6 +401,7 @@ class _Hand:
         Returns:
             the meeting, or None if no line along the direction hits both tips.
         """
+        # If the closed fingers only touch, or leave a gap, no search is needed.
         measured = self._measure_gaps(tips, direction, rotation, 0.0)
         opening = 0.0
         if measured is not None and measured.gaps.min() < -_SMALLEST:
@@ -393,11 +419,14 @@ class _Hand:
             return None
         is_at_face = measured.gaps <= measured.gaps.min() + _SAME_GAP
         face_points = measured.middles[is_at_face]
-        across, _, out = (face_points @ rotation).T
-        # Of a face that is longer than wide, only the outermost square counts.
+        # Coordinates in the frame of the grasp: across the fingers (x), and out of the hand (z).
+        in_frame = face_points @ rotation
+        across = in_frame[:, 0]
+        out = in_frame[:, 2]
+        # Of a face that is longer than wide, only the outermost square counts: hands grasp with their fingertips.
         is_in_square = out >= out.max() - np.ptp(across) - _SMALLEST
         origin = face_points[is_in_square].mean(axis=0)
-        # the sum turns -0.0 into 0.0
+        # Adding 0 turns -0.0 into 0.0.
         pose = RigidTransform(RotationMatrix(rotation), np.round(origin, 6) + 0.0)
         return _Meeting(tips, direction, opening, pose, float(measured.gaps.min()))
 
@@ -416,7 +445,7 @@ class _Hand:
             the gaps, or None if no line hits both tips.
         """
         self._open(opening)
-        # The area that both tips cover: the common part of their extents across the direction.
+        # The area that both tips cover: the common part of their extents across the direction, along the grasp's axes.
         poses = [self._pose(tip) for tip in tips]
         corners = [
             (pose @ tip.points.T).T @ rotation for tip, pose in zip(tips, poses, strict=True)
@@ -429,8 +458,10 @@ class _Hand:
             return None
         # One line in the middle of each cell, so that no line runs along an edge of a tip.
         fractions = (np.arange(_LINES) + 0.5) / _LINES
-        sides = [lower[axis] + fractions * (upper[axis] - lower[axis]) for axis in (x, z)]
-        grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+        x_values = lower[x] + fractions * (upper[x] - lower[x])
+        z_values = lower[z] + fractions * (upper[z] - lower[z])
+        grid = np.stack(np.meshgrid(x_values, z_values, indexing="ij"), axis=-1).reshape(-1, 2)
+        # A point of each line in the frame of the palm. Its coordinate along the line is 0.
         points = grid @ rotation[:, [x, z]].T
         # The inner face of the first tip is where lines leave it, that of the second where they enter it.
         leaves = tips[0].hits(poses[0], points, direction).leaves

@@ -1,4 +1,4 @@
-"""Options of an import, and the report of what it did to a robot: every repair, default and loss, in words."""
+"""Options of an import, and the report of its changes of a robot: every repair, default and loss, in words."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ from pydantic import field_validator
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import as_data, compound, from_data, join_texts, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.base.yaml_files import parse_json
 
@@ -52,17 +53,19 @@ class ImportOptions(Strict):
     """Name of the joint of the hand's only moving jaw; found by usual names unless given."""
     srdf: Path | None = None
     """SRDF file of the robot, with named postures, hands, and links whose contacts are ignored. Unless given, a file
-    with the name of the robot beside it, or in the folder `srdf` or `config` next to its folder."""
+    with the name of the robot next to the robot's file, or in a folder `srdf` or `config` next to the file's folder."""
     drop_loops: Boolean = False
-    """Leave out joints that close a loop, instead of refusing the robot."""
+    """Leave out joints that close a loop. Without this and `couple`, such a robot is refused."""
     couple: Boolean = False
-    """Replace joints that close a loop by couplings in the robot's first station, instead of refusing the robot."""
+    """Replace joints that close a loop by couplings in the robot's first station. Without this and `drop_loops`, such a
+    robot is refused."""
 
     @field_validator("packages")
     @classmethod
     def _check_packages(cls, entries: tuple[str, ...]) -> tuple[str, ...]:
         """Check that each package has a name and a folder."""
         for entry in entries:
+            # An equals sign without a folder would mean the current folder, which is hardly meant.
             name, equals, folder = entry.partition("=")
             if not (name and equals and folder):
                 raise ValueError(
@@ -84,8 +87,11 @@ class ImportOptions(Strict):
 EntryKind = Literal[
     "read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"
 ]
+"""What an import does to an element; see :class:`Entry`."""
 ENTRY_KINDS: tuple[EntryKind, ...] = get_args(EntryKind)
+"""Kinds of entries, in the order of a summary."""
 
+# Two tables, since in Spanish the word has the plural after a count and the singular in front of one entry.
 CHANGES: dict[EntryKind, str] = {
     "read": message("robots.changes_read", "read"),
     "repaired": message("robots.changes_repaired", "repaired"),
@@ -113,20 +119,20 @@ CHANGE: dict[EntryKind, str] = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that an import did to an element of the file.
+    """One change of an element of the file by an import, or one finding about it.
 
     Attributes:
-        kind: what was done:
+        kind: kind of the change:
             ``read``: nothing was changed, but the user should know;
             ``repaired``: a defect was removed;
-            ``approximated``: something similar takes its place;
+            ``approximated``: the element was replaced by something similar;
             ``defaulted``: a value was missing, and a usual one was taken;
-            ``dropped``: it was left out and does not change the motion;
-            ``open``: the user has to give it, such as a missing inertia;
-            ``lost``: it was left out, and the motion is different without it;
+            ``dropped``: the element was left out, and the motion is the same without it;
+            ``open``: the user has to give a value, such as a missing inertia;
+            ``lost``: the element was left out, and the motion is different without it;
             ``refused``: the import cannot go on.
         element: the element, such as ``joint 'elbow' <limit>``; empty for the whole file.
-        text: what was done, in words, with the old and the new value.
+        text: description of the change, with the old and the new value.
     """
 
     kind: EntryKind
@@ -146,17 +152,18 @@ class Entry:
             LookupError: a key is missing.
             TypeError: the content is no mapping, or a message is damaged.
         """
+        # A report without ids can be read, but it is shown in English only.
         messages = content.get("messages", content)
         return cls(content["kind"], from_data(messages["element"]), from_data(messages["text"]))
 
 
 @dataclass
 class ImportReport:
-    """Report of everything that an import did.
+    """Report of an import.
 
     Attributes:
         source: the file that was imported.
-        entries: what was done, in this order.
+        entries: changes and findings, in the order in which the import made them.
     """
 
     source: Path
@@ -175,7 +182,7 @@ class ImportReport:
         return [entry for entry in self.entries if entry.kind == kind]
 
     @property
-    def changed(self) -> bool:
+    def has_changes(self) -> bool:
         """Whether the result differs from the source in anything."""
         return any(
             entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost")
@@ -185,14 +192,15 @@ class ImportReport:
     def summary(self) -> str:
         """Write the counts of entries in one line, such as ``3 repaired, 6 defaulted``."""
         counts = Counter(entry.kind for entry in self.entries)
+        # Entries of the kind "read" have changed nothing, and would be the larger part of a summary.
         parts = [
             compound("{count} {changes}", count=counts[kind], changes=CHANGES[kind])
             for kind in ENTRY_KINDS
             if counts[kind] and kind != "read"
         ]
-        return (
-            join_texts(parts) if parts else message("robots.nothing_to_repair", "nothing to repair")
-        )
+        if not parts:
+            return message("robots.nothing_to_repair", "nothing to repair")
+        return join_texts(parts)
 
     def as_json(self) -> dict[str, Any]:
         """Convert the report to the content of a report file."""
@@ -203,12 +211,17 @@ class ImportReport:
         }
 
 
+keep_former_attributes(ImportReport, changed="has_changes")
+
+
 def read_report(folder: Path) -> ImportReport | None:
     """Read the report that an import has written into the folder of a robot.
 
     Returns:
-        the report; None if there is no report, or if it cannot be read.
+        the report, or None if there is no report or if it cannot be read.
     """
+    # The file may be damaged in any way, or be of another version. A robot is usable without its report, so that no
+    # fault of the file is an error.
     try:
         content = parse_json(text_of(folder / REPORT_FILE, _LARGEST_REPORT), folder)
         entries = [Entry.from_json(entry) for entry in content["entries"]]

@@ -20,14 +20,16 @@ ANGLE_TOLERANCE = 1e-4
 LENGTH_TOLERANCE = 1e-5
 """Distance beyond a limit that counts as rounding [m]."""
 
-_NEGLIGIBLE = 1e-9  # smaller distances beyond a limit are rounding of arithmetic, not worth a warning [rad or m]
-# Significant digits of positions in messages.
+_NEGLIGIBLE = 1e-9
+"""Distance beyond a limit up to which arithmetic rounding is the cause, and no warning is needed [rad or m]."""
 _FEWEST_DIGITS = 5
-_MOST_DIGITS = 17  # any two different doubles differ in 17 digits
+"""Smallest count of significant digits of positions in messages."""
+_MOST_DIGITS = 17
+"""Largest count of significant digits. Any two different doubles differ in 17 digits."""
 
 
 class ClampedPosition(UserWarning):
-    """A position lay beyond a limit of an axis by less than the tolerance, and was moved to the limit."""
+    """Warning that a position was beyond a limit of an axis by less than the tolerance, and was moved to the limit."""
 
 
 class Violation(NamedTuple):
@@ -38,7 +40,7 @@ class Violation(NamedTuple):
         axis: index of the axis.
         value: the position, without its unit.
         limits: the range of the axis, such as "0 to 0.04 m".
-        limit: the limit that is passed, without its unit.
+        limit: the limit that the position exceeds, without its unit.
         excess: distance of the position beyond the limit, without its unit.
         unit: ``deg`` or ``m``.
     """
@@ -90,11 +92,13 @@ class AxisLimits:
             distances beyond the limits, shape (..., n) [rad or m]; 0 for a position that is within the limits or
             beyond a limit by no more than the tolerance. It is 0 for NaN, too.
         """
+        # At most one of the two differences is positive. A comparison with NaN is false, hence the 0 for NaN.
         beyond = np.maximum(positions - self.upper, self.lower - positions)
         return np.where(beyond > self.tolerances, beyond, 0.0)
 
     def are_within(self, positions: Vector) -> bool:
         """Whether all positions (..., n) are finite and within the limits, up to the tolerance."""
+        # NaN has no excess, so that it is looked for by itself.
         return bool(np.isfinite(positions).all() and not self.excess(positions).any())
 
     def find_violation(self, postures: Vector) -> Violation | None:
@@ -111,6 +115,7 @@ class AxisLimits:
         if not outside.any():
             return None
         row, axis = np.argwhere(outside)[0].tolist()
+        # Messages have the units in which users write positions.
         value = postures[row, axis]
         lower = self.lower[axis]
         upper = self.upper[axis]
@@ -162,6 +167,7 @@ class AxisLimits:
         by_posture = is_moved.reshape(-1, len(self.names))
         moved_axes = np.flatnonzero(by_posture.any(axis=0))
         for axis in moved_axes.tolist():
+            # The warning states the tolerance and not the distance: its text is then the same for all samples of a run.
             tolerance = (
                 compound("{angle_tolerance:g} rad", angle_tolerance=ANGLE_TOLERANCE)
                 if self.revolute[axis]
@@ -169,7 +175,7 @@ class AxisLimits:
             )
             text = message(
                 "robots.taken_to_limit",
-                "{what}: {axis} is beyond its limit by less than {tolerance}, and is taken to the limit",
+                "{what}: {axis} is beyond its limit by less than {tolerance}, and is moved to the limit",
                 what=what,
                 axis=self.names[axis],
                 tolerance=tolerance,
@@ -193,7 +199,7 @@ def distinct_texts(value: float, limit: float) -> tuple[str, str]:
 
 
 def middles(limits: AxisLimits, units: Vector) -> Vector:
-    """Compute the position of each axis that a file does not place: zero, or the middle of a range that excludes zero.
+    """Compute default positions of axes: zero, or the middle of a range that excludes zero.
 
     Args:
         limits: limits of the n axes.
@@ -202,6 +208,7 @@ def middles(limits: AxisLimits, units: Vector) -> Vector:
     Returns:
         positions in the user's units, shape (n,), rounded to six digits so that a station file can hold them.
     """
+    # A range that misses zero by rounding, such as 1e-6 to 1, does not exclude it.
     excludes_zero = limits.excess(np.zeros(len(units))) > 0.0
     lower = limits.lower / units
     upper = limits.upper / units

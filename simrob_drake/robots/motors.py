@@ -54,7 +54,7 @@ class Motor(Strict):
     """A motor with its gear. Its values are those of the output, at ``voltage``. Any of them may be left out."""
 
     model: str | None = None
-    """Name of a known motor, which gives the values that are left out here."""
+    """Name of a known motor. Values that are left out here are those of this motor."""
     source: str = ""
     """Source of the values, and which of them are estimates."""
     stall_torque: Positive | None = None
@@ -77,9 +77,9 @@ class Motor(Strict):
     peak_torque: Positive | None = None
     """Torque τ_p at the largest current [N·m or N]; the stall torque unless given."""
     rated_torque: Positive | None = None
-    """Torque that the motor can give without end [N·m or N]."""
+    """Torque that the motor can give continuously [N·m or N]."""
     thermal_time: Positive = 30.0
-    """Time constant with which the motor gets warm [s]."""
+    """Thermal time constant of the motor [s]."""
     rotor_inertia: NotNegative | None = None
     """Inertia of the rotor about its own axis [kg m²]; with a gear ratio of 1, at the output. As in the robot's
     `drives`."""
@@ -106,7 +106,8 @@ class Motor(Strict):
         voltage = self.voltage or 1.0
         supply_share = (self.supply or voltage) / voltage
 
-        # τ_s / (1 + R I_s / U), see the module
+        # With the supply voltage U_s:  τ = (U_s / U) τ_s / (1 + R I_s / U)  and  v = (U_s / U) v_0. The resistance does
+        # not change the no-load speed, since the motor draws no current there.
         voltage_drop_at_stall = self.supply_resistance * (self.stall_current or 0.0)
         torque_share = 1.0 / (1.0 + voltage_drop_at_stall / voltage)
         stall_torque = supply_share * torque_share * self.stall_torque
@@ -116,6 +117,7 @@ class Motor(Strict):
     @property
     def at_output(self) -> "Motor":
         """The same motor with its torques behind the gear, and a gear efficiency of 1."""
+        # Speeds pass the gear without loss, so that only torques change.
         update: dict[str, float] = {"gear_efficiency": 1.0}
         for key in ("stall_torque", "peak_torque", "rated_torque"):
             torque = getattr(self, key)
@@ -143,10 +145,12 @@ class CommandBusConfig(Strict):
 
 def _kind(choice: Any) -> str:
     """Recognise how a user gives motors: the "name" of one, the "values" of one, or a mapping by "axes"."""
+    # Pydantic would try all three in turn and report the errors of each. With a decision, it reports those of one.
     if isinstance(choice, str):
         return "name"
     if isinstance(choice, Motor):
         return "values"
+    # A mapping by axes has names of axes as keys; none of them is that of a value of a motor in practice.
     keys = choice.keys() if isinstance(choice, Mapping) else ()
     has_values = any(key in Motor.model_fields for key in keys)
     return "values" if has_values else "axes"
@@ -168,6 +172,7 @@ Motors = Annotated[
 @cache
 def known_motors() -> Mapping[str, Motor]:
     """Read the motors that have names, by name."""
+    # Read once: the file belongs to the package, and does not change while Python runs.
     file = models_root() / MOTORS_FILE
     return {name: validated(Motor, content, file) for name, content in read_yaml(file).items()}
 
@@ -177,6 +182,7 @@ def rated_torques(motors: Iterable[Motor | None]) -> Vector:
 
     The torque of an axis without a motor, or of a motor without a rated torque, is infinite.
     """
+    # An infinite torque is one that no torque exceeds, so that callers need no other case.
     torques = []
     for motor in motors:
         rated = None if motor is None else motor.rated_torque
@@ -185,26 +191,26 @@ def rated_torques(motors: Iterable[Motor | None]) -> Vector:
 
 
 PLAY = "_play"
-"""End of the name of a joint that stands for the play of a gear, after the name of the motor's joint."""
+"""End of the name of the joint that models the play of a gear. It follows the name of the motor's joint."""
 
 _GEAR_MASS = 1e-3
-"""Mass of the link between a motor and a gear with play [kg]. The solver cenic takes no body without mass."""
+"""Mass of the link between a motor and a gear with play [kg]. The solver cenic accepts no body without mass."""
 
 _GEAR_INERTIA = 1e-7
 """Moments of inertia of that link [kg m²]."""
 
-_Figure = Annotated[
+_DriveValue = Annotated[
     AxisValues,
     every_axis(
         lambda value: 0 <= value <= 1e9,
-        message("robots.not_negative_below", "it is not negative, and at most 1e9"),
+        message("robots.not_negative_below", "it must be a number from 0 to 1e9"),
     ),
 ]
 _Ratio = Annotated[
     AxisValues,
     every_axis(
         lambda value: 1e-6 <= value <= 1e6,
-        message("robots.positive_within", "it is positive, of 1e-6 to 1e6"),
+        message("robots.positive_within", "it must be a number from 1e-6 to 1e6"),
     ),
 ]
 
@@ -217,22 +223,22 @@ class Drives(Strict):
         d v + c sat(v / v_s)
 
     which is viscous and Coulomb friction. Below the speed v_s Coulomb friction is proportional to v, so a joint that is
-    held by friction alone creeps.
+    held by friction alone moves slowly.
     """
 
-    rotor_inertia: _Figure | None = None
+    rotor_inertia: _DriveValue | None = None
     """Inertia of the motor's rotor about its own axis [kg m², or kg for a sliding axis]; `drake:rotor_inertia` of the
     URDF unless given."""
     gear_ratio: _Ratio | None = None
     """Speed of the motor divided by that of the joint; `drake:gear_ratio` of the URDF, or 1, unless given."""
-    damping: _Figure | None = None
+    damping: _DriveValue | None = None
     """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of the URDF's `dynamics` unless given."""
-    friction: _Figure | None = None
+    friction: _DriveValue | None = None
     """Coulomb friction c at the joint [N·m or N]; `friction` of the URDF's `dynamics` unless given."""
     friction_speed: Annotated[Number, Field(ge=1e-6)] = 0.01
     """Speed v_s below which Coulomb friction is proportional to speed [rad/s or m/s]. With a tenth of the default,
     solvers with loose tolerances repeat many steps."""
-    backlash_deg: _Figure | None = None
+    backlash_deg: _DriveValue | None = None
     """Angle by which the link can move against its motor, from end to end [deg, or m]. Its ends are stops like those of
     joints. Positions are those of the motor. Only dynamic stations have backlash, and it needs a rotor_inertia."""
 
@@ -246,11 +252,13 @@ def set_drives(robot: ET.Element, key: str, values: Mapping[str, float]) -> None
             belong to the joint.
         values: the value of each joint, by the joint's name. Other joints keep theirs.
     """
+    # Friction is written where a URDF has it. Drake ignores it there; a station reads it for a block of its own.
     if key in ("damping", "friction"):
         for joint in robot.iterfind("joint"):
             if name_of(joint) in values:
                 child_of(joint, "dynamics").set(key, format_number(values[name_of(joint)]))
         return
+    # The drive of a joint without a motor has no effect: Drake adds rotor inertia to actuators only.
     for transmission in robot.iterfind("transmission"):
         for joint in transmission.iterfind("joint"):
             if name_of(joint) in values:
@@ -270,6 +278,7 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
         robot: the URDF.
         play: play from end to end, by the name of the joint [rad or m]. Joints with a play of 0 stay as they are.
     """
+    # A list, since the loop adds joints to the robot while it runs.
     loose_joints = [joint for joint in robot.iterfind("joint") if play.get(name_of(joint), 0.0) > 0]
     for joint in loose_joints:
         name = name_of(joint)
@@ -286,10 +295,13 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
             child=child.get("link", ""),
         )
         play_joint.extend(map(copy_of, joint.findall("axis")))
+        # The motor's joint is in the middle of the play, so that the link can move by half of it to either side. The
+        # effort of 0 and the missing transmission make the second joint passive.
         half = play[name] / 2
         ET.SubElement(
             play_joint, "limit", lower=format_number(-half), upper=format_number(half), effort="0"
         )
+        # The motor's joint now carries the gear; the link that it carried before hangs on the second joint.
         child.set("link", name_of(gear))
 
 

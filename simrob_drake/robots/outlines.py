@@ -1,6 +1,6 @@
 """Points of a collision shape: its corners, its lowest points, and the points that are farthest out.
 
-Curved shapes have no corners. Of these, points are computed for a given direction.
+Curved shapes have no corners. Their outermost points are computed for a given direction.
 """
 
 from itertools import product
@@ -35,17 +35,18 @@ def _turns_that_point_down() -> list[RigidTransform]:
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         if not any(direction):
             continue
-        # Of a frame whose z axis (2) points against the direction. Its inverse turns the direction to -z.
+        # A frame whose z axis (index 2) points against the direction. Its inverse turns the direction to -z.
         frame = RotationMatrix.MakeFromOneVector(-np.array(direction), 2)
         turns.append(RigidTransform(frame.inverse(), np.zeros(3)))
     return turns
 
 
 _TURNS = _turns_that_point_down()
+"""Rotations that turn each of 26 directions downwards."""
 
 
 def shape_outline(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
-    """Compute points on the surface of a convex shape that show its extent.
+    """Compute points on the surface of a convex shape that represent its extent.
 
     Args:
         inspector: inspector of the scene graph.
@@ -80,7 +81,8 @@ def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector
     Returns:
         the points in the world, shape (k, 3) [m].
     """
-    up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
+    # The world's z axis in the frame of the shape, in which all points are computed first.
+    up = pose.rotation().matrix()[2]
     match shape:
         case Sphere():
             points = -shape.radius() * up[np.newaxis]
@@ -89,16 +91,20 @@ def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector
             axes = np.array([shape.a(), shape.b(), shape.c()])
             points = -(axes**2 * up / np.linalg.norm(axes * up))[np.newaxis]
         case Capsule():
+            # A capsule is the hull of two spheres, whose lowest points are below their centres.
             centres = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
             points = centres - shape.radius() * up
         case Cylinder():
-            # Angles about the axis. The first one points down, so that the lowest point of a rim is exact.
-            angles = np.arctan2(-up[1], -up[0]) + _RIM_ANGLES
+            # Angles about the axis. The first one points down, so that the lowest point of a rim is exact. The others
+            # represent the rest of a rim, all of which touches the ground if it is level.
+            first_angle = np.arctan2(-up[1], -up[0])
+            angles = first_angle + _RIM_ANGLES
             circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
             rim = shape.radius() * circle
             half_axis = np.array([0.0, 0.0, shape.length() / 2])
             points = np.vstack([rim - half_axis, rim + half_axis])
         case _:
+            # One of the corners of a polyhedron is its lowest point, whatever its orientation.
             points = corners
     return np.asarray((pose @ points.T).T)
 
@@ -112,6 +118,7 @@ def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vecto
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Box):
         return np.asarray(_CORNER_SIGNS * shape.size() / 2)
+    # In contacts a mesh counts as its convex hull, which Drake has computed.
     if isinstance(shape, Mesh | Convex):
         hull = inspector.GetConvexHull(shape_id)
         return np.array([hull.vertex(index) for index in range(hull.num_vertices())])

@@ -45,6 +45,7 @@ def add_urdf(
     Raises:
         InvalidModel: Drake cannot read the robot.
     """
+    # A copy, since the caller's element still needs its fixed links and friction.
     reduced = copy_of(robot)
     if not collision:
         drop_collision(reduced)
@@ -53,23 +54,26 @@ def add_urdf(
         for gear in actuator.findall("mechanicalReduction"):
             actuator.remove(gear)
     for dynamics in reduced.iterfind("joint/dynamics"):
-        # So it does with friction, which a station adds by a block of its own.
+        # Drake ignores friction as well, and warns of it. A station adds friction by a block of its own.
         dynamics.attrib.pop("friction", None)
+    # Fewer bodies make each evaluation of the plant faster.
     merge_fixed_links(reduced)
     parser = Parser(plant, model_name_prefix=name)
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
-    except (
-        RuntimeError,
-        ValueError,
-        SystemExit,
-    ) as problem:  # failed assertions come as SystemExit
-        # Drake names the place in the text, which the user has never seen.
-        text = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
+    # Failed assertions of Drake come as SystemExit.
+    except (RuntimeError, ValueError, SystemExit) as problem:
+        # Drake names the line of the text that it was given, which the user has never seen. It is removed.
+        one_line = " ".join(str(problem).split())
+        text = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", one_line)
         raise InvalidModel(
             where,
             "",
-            message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text),
+            message(
+                "robots.drake_cannot_read",
+                "Drake cannot read this file: {problem}",
+                problem=text,
+            ),
         ) from problem
 
 
@@ -90,6 +94,7 @@ def held_robot(
     Raises:
         InvalidModel: Drake cannot read the URDF.
     """
+    # A time step of 0 makes a continuous plant. Kinematics and inverse dynamics need no steps.
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))
     robot = model.element if element is None else element
@@ -110,7 +115,7 @@ class LoneRobot:
         scene_graph: the scene graph.
         instance: model instance of the robot.
         joints: joints of the axes, in order.
-        axes: places of the axes in the plant, and their senses.
+        axes: indices of the axes in the plant, and their senses.
     """
 
     builder: DiagramBuilder
@@ -122,6 +127,7 @@ class LoneRobot:
 
     def origins(self) -> Vector:
         """Compute the origins of the m bodies at the default posture, shape (m, 3) [m], without that of the world."""
+        # Body 0 is the world, whose origin says nothing about the robot.
         context = self.plant.CreateDefaultContext()
         bodies = [
             self.plant.get_body(BodyIndex(index)) for index in range(1, self.plant.num_bodies())
@@ -149,13 +155,25 @@ def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = T
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    # Drake parses a text, which has no folder to which names of meshes could be relative.
     element = with_absolute_meshes(robot.element, robot.folder)
     instance = add_urdf(plant, element, name=robot.name, where=robot.urdf_path, collision=collision)
     if not floating:
-        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(robot.root, instance))
+        root = plant.GetFrameByName(robot.root, instance)
+        plant.WeldFrames(plant.world_frame(), root)
     plant.Finalize()
+
     joints = [plant.GetJointByName(axis.joint, instance) for axis in robot.axes.values()]
     axes = AxisMap.of_joints(plant, joints, robot.signs)
-    for joint, position in zip(joints, axes.signs * robot.home, strict=True):
+    # Positions of joints have the senses of the joints, those of the home posture the senses of the axes.
+    joint_positions = axes.signs * robot.home
+    for joint, position in zip(joints, joint_positions, strict=True):
         joint.set_default_positions(np.array([position]))
-    return LoneRobot(builder, plant, scene_graph, instance, joints, axes)
+    return LoneRobot(
+        builder=builder,
+        plant=plant,
+        scene_graph=scene_graph,
+        instance=instance,
+        joints=joints,
+        axes=axes,
+    )

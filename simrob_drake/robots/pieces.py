@@ -73,7 +73,7 @@ class SolidInertia:
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     """Compute volume, centre and moments of several solids as one body.
 
-    Where two solids overlap, both count.
+    The common volume of two solids that overlap counts twice.
 
     Args:
         solids: the solids, at least one.
@@ -93,14 +93,17 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
         # In the axes of the body, still about the origin of the solid.
         inertias.append(inertia.ReExpress(solid.pose.rotation()))
 
+    # The common centre is the mean of the centres, weighted with the volumes: Σ V c / Σ V.
     volumes = np.array([inertia.get_mass() for inertia in inertias])
     centres = origins + np.array([inertia.get_com() for inertia in inertias])
     centre = volumes @ centres / volumes.sum()
 
+    # Moments add up once all of them are about the common centre.
     about_centre = []
     for inertia, origin in zip(inertias, origins, strict=True):
         shifted = inertia.Shift(centre - origin)
         about_centre.append(shifted.CalcRotationalInertia().CopyToFullMatrix3())
+    # A symmetric body has products of inertia of 0. Rounding errors would be written into files as long numbers.
     moments = six_moments(np.sum(about_centre, axis=0))
     is_rounding = abs(moments) < _NOTHING * moments.max()
     return SolidInertia(
@@ -131,16 +134,16 @@ def _mesh_inertia(
         if closed and not encloses_volume:
             problem = message(
                 "robots.no_closed_obj",
-                "is no OBJ that encloses a volume, so a density does not tell its mass; give the mass instead",
+                "is not an OBJ mesh that encloses a volume, so that its mass does not follow from a density; "
+                "give the mass instead",
             )
             raise InvalidModel(file, "", problem)
+        # Drake computes the integrals over the faces of a mesh, which have no meaning if the mesh has holes.
         shape = Mesh(str(file), scale) if encloses_volume else Convex(str(file), scale)
         return CalcSpatialInertia(shape, 1.0)
-    except (
-        RuntimeError,
-        ValueError,
-        SystemExit,
-    ) as problem:  # failed assertions come as SystemExit
+    # Failed assertions of Drake come as SystemExit.
+    except (RuntimeError, ValueError, SystemExit) as problem:
+        # The error of an open mesh, raised above, is one of these classes, too.
         if isinstance(problem, InvalidModel):
             raise
         raise InvalidModel(
@@ -148,7 +151,7 @@ def _mesh_inertia(
             "",
             message(
                 "robots.drake_cannot_read",
-                "Drake cannot read it: {problem}",
+                "Drake cannot read this file: {problem}",
                 problem=" ".join(str(problem).split()),
             ),
         ) from problem
@@ -162,6 +165,7 @@ def _is_closed(file: Path) -> bool:
     """
     if file.suffix.lower() != ".obj":
         return False
+    # Drake splits faces with more than three corners into triangles.
     surface = ReadObjToTriangleSurfaceMesh(str(file))
     faces = np.array([[face.vertex(corner) for corner in range(3)] for face in surface.triangles()])
     points = np.array(surface.vertices())
@@ -181,7 +185,7 @@ def _is_closed(file: Path) -> bool:
 
 
 def mesh_sides(file: Path, scale: float) -> tuple[float, ...]:
-    """Sides of the box, along the axes of the mesh, that encloses an OBJ mesh which is scaled, shape (3,) [m]."""
+    """Sides of the box that encloses a scaled OBJ mesh, along the axes of the mesh, shape (3,) [m]."""
     return tuple(scale * side for side in _unscaled_sides(file, file_state(file)))
 
 
@@ -253,12 +257,13 @@ class PieceShape(Strict):
     @model_validator(mode="after")
     def _check_kind(self) -> "PieceShape":
         """Check that exactly one kind of shape is given."""
+        # Two keys in one shape are usually two shapes without a dash between them.
         kinds = (self.box, self.cylinder, self.sphere, self.mesh)
         if sum(kind is not None for kind in kinds) != 1:
             raise ValueError(
                 message(
                     "robots.one_of_shapes",
-                    "a shape has exactly one of box, cylinder, sphere and mesh",
+                    "a shape needs exactly one of the keys box, cylinder, sphere and mesh",
                 )
             )
         return self
@@ -313,16 +318,18 @@ class PieceModel(Strict):
     @model_validator(mode="after")
     def _check_values(self) -> "PieceModel":
         """Check that values do not contradict each other, and that each frame has a name of its own."""
+        # A mass of 0 that the file states contradicts a density as well; the default mass does not.
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError(
                 message("robots.mass_or_density", "a piece has either a mass or a density")
             )
+        # Counted before the frames are computed: a slip in a count must not fill the memory.
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
         if any(np.prod([step.count for step in steps]) > _MOST_FRAMES for steps in series):
             raise ValueError(
                 message(
                     "robots.too_many_frames",
-                    "a series of frames has at most {most}",
+                    "a series can have {most} frames at most",
                     most=_MOST_FRAMES,
                 )
             )
@@ -331,7 +338,11 @@ class PieceModel(Strict):
             check_plain(name)
             if name in names[:index]:
                 raise ValueError(
-                    message("robots.frame_twice", "the frame '{name}' stands twice", name=name)
+                    message(
+                        "robots.frame_twice",
+                        "there are two frames '{name}'; each frame needs a name of its own",
+                        name=name,
+                    )
                 )
         return self
 
@@ -341,7 +352,7 @@ class PieceModel(Strict):
         return dict(self._named_poses())
 
     def _named_poses(self) -> list[tuple[str, Pose]]:
-        """List all frames with their poses, those of series one by one. A name may still be in the list twice."""
+        """List all frames with their poses, those of series one by one. A name can be in the list twice."""
         frames = [(TCP, self.tcp)]
         for name, entry in self.frames.items():
             if isinstance(entry, FrameSeries):
@@ -362,7 +373,11 @@ def piece_names() -> list[str]:
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package; raises UnknownName: there is no such piece."""
+    """Return the file of a piece of the package.
+
+    Raises:
+        UnknownName: there is no such piece.
+    """
     file = model_file("pieces", name)
     if file is not None:
         return file
@@ -398,6 +413,7 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
         InvalidConfig: a new value is not allowed.
         InvalidModel: see :func:`with_mass_properties`.
     """
+    # Only the values that the file gives are kept: defaults would look like values that the user has set.
     removed = set(changes)
     if "density" in changes:
         removed |= {"mass", "com", "inertia"}
@@ -424,6 +440,7 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
         InvalidModel: a mesh cannot be read. For a piece with a density: a mesh does not enclose a volume, or the piece
             has no shapes.
     """
+    # A value that the file states counts, even if it does not fit the shapes: they may be a likeness of the body only.
     stated_keys = piece.model_fields_set
     shapes = piece.shapes
     needs_no_shapes = "inertia" in stated_keys or piece.mass == 0 or not shapes
@@ -440,6 +457,7 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
     whole = solid_inertia(
         [shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None
     )
+    # A mass without a density means the even density with which the shapes have this mass.
     density = piece.density or piece.mass / whole.volume
     computed: dict[str, Any] = {
         "mass": density * whole.volume,
@@ -450,8 +468,8 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
     return piece.model_copy(update={**update, "density": None})
 
 
-# Pieces that were read last, by the absolute paths of their files.
 _PIECES: FileCache[PieceModel] = FileCache(size=128)
+"""The pieces that were read last, by the absolute paths of their files."""
 
 
 def _read_piece(file: Path) -> PieceModel:
@@ -459,8 +477,10 @@ def _read_piece(file: Path) -> PieceModel:
     piece = validated(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
     for shape in piece.shapes:
         if shape.mesh is not None:
-            mesh = mesh_file(shape.mesh, file.parent)  # raises InvalidModel if the mesh is missing
-            file_state(mesh)  # the cache records the mesh, and so notices if it is deleted
+            # This raises InvalidModel if the mesh is missing.
+            mesh = mesh_file(shape.mesh, file.parent)
+            # The cache records each file whose state is asked for, and so notices if the mesh is deleted.
+            file_state(mesh)
     return piece
 
 
@@ -500,6 +520,7 @@ def add_piece(
         parent: name of the link or frame that carries the piece.
         pose: pose of the piece in this link or frame.
     """
+    # The frame is looked up at this moment, since a piece before may have added it: tools can hang on tools.
     link = parent
     pose_in_link = pose
     # Joints connect links, so a frame is replaced by the link to which it belongs.
@@ -528,6 +549,7 @@ def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
         )
     for index, (shape, shape_name) in enumerate(zip(piece.shapes, piece.shape_names, strict=True)):
         solid = shape.solid(piece.folder)
+        # A shape may be drawn, touch other bodies, or both: a fine mesh for the eye, a few boxes for contacts.
         if shape.visible:
             visual = add_solid(link, "visual", f"{name}_{index}", solid)
             add_colour(visual, f"{name}_{index}_colour", shape.colour or piece.colour)

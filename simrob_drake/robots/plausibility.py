@@ -32,7 +32,7 @@ from simrob_drake.robots.urdf import (
 
 # Bounds of plausible numbers. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
 # millimetres for metres 1e9 times as small, kg mm² for kg m² moments 1e6 times as large. Published robots reach the
-# bounds where a shape stands for something larger or smaller than itself.
+# bounds if a shape represents something larger or smaller than itself.
 HEAVIEST = 1e5
 """Largest density of a body [kg/m³]; gold has 2e4."""
 LIGHTEST = 0.1
@@ -40,19 +40,24 @@ LIGHTEST = 0.1
 # Plausible moments of inertia of a body, in multiples of those of a solid body with its mass and shapes.
 _LEAST_MOMENTS = 1e-5
 _MOST_MOMENTS = 1e3
-_NEGLIGIBLE = 1e-3  # a link with a smaller share of the robot's mass does not affect the motion
-_SMALLEST_VOLUME = (
-    1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
-)
+_NEGLIGIBLE = 1e-3
+"""Share of the robot's mass below which a link does not affect the motion [1]."""
+_SMALLEST_VOLUME = 1e-6
+"""Volume below which shapes are mere markers [m³]. A cube of 10 mm has this volume."""
 # Plausible distance of a centre of mass from the middle of its shapes or, without shapes, from its link's joint:
 # _FAR [m] plus _SIZES times the size of the shapes or of the link.
 _FAR = 1.0
 _SIZES = 2.0
-_STRONG = 50.0  # largest plausible payload, in multiples of the robot's own mass
-_HEAVY = 100.0  # payloads up to this mass are plausible for any robot [kg]
-_LONGEST = 30.0  # longest plausible link of a robot [m]
-_MOST_TURNS = 4 * math.pi  # largest plausible limit of a revolute joint [rad]
-_WHOLE = 1e-3  # a smaller deviation from a whole number of half turns is rounding
+_STRONG = 50.0
+"""Largest plausible payload, in multiples of the robot's own mass [1]. Arms carry less than their own mass."""
+_HEAVY = 100.0
+"""Mass up to which a payload is plausible for any robot [kg]."""
+_LONGEST = 30.0
+"""Length of the longest plausible link of a robot [m]."""
+_MOST_TURNS = 4 * math.pi
+"""Largest plausible limit of a revolute joint, two turns [rad]. Limits in degrees are larger."""
+_WHOLE = 1e-3
+"""Deviation from a whole number of half turns below which a limit is such a number, rounded [half turns]."""
 
 
 class Doubt(NamedTuple):
@@ -97,6 +102,7 @@ def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
     links = robot.findall("link")
     total_mass = sum(mass_of(link) for link in links)
     doubts = list[Doubt]()
+    # Light links, such as those of cables and markers, often have made-up inertias that change nothing.
     for link in links:
         if mass_of(link) > _NEGLIGIBLE * total_mass:
             doubts += _link_doubts(link, sizes[name_of(link)], folder)
@@ -108,8 +114,9 @@ def _link_sizes(robot: ET.Element) -> dict[str, float]:
     """Estimate the size of each link from the joints at it, by link name [m].
 
     The offset of a joint is the distance of its frame from the frame of its parent link. The offsets of the joints that
-    a link carries show how far it reaches. A link at the end of the robot carries none, so that it is taken to be as
-    large as the offset of its own joint. The size is the largest of all these offsets, and 0 for a link without joints.
+    a link carries show how far the link reaches. A link at the end of the robot carries no joints, and is taken to be
+    as large as the offset of its own joint. The size is the largest of all these offsets, and 0 for a link without
+    joints.
     """
     sizes = {name_of(link): 0.0 for link in robot.iterfind("link")}
     for joint in robot.iterfind("joint"):
@@ -142,6 +149,7 @@ def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Dou
     solid = inertia_of_shapes(link, folder, 1.0)
     if solid is None or solid.get_mass() < _SMALLEST_VOLUME:
         return [Doubt(where, text) for text in _doubts_by_size(own, size)]
+    # The trace of the moments does not depend on the axes, so that nothing has to be turned.
     centre = solid.get_com()
     moments = solid.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
     shapes = MassProperties(solid.get_mass(), centre, float(np.trace(moments)))
@@ -161,7 +169,8 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
         texts.append(
             message(
                 "robots.odd_density",
-                "mass {mass:g} kg in {volume:.3g} m³ is {density:.3g} kg/m³; grams, or mm?",
+                "a mass of {mass:g} kg in {volume:.3g} m³ is a density of {density:.3g} kg/m³; "
+                "were grams or millimetres meant?",
                 mass=own.mass,
                 volume=shapes.mass,
                 density=density,
@@ -176,10 +185,11 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
         texts.append(
             message(
                 "robots.far_from_shapes",
-                "its centre of mass lies {distance:.3g} m from the middle of its shapes; in mm?",
+                "its centre of mass is {distance:.3g} m from the middle of its shapes; were millimetres meant?",
                 distance=apart,
             )
         )
+    # The masses cancel out: a wrong unit of mass is found above, by the density.
     ratio = own.spread / shapes.spread
     # Moments of exactly 0 are no slip with units: they describe a point mass.
     if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
@@ -200,31 +210,33 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
         own: mass properties of the link.
         size: size of the link by the joints at it [m].
     """
+    # The frame of a link is at its own joint, so that the length of the vector is the distance from this joint.
     texts = list[str]()
     apart = float(np.linalg.norm(own.centre))
     if apart > _FAR + _SIZES * size:
         texts.append(
             message(
                 "robots.far_from_joint",
-                "its centre of mass lies {distance:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?",
+                "its centre of mass is {distance:.3g} m from its joint, but its joints are only {size:.3g} m apart; "
+                "were millimetres meant?",
                 distance=apart,
                 size=size,
             )
         )
-    # The spread is twice the mean square distance from the centre of mass. Of a link at the end of the robot the joints
-    # show no size, so that the distance of its centre of mass counts as a size, too.
-    gyration = math.sqrt(own.spread / 2)  # root mean square distance from the centre of mass [m]
+    # The spread is twice the mean square distance from the centre of mass, so that this is the root mean square [m].
+    gyration = math.sqrt(own.spread / 2)
+    # The joints show no size of a link at the end of the robot. The distance of its centre of mass counts as one, too.
     if gyration > _FAR + _SIZES * max(size, apart):
         moments = message(
             "robots.moments_of_mass",
-            "its moments are those of {mass:.4g} kg {gyration:.3g} m from the centre of mass",
+            "its moments are those of a mass of {mass:.4g} kg at {gyration:.3g} m from the centre of mass",
             mass=own.mass,
             gyration=gyration,
         )
         texts.append(
             message(
                 "robots.moments_and_joints",
-                "{moments}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?",
+                "{moments}, but its joints are only {size:.3g} m apart; were kg mm² or g m² meant?",
                 moments=moments,
                 size=size,
             )
@@ -242,8 +254,10 @@ def payload_doubt(payload: float, mass: float) -> str:
     if payload <= 0:
         return message(
             "robots.motors_too_weak",
-            "its motors do not hold its own links; are masses, lengths or efforts in other units?",
+            "its motors cannot hold its own links; are masses, lengths or efforts in other units?",
         )
+    # Small robots with strong servos carry many times their own mass, and large ones carry tonnes: only both together
+    # are implausible.
     if payload > _STRONG * mass and payload > _HEAVY:
         return message(
             "robots.payload_too_large",
@@ -264,7 +278,7 @@ def moving_mass(robot: ET.Element) -> float:
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
-    """Yield the first implausible offset of a robot's joints, and all implausible limits."""
+    """Yield the first implausible offset of a robot's joints, then all implausible limits."""
     # A slip with units affects all offsets, so only the first implausible one is reported.
     for joint in robot.iterfind("joint"):
         offset = float(np.linalg.norm(pose_of(joint).translation()))
@@ -294,10 +308,11 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
 
 def _limit_doubt(joint: ET.Element) -> str:
     """Write the doubt about the limits of a joint. Returns an empty text if they are plausible."""
+    # A joint without limits, or with the huge numbers by which some files say so, has no numbers to doubt.
     lower, upper = joint_limits(joint)
     largest = max(-lower, upper)
     if not math.isfinite(largest) or largest > ENDLESS:
-        return ""  # the joint has no limits
+        return ""
     if joint.get("type") == "prismatic" and largest > _LONGEST:
         return message(
             "robots.limits_in_millimetres",

@@ -9,8 +9,9 @@ from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 from simrob_drake.robots.urdf import DRAKE, pose_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
-_LEAST_VOLUME = 1e-9  # smaller shapes are decals, not bodies; a cube of 1 mm has this volume [m³]
-# Drake's class of each tag; the order of its arguments is that of SHAPE_SIZES.
+_LEAST_VOLUME = 1e-9
+"""Volume below which shapes are decals and not bodies [m³]. A cube of 1 mm has this volume."""
+# Drake's class of each tag. The order of its arguments is that of SHAPE_SIZES.
 _CLASSES = {
     "box": Box,
     "cylinder": Cylinder,
@@ -25,7 +26,7 @@ def inertia_of_shapes(
 ) -> SpatialInertia | None:
     """Compute the inertia of a link's collision shapes or, if these have no volume, of its visual shapes.
 
-    Shapes that overlap count twice.
+    The common volume of shapes that overlap counts twice.
 
     Args:
         link: a ``link`` element.
@@ -35,6 +36,7 @@ def inertia_of_shapes(
     Returns:
         the inertia about the link's origin, in the axes of the link, or None if no shape has a volume.
     """
+    # Collision shapes first: they are closed and simple, while visual meshes often have holes and inner faces.
     for tag in ("collision", "visual"):
         total: SpatialInertia | None = None
         for element in link.iterfind(tag):
@@ -71,13 +73,10 @@ def _inertia_of_shape(
         if shape is None:
             return None
         inertia = CalcSpatialInertia(shape=shape, density=density)
-    except (
-        RuntimeError,
-        ValueError,
-        SystemExit,
-    ):  # flat or empty meshes; failed assertions come as SystemExit
+    # Flat or empty meshes have no hull. Failed assertions of Drake come as SystemExit.
+    except (RuntimeError, ValueError, SystemExit):
         return None
-    # From the frame of the shape to that of the link.
+    # From the axes and the origin of the shape to those of the link.
     pose = pose_of(element)
     return inertia.ReExpress(pose.rotation()).Shift(-pose.translation())
 
@@ -93,7 +92,8 @@ def _read_shape(element: ET.Element, folder: Path | None) -> Shape | None:
         if folder is None or not name or not all(scales):
             return None
         # One number scales all three directions.
-        return Convex(str(folder / name), scales * 3 if len(scales) == 1 else scales)
+        scale_vector = scales * 3 if len(scales) == 1 else scales
+        return Convex(str(folder / name), scale_vector)
     sizes = SHAPE_SIZES.get(element.tag)
     if sizes is None or shape_defect(element):
         return None

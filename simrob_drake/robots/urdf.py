@@ -29,7 +29,7 @@ MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 @lru_cache(maxsize=10_000)
 def format_number(value: float) -> str:
     """Write a number as short as possible without loss."""
-    # Adding 0 turns -0.0 into 0.0.
+    # Python's repr is the shortest text that is read as the same double. Adding 0 turns -0.0 into 0.0.
     return repr(float(value) + 0.0).removesuffix(".0")
 
 
@@ -39,7 +39,8 @@ def format_numbers(values: Iterable[float]) -> str:
 
 
 def pose_of(element: ET.Element) -> RigidTransform:
-    """Read the pose in an element's ``<origin>``, or in its own attributes. Without any, it is the identity."""
+    """Read the pose in an element's ``<origin>``, or in its own attributes. Without any, the pose is the identity."""
+    # Drake's element <frame> has the pose in its own attributes. Joints and shapes have an <origin>.
     origin = element.find("origin")
     source = element if origin is None else origin
     xyz = np.array(source.get("xyz", "0 0 0").split(), dtype=float)
@@ -85,7 +86,15 @@ def add_joint(
 
 
 def add_motor(robot: ET.Element, joint: str, *, drive: str, motor: str = "") -> ET.Element:
-    """Add a motor for a joint in a transmission that Drake reads, and return its ``<actuator>``."""
+    """Add a motor for a joint in a transmission that Drake reads, and return its ``<actuator>``.
+
+    Args:
+        robot: the ``robot`` element.
+        joint: name of the joint.
+        drive: name of the transmission.
+        motor: name of the actuator; that of the joint with ``_motor`` unless given.
+    """
+    # Drake reads transmissions of this type only.
     transmission = ET.SubElement(robot, "transmission", name=drive)
     ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
     ET.SubElement(transmission, "joint", name=joint)
@@ -94,6 +103,7 @@ def add_motor(robot: ET.Element, joint: str, *, drive: str, motor: str = "") -> 
 
 def remove_motors(robot: ET.Element, joints: Collection[str]) -> None:
     """Remove the transmissions that drive some joints, by their names, in place: the joints become passive."""
+    # A list of all transmissions, since the loop removes some of them from the robot.
     for transmission in robot.findall("transmission"):
         if any(name_of(joint) in joints for joint in transmission.iterfind("joint")):
             robot.remove(transmission)
@@ -170,6 +180,7 @@ def set_inertia(
     """
     for old in link.findall("inertial"):
         link.remove(old)
+    # Published files have the inertia before the shapes.
     inertial = ET.Element("inertial")
     link.insert(0, inertial)
     place(inertial, pose)
@@ -193,8 +204,11 @@ def moments_of(inertial: ET.Element) -> Vector:
     """Read the matrix of moments (3, 3) [kg m²] in an ``<inertial>``. Moments that are missing are zero."""
     element = inertial.find("inertia")
     attributes = {} if element is None else element.attrib
-    xx, yy, zz, xy, xz, yz = [float(attributes.get(key, 0)) for key in MOMENTS]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = {key: float(attributes.get(key, 0)) for key in MOMENTS}
+    xy = moments["ixy"]
+    xz = moments["ixz"]
+    yz = moments["iyz"]
+    return np.array([[moments["ixx"], xy, xz], [xy, moments["iyy"], yz], [xz, yz, moments["izz"]]])
 
 
 def six_moments(matrix: Vector) -> Vector:
@@ -203,7 +217,7 @@ def six_moments(matrix: Vector) -> Vector:
 
 
 def impossible(moments: Vector) -> str:
-    """Write why no body can have these moments of inertia, (3, 3) [kg m²]; empty if a body can have them.
+    """Write why no body can have moments of inertia (3, 3) [kg m²]. Returns an empty text if a body can have them.
 
     The judgement is Drake's. A sum of two principal moments is at least the third one, since each is an integral of
     squared distances.
@@ -213,7 +227,8 @@ def impossible(moments: Vector) -> str:
     listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(moments))
     return message(
         "robots.impossible_principal_moments",
-        "no body has the principal moments {moments} kg m²: none is negative, none exceeds the others' sum",
+        "no body has the principal moments {moments} kg m²: each must be positive or zero, and none may exceed the sum "
+        "of the other two",
         moments=listed,
     )
 
@@ -234,7 +249,7 @@ ENDLESS = 1e4
 """Limit above which a joint counts as one without limits [rad or m]. Some files write such numbers."""
 
 _STRONG = 500.0
-"""Torque that no motor of a light link has [N·m]."""
+"""Torque above which an effort limit of a light link is doubtful [N·m]."""
 
 _LIGHT = 5.0
 """Mass below which a link counts as light [kg]."""
@@ -242,11 +257,13 @@ _LIGHT = 5.0
 DRAKE = "{http://drake.mit.edu}"
 """Namespace of Drake's own elements, such as acceleration limits, as ElementTree writes it before their names."""
 
+# ElementTree would otherwise write the prefix "ns0:", which Drake does not read.
 ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")
 """Formats of meshes that Drake reads."""
 
-# The tag of the robot, behind spaces, comments and declarations. Comments may contain a <robot>, too.
+# The tag of the robot, behind spaces, comments and declarations. Comments may contain a <robot>, too. The expression
+# gives nothing back that it has matched, or a file of many comments would take it forever.
 _OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.DOTALL)
 
 
@@ -263,6 +280,7 @@ def read_urdf(path: Path) -> ET.Element:
         raise InvalidModel(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
         ) from None
+    # The checks of the text come before the parser, whose memory and time a hostile file could use up.
     if text.count("<") > MOST_TAGS:
         raise InvalidModel(
             path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS)
@@ -271,15 +289,18 @@ def read_urdf(path: Path) -> ET.Element:
         raise InvalidModel(
             path,
             "",
-            message("robots.expand_xacro", "is a xacro file; expand it first, with simrob import"),
+            message(
+                "robots.expand_xacro", "is a xacro file; convert it to a URDF with `simrob import`"
+            ),
         )
+    # Entities that contain each other can grow to gigabytes, and an external one can read any file.
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(
             path,
             "",
             message(
                 "robots.has_entities",
-                "declares entities or a document type, which a URDF never needs",
+                "declares entities or a document type, which are not accepted in a URDF; remove them",
             ),
         )
     try:
@@ -296,7 +317,7 @@ def read_urdf(path: Path) -> ET.Element:
         raise InvalidModel(
             path,
             f"<{root.tag}>",
-            message("robots.outermost_robot", "the outermost element of a URDF is <robot>"),
+            message("robots.outermost_robot", "the outermost element of a URDF must be <robot>"),
         )
     return root
 
@@ -318,7 +339,7 @@ def transmissions_of(root: ET.Element) -> dict[str, list[ET.Element]]:
 
 
 def driven_joints(root: ET.Element) -> set[str]:
-    """Names of the moving joints of a checked robot that have a motor. The other moving joints are passive.
+    """Find the names of the moving joints of a checked robot that have a motor. The other moving joints are passive.
 
     As in Drake, a joint has a motor if a transmission drives it and its effort limit is positive.
     """
@@ -333,10 +354,11 @@ def driven_joints(root: ET.Element) -> set[str]:
 
 
 def joint_limits(joint: ET.Element) -> tuple[float, float]:
-    """Read the lower and upper limit of a joint [rad or m]; -inf and inf if it has none.
+    """Read the lower and upper limit of a joint [rad or m]. Without limits, they are -inf and inf.
 
     Limits of a continuous joint count, as they do in Drake.
     """
+    # The checks have made sure that a file gives both limits or neither.
     limit = joint.find("limit")
     if limit is None or "lower" not in limit.attrib:
         return -math.inf, math.inf
@@ -344,7 +366,7 @@ def joint_limits(joint: ET.Element) -> tuple[float, float]:
 
 
 def joint_value(joint: ET.Element, key: str, tag: str = "limit") -> float:
-    """Read a number of a joint in SI units; 0 if the URDF does not give it.
+    """Read a number of a joint in SI units. It is 0 if the URDF does not give it.
 
     Args:
         joint: the joint.
@@ -424,6 +446,8 @@ def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
                 message("robots.link_under_mass_factors", "link (under mass_factors)"), name, links
             )
         ]
+        # All attributes of the two elements are in proportion to the mass. The centre of mass, in the element <origin>,
+        # stays where it is.
         for element in (*link.iterfind("inertial/mass"), *link.iterfind("inertial/inertia")):
             element.attrib.update(
                 {key: repr(factor * float(value)) for key, value in element.attrib.items()}
@@ -450,15 +474,12 @@ def mesh_file(uri: str, folder: Path) -> Path:
     try:
         path = (folder / uri.removeprefix("file://")).resolve()
         exists = path.is_file()
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-    ) as problem:  # a name that no file can have, or links in a circle
+    # A name that no file can have, such as one with a zero byte, or symbolic links in a circle.
+    except (OSError, RuntimeError, ValueError) as problem:
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri)),
-            message("robots.no_name_of_file", "cannot be a file's name"),
+            message("robots.no_name_of_file", "cannot be the name of a file"),
         ) from problem
     if "://" in uri.removeprefix("file://"):
         raise InvalidModel(
@@ -466,16 +487,21 @@ def mesh_file(uri: str, folder: Path) -> Path:
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
             message(
                 "robots.no_packages_here",
-                "packages are not resolved here; name the mesh relative to the URDF",
+                "names of packages are not resolved here; write a path relative to the URDF",
             ),
         )
+    # Robots of the package share meshes with each other. A user's file must not read other folders of the disk. This
+    # check comes before the one for existence, which would show otherwise which files the disk has.
     is_of_package = folder.resolve().is_relative_to(models_root())
     allowed_folder = models_root() if is_of_package else folder.resolve()
     if not path.is_relative_to(allowed_folder):
         raise InvalidModel(
             folder,
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
-            message("robots.mesh_outside_folder", "lies outside the robot's folder; copy it there"),
+            message(
+                "robots.mesh_outside_folder",
+                "is outside the robot's folder; copy it into that folder",
+            ),
         )
     if not exists:
         raise InvalidModel(
@@ -489,7 +515,7 @@ def mesh_file(uri: str, folder: Path) -> Path:
             message("robots.mesh_called", "mesh '{uri}'", uri=uri),
             message(
                 "robots.mesh_format",
-                "Drake reads {formats}; convert the mesh",
+                "has a format that Drake cannot read; convert it to one of {formats}",
                 formats=", ".join(MESH_FORMATS),
             ),
         )
@@ -497,7 +523,7 @@ def mesh_file(uri: str, folder: Path) -> Path:
 
 
 def mass_of(link: ET.Element) -> float:
-    """Read the mass of a link [kg]; 0 if it has none."""
+    """Read the mass of a link [kg]. It is 0 for a link without mass."""
     mass = link.find("inertial/mass")
     return 0.0 if mass is None else float(mass.get("value", 0))
 
@@ -505,7 +531,7 @@ def mass_of(link: ET.Element) -> float:
 def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
     """Find the joints of a checked robot with an effort limit that is too high for the link that they move.
 
-    Such limits are often made up, to say that there is no limit.
+    Such limits are often made up by authors who want no limit.
 
     Returns:
         the effort limit [N·m] and the mass of the link [kg], by the name of the joint.
@@ -515,6 +541,7 @@ def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
     for joint in robot.iterfind("joint"):
         effort = joint_value(joint, "effort")
         mass = masses.get(link_of(joint, "child"), 0.0)
+        # Forces of sliding joints are not compared: a spindle can be strong and light.
         is_revolute = joint.get("type") in ("revolute", "continuous")
         if is_revolute and effort > _STRONG and 0 < mass < _LIGHT:
             doubtful[name_of(joint)] = (effort, mass)
@@ -535,11 +562,11 @@ def copy_of(element: ET.Element) -> ET.Element:
 
 
 def name_of(element: ET.Element) -> str:
-    """Read the name of an element; empty if it has none."""
+    """Read the name of an element. It is empty if the element has no name."""
     return element.get("name", "")
 
 
 def link_of(joint: ET.Element, end: str) -> str:
-    """Read the name of the link at an end of a joint, ``parent`` or ``child``; empty if the joint has no such end."""
+    """Read the name of the link at an end of a joint, ``parent`` or ``child``. It is empty if there is no such end."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")

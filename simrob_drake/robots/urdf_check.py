@@ -1,6 +1,6 @@
 """Find the defects of a URDF before Drake reads it.
 
-In Drake, some defects are accepted without a word, and others fail an assertion, which may end the process.
+Drake accepts some defects without a warning. Others fail an assertion, which may end the process.
 """
 
 import math
@@ -49,6 +49,7 @@ NUMBER_COUNTS = {
         (1,),
     ),
     **dict.fromkeys((*MOMENTS, "multiplier", "offset"), (1,)),
+    # One number scales all directions of a mesh.
     "scale": (1, 3),
     "rgba": (4,),
 }
@@ -58,6 +59,7 @@ SHAPE_SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
+    # Drake reads a capsule with and without its namespace, and an ellipsoid only with it.
     "capsule": {"radius": 1, "length": 1},
     f"{DRAKE}capsule": {"radius": 1, "length": 1},
     f"{DRAKE}ellipsoid": {"a": 1, "b": 1, "c": 1},
@@ -68,7 +70,7 @@ MOST_LINKS = 3000
 """Largest count of links of a robot. With 3000 joints, the dense matrices of Drake take 1.2 GB."""
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-"""A decimal number, with or without an exponent."""
+"""A decimal number, with or without an exponent. Python's float() would also accept "1_000", "nan" and other digits."""
 
 _WORLD = "world"
 """Name of the link that every plant of Drake has."""
@@ -93,7 +95,7 @@ def _read_and_check(path: Path, state: FileState | None) -> ET.Element:
     Args:
         path: the file.
         state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
-            is read again. It also tells the files apart that a relative path names from different folders.
+            is read again. It also distinguishes files that have one relative path from different folders.
     """
     root = read_urdf(path)
     check_urdf(root, path)
@@ -101,7 +103,7 @@ def _read_and_check(path: Path, state: FileState | None) -> ET.Element:
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Check a URDF for the defects that Drake asserts or accepts without a word.
+    """Check a URDF for the defects that fail an assertion in Drake, or that Drake accepts without a warning.
 
     Args:
         root: the ``robot`` element.
@@ -110,6 +112,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
     Raises:
         InvalidModel: the URDF has a defect; names the file, the element and what would be right.
     """
+    # The order matters: numbers are checked before other checks convert them, and the tree before its joints.
     refuse = partial(InvalidModel, path)
     check_size(root, refuse)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
@@ -136,14 +139,18 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 
 def check_size(root: ET.Element, refuse: Refuse) -> None:
-    """Check that Drake has enough memory for the robot; raises InvalidModel: it has too many links."""
+    """Check that Drake has enough memory for the robot.
+
+    Raises:
+        InvalidModel: the robot has too many links.
+    """
     count = len(root.findall("link"))
     if count > MOST_LINKS:
         raise refuse(
             "",
             message(
                 "robots.too_many_links",
-                "has {count} links; at most {most} are taken, for memory grows with their square",
+                "has {count} links; at most {most} are accepted, since memory grows with the square of their count",
                 count=count,
                 most=MOST_LINKS,
             ),
@@ -152,6 +159,7 @@ def check_size(root: ET.Element, refuse: Refuse) -> None:
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
     """Check the count and the form of the numbers in an element and its children."""
+    # One table serves all elements: an attribute has the same form wherever a URDF has it.
     owner = compound("{tag} '{name_of}'", tag=element.tag, name_of=name_of(element))
     for part in element.iter():
         for key, counts in NUMBER_COUNTS.items():
@@ -161,12 +169,12 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
             text = part.attrib[key]
             words = text.split()
             if len(words) not in counts:
-                expected = " or ".join(str(count) for count in counts)
+                expected = join_texts([str(count) for count in counts], message("base.or", " or "))
                 raise refuse(
                     where,
                     message(
                         "robots.count_of_numbers",
-                        '{key}="{text}" holds {count} numbers, not {expected}',
+                        '{key}="{text}" has {count} {count:number|numbers}; it must have {expected}',
                         key=key,
                         text=text,
                         count=len(words),
@@ -174,6 +182,7 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
                     ),
                 )
             for word in words:
+                # Words for such numbers get another message than mistyped ones: some exporters write them.
                 if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
                     raise refuse(
                         where, message("robots.not_finite", "'{text}' is not finite", text=text)
@@ -182,6 +191,7 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
                     raise refuse(
                         where, message("robots.not_a_number", "'{text}' is not a number", text=text)
                     )
+                # A number such as 1e999 has the right form, but is infinite as a double.
                 if not math.isfinite(float(word)):
                     raise refuse(
                         where, message("robots.not_finite", "'{text}' is not finite", text=text)
@@ -192,6 +202,7 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
     """Check that names are unique, and that the joints connect all links to a tree with one root."""
     for tag in ("link", "joint"):
         names = [name_of(element) for element in root.iterfind(tag)]
+        # An element without a name can be described by its position in the file only.
         if "" in names:
             raise refuse(
                 message(
@@ -205,9 +216,12 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
         repeated = [name for name, count in Counter(names).items() if count > 1]
         for name in repeated:
             raise refuse(
-                f"{tag} '{name}'", message("robots.name_twice", "stands twice; names are unique")
+                f"{tag} '{name}'",
+                message("robots.name_twice", "is defined twice; names must be unique"),
             )
+    # A dict as a set that keeps the order of the file, for the message about root links.
     links = {name_of(link): None for link in root.iterfind("link")}
+    # Drake would take a link of this name for its world, and fix the robot to it.
     if _WORLD in links:
         raise refuse(
             message("robots.link_called", "link '{link}'", link=_WORLD),
@@ -220,20 +234,22 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
                     message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
                     message(
                         "robots.no_such_link",
-                        "its {end} '{link}' is no link",
+                        "its {end} '{link}' is not a link of the robot",
                         end=end,
                         link=link_of(joint, end),
                     ),
                 )
     parents = check_parents(root, refuse)
     roots = [link for link in links if link not in parents]
+    # No root at all means that the file has no links: a loop has been refused before.
     if len(roots) != 1:
+        # A few names are enough to find the place: a robot in pieces can have hundreds of roots.
         listed = f" ({', '.join(roots[:5])})" if roots else ""
         raise refuse(
             "",
             message(
                 "robots.root_links",
-                "has {count} root links{names}; a URDF is a tree with one root",
+                "has {count} root links{names}; a URDF must be a tree with one root link",
                 count=len(roots),
                 names=listed,
             ),
@@ -249,13 +265,14 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
     Raises:
         InvalidModel: a joint connects a link with itself, a link is the child of two joints, or joints form a loop.
     """
-    holders: dict[str, ET.Element] = {}  # the joint whose child each link is
+    # The joint whose child each link is, by the name of the link.
+    holders: dict[str, ET.Element] = {}
     for joint in root.iterfind("joint"):
         child = link_of(joint, "child")
         if link_of(joint, "parent") == child:
             raise refuse(
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
-                message("robots.joins_to_itself", "joins link '{child}' to itself", child=child),
+                message("robots.joins_to_itself", "connects link '{child}' to itself", child=child),
             )
         if child in holders:
             both = message(
@@ -268,11 +285,13 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
                 message("robots.link_called", "link '{link}'", link=child),
                 message(
                     "robots.child_of_two",
-                    "is the child of two joints, {both}; a URDF is a tree",
+                    "is the child of two joints, {both}; a URDF must be a tree",
                     both=both,
                 ),
             )
         holders[child] = joint
+    # Each link now has one parent at most, so that only a cycle of parents can be left as a loop. Links in the order of
+    # the file make the message the same every time.
     parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
     child_links = [name for name in map(name_of, root.iterfind("link")) if name in parents]
     try:
@@ -283,7 +302,7 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
             "",
             message(
                 "robots.loop",
-                "has a loop: {loop}; a URDF is a tree, so leave one joint out",
+                "has a kinematic loop: {loop}; a URDF must be a tree, so remove one joint",
                 loop=loop,
             ),
         ) from None
@@ -307,21 +326,24 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
         )
     if kind == "fixed":
         return
+    # Drake applies a mimic under discrete solvers only. An import writes it in a form that stations read.
     if joint.find("mimic") is not None:
         raise refuse(
             where,
             message(
                 "robots.mimics",
-                "mimics another joint; import the robot, so that stations couple the two",
+                "mimics another joint; convert the robot with `simrob import`, so that stations couple the two joints",
             ),
         )
+    # A vector of any length except zero gives a direction.
     axis = joint.find("axis")
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
         raise refuse(
             compound("{where} <axis>", where=where),
-            message("robots.zero_axis", "is zero; it is a direction"),
+            message("robots.zero_axis", "is zero; it must be a direction"),
         )
     _check_limit(joint, where, refuse)
+    # Negative damping would drive the joint faster and faster.
     if joint_value(joint, "damping", "dynamics") < 0:
         raise refuse(
             compound("{where} <dynamics>", where=where),
@@ -345,6 +367,8 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
                 message("robots.needs_limit", "a revolute or prismatic joint needs a <limit>"),
             )
         return
+    # A continuous joint may have limits, and then needs both: a missing one is 0 by the definition of URDF, which is
+    # hardly meant.
     where = compound("{where} <limit>", where=where)
     if "lower" in limit.attrib or "upper" in limit.attrib or joint.get("type") in LIMITED_JOINTS:
         missing = [key for key in ("lower", "upper") if key not in limit.attrib]
@@ -357,6 +381,7 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
                     missing=join_texts(missing, message("robots.and_no", " and no ")),
                 ),
             )
+        # Equal limits describe a joint that cannot move, for which a URDF has the type "fixed".
         lower = float(limit.attrib["lower"])
         upper = float(limit.attrib["upper"])
         if lower >= upper:
@@ -397,34 +422,36 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
             where,
             message("robots.negative_mass", "mass {mass} kg is negative", mass=mass.get("value")),
         )
+    # A link without mass and moments is a mere frame, which is allowed.
     moments = moments_of(inertial)
     if mass_of(link) == 0 and moments.diagonal().any():
         raise refuse(
             where,
             message(
                 "robots.moments_without_mass",
-                "has moments of inertia but no mass; Drake would give it 1 kg in silence",
+                "has moments of inertia but no mass; Drake would assume 1 kg without a warning",
             ),
         )
-    # Drake would replace impossible moments by those of a sphere without a word.
+    # Drake would replace impossible moments by those of a sphere without a warning.
     problem = impossible(moments)
     if problem:
         raise refuse(where, problem)
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Write the defect in the sizes of a shape; empty if it has none."""
+    """Write the defect in the sizes of a shape. Returns an empty text if the sizes have no defect."""
     if shape.tag == "mesh" and "filename" not in shape.attrib:
         return message("robots.has_no_filename", "has no filename")
     for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
         text = shape.get(key)
         if text is None:
             return message("robots.has_no_key", "has no {key}", key=key)
+        # A size of 0 would make a flat shape, which has no volume and no contact.
         numbers = numbers_in(text)
         if numbers is None or len(numbers) != count:
             return message(
                 "robots.words_where_numbers",
-                'has {key}="{text}" where {count} {count:number|numbers} should be',
+                'has {key}="{text}"; it must have {count} positive {count:number|numbers}',
                 key=key,
                 text=text,
                 count=count,
@@ -432,7 +459,7 @@ def shape_defect(shape: ET.Element) -> str:
         if not all(number > 0 for number in numbers):
             return message(
                 "robots.not_positive",
-                'has {key}="{text}", which is not positive',
+                'has {key}="{text}"; it must be positive',
                 key=key,
                 text=text,
             )
@@ -461,15 +488,18 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
         if material.find("texture") is not None or name_of(material) not in defined:
             raise refuse(
                 message("robots.material_called", "material '{name}'", name=name_of(material)),
-                message("robots.material_needs", "needs a name and a colour, and has no texture"),
+                message(
+                    "robots.material_needs",
+                    "needs a name and a colour, and must not have a texture",
+                ),
             )
 
 
 def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
     """Check that every joint that moves has one motor that Drake reads, or is passive.
 
-    A joint is passive if other joints have motors and no transmission drives it, or its effort is 0. In a file without
-    any motor, no joint is taken for passive: the file does not describe motors at all.
+    A joint is passive if other joints have motors, and either no transmission drives this joint or its effort is 0. In
+    a file without any motor, no joint counts as passive: the file does not describe motors at all.
     """
     transmissions = transmissions_of(root)
     joints = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
@@ -479,17 +509,20 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         if not own and not has_motors:
             missing = message(
-                "robots.no_transmission", "has no <transmission>, so no motor can move it; add one"
+                "robots.no_transmission",
+                "has no <transmission>, so that no motor can move it; add one",
             )
             raise refuse(where, missing)
+        # Another joint has a motor, so that this one is passive.
         if not own:
             continue
+        # Drake would make two actuators, and a servo commands only one of them.
         if len(own) > 1:
             raise refuse(where, message("robots.two_transmissions", "has two transmissions"))
         if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
             expected = message(
                 "robots.simple_transmission",
-                "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission",
+                "the <type> of its transmission must be SimpleTransmission: Drake makes motors of no other type",
             )
             raise refuse(where, expected)
         limit = joint.find("limit")
@@ -501,6 +534,6 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
                 compound("{where} <limit>", where=where),
                 message(
                     "robots.effort_not_positive",
-                    "effort is not positive [N·m], so its motor could not move it",
+                    "the effort must be positive [N·m or N], or the motor cannot move the joint",
                 ),
             )

@@ -4,11 +4,12 @@ from simrob_drake.base.renaming import former_names_of
 from simrob_drake.simulation.built import CommandFunctions
 from simrob_drake.simulation.own_diagram import simulate_diagram
 from simrob_drake.simulation.run import OnStep, ReferenceLike
-from simrob_drake.simulation.runner import RunBranch, Runner, simulate
+from simrob_drake.simulation.runner import FailedRunWarning, RunBranch, Runner, simulate
 from simrob_drake.simulation.stepping import Moment, Ticks
 
 __all__ = [
     "CommandFunctions",
+    "FailedRunWarning",
     "Moment",
     "OnStep",
     "ReferenceLike",

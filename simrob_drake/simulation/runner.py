@@ -25,6 +25,7 @@ from simrob_drake.parts.controllers.own import (
 )
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
+from simrob_drake.results.record.run import DIVERGED, FAILED
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import CommandFunctions, CommandRelay, StationDiagrams
@@ -59,6 +60,10 @@ StartTime = Literal["zero", "keep"]
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
 
 
+class FailedRunWarning(RuntimeWarning):
+    """Warns that a run diverged, or that a block failed in it, so that its signals end early."""
+
+
 @former_argument("config_or_station", "station")
 def simulate(
     station: StationLike,
@@ -78,8 +83,8 @@ def simulate(
     """Run a station and return what happened.
 
     Args:
-        station: a station's name or YAML file, its configuration, or a station made from one, which is built anew from
-            it.
+        station: a station's name or YAML file, the content of such a file as a mapping, its configuration, or a
+            station made from one, which is built anew from it.
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
         reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
             column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
@@ -122,9 +127,14 @@ def simulate(
         "start_time": start_time,
         "pushes": pushes,
     }
-    return runner.run(
+    result = runner.run(
         **arguments, progress=progress, on_step=on_step, commands=commands, strict=strict
     )
+    # A script would otherwise go on with the signals of a run that ended early, and nothing would show it.
+    if result.ending in (DIVERGED, FAILED):
+        text = compound("{station}: {problem}", station=result.config.name, problem=result.message)
+        warnings.warn(text, FailedRunWarning, stacklevel=2)
+    return result
 
 
 @dataclass(frozen=True)

@@ -103,9 +103,8 @@ class KeyLosses:
             self.texts.append(
                 message(
                     "stations.change_of_kind",
-                    "{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of "
-                    "{kind}, without what was given for {old_kind} ({lost}); set {where}.<key> for the "
-                    "new kind",
+                    "{where}.kind changes from {old_kind} to {kind}, so the keys that were given for {old_kind} "
+                    "are dropped: {lost}; to change a default of {kind}, set {where}.<key>",
                     where=where,
                     kind=kind,
                     old_kind=old_kind,
@@ -165,6 +164,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     kept = dict(settings)
     for key, value in changes.items():
         if isinstance(value, (int, float)):
+            # Over `settings`, since `kept` loses entries in this loop.
             for earlier_key in settings:
                 # `servo.kp.joint_2` of before would otherwise go on to overrule the new number of
                 # all axes.
@@ -174,6 +174,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
         # A setting that repeats the kind of the earlier settings drops nothing.
         if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:
             continue
+        # Keys that are set together with the new kind are meant for it, and stay.
         for earlier_key in settings:
             is_in_section = earlier_key.startswith(f"{change.section}.")
             if is_in_section and earlier_key not in changes:
@@ -202,6 +203,7 @@ def _change_of_kind(key: str, value: Any) -> _ChangeOfKind | None:
         key: dotted key of the setting.
         value: value of the setting.
     """
+    # `kind` without a section would be a key of the station itself, which has no kind.
     section, _, last = key.rpartition(".")
     if last == _KIND and section and isinstance(value, str):
         return _ChangeOfKind(section, value)

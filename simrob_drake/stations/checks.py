@@ -68,7 +68,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for name in config.controllers:
         text = message(
             "stations.controller_not_examined",
-            "what it asks of the robot beyond the reference is not looked at: a run shows it",
+            "not examined: only a run shows what the controller adds to the reference",
         )
         findings.append(Finding("note", f"controllers.{name}", text))
     findings += physics_findings(config, ports, closed.references)
@@ -76,6 +76,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     if config.engine.moves_by_forces:
         findings += contact_findings(closed.diagram, ports)
         findings += _contact_model_findings(ports)
+    # Geometry alone, without forces: this check holds for kinematic stations, too.
     findings += clearance_findings(config, closed.references)
     # Signals without a part are those of the robots themselves, which every station has.
     return findings + [_signal_finding(signal) for signal in ports.outputs.signals if signal.part]
@@ -111,7 +112,7 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
     findings = []
     for name, piece in ports.station.pieces.items():
         text = (
-            message("stations.hangs_on_nothing", "hangs on nothing: gravity and contact move it")
+            message("stations.hangs_on_nothing", "free: only gravity and contact move it")
             if piece.free
             else _mount_text(piece)
         )
@@ -123,13 +124,15 @@ def _mount_text(piece: ResolvedPiece) -> str:
     """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry."""
     # Adding 0.0 turns -0.0 into 0.0.
     coordinates = [compound("{value:.4g}", value=value) for value in piece.pose.translation() + 0.0]
-    text = message("stations.hangs_on", "hangs on {parent}", parent=piece.parent)
+    text = message("stations.hangs_on", "mounted on {parent}", parent=piece.parent)
     # `mount` is the frame on which the piece hangs, whose name begins with that of the parent; empty for the world.
     if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
-        text += message("stations.at_frame", ", at {frame}", frame=frame)
+        text += message("stations.at_frame", ", at frame {frame}", frame=frame)
     text += message(
-        "stations.its_origin_at", ", its origin at {origin} m", origin=join_texts(coordinates, " ")
+        "stations.its_origin_at",
+        ", with its origin at {origin} m",
+        origin=join_texts(coordinates, " "),
     )
     # The carrier is the robot that moves it, perhaps through other pieces.
     if piece.carrier not in (piece.parent, WORLD):
@@ -160,7 +163,7 @@ def _reference_findings(
                 subject,
                 message(
                     "stations.controller_decides",
-                    "not looked at: a controller says where the robot goes",
+                    "not examined: a controller computes the reference of the robot",
                 ),
             )
         ]
@@ -178,7 +181,7 @@ def _reference_findings(
         unit_name = f"{robot.model.unit_names[axis]}/s"
         text = message(
             "stations.asked_for_speed",
-            "{prefix}{axis} is asked for {speed:.4g} {unit}",
+            "the reference of {prefix}{axis} reaches {speed:.4g} {unit}",
             prefix=robot.prefix,
             axis=robot.axes[axis],
             speed=speeds[axis] / unit,
@@ -186,7 +189,7 @@ def _reference_findings(
         )
         text += message(
             "stations.its_speed_limit",
-            ", its limit is {limit:.4g} {unit}; give it more time",
+            ", but the limit is {limit:.4g} {unit}; give the motion more time",
             limit=limits[axis] / unit,
             unit=unit_name,
         )
@@ -195,7 +198,7 @@ def _reference_findings(
         return findings
     text = message(
         "stations.within_joint_limits",
-        "within the joints' limits at {count} times from 0 to {duration:g} s",
+        "within the joint limits at {count} samples from 0 to {duration:g} s",
         count=len(times),
         duration=config.duration,
     )
@@ -203,7 +206,9 @@ def _reference_findings(
         # An axis without a speed limit (inf) has a share of 0. An axis at rest with the limit 0 has none (NaN).
         largest_share = np.nanmax(speeds / limits)
         text += message(
-            "stations.share_of_speed", ", at most {share:.0%} of their speed", share=largest_share
+            "stations.share_of_speed",
+            ", at most {share:.0%} of their speed limits",
+            share=largest_share,
         )
     return [Finding("ok", subject, text)]
 
@@ -223,8 +228,8 @@ def _jump_findings(
     """
     if reference is None or config.start is not None or not config.engine.moves_by_forces:
         return []
-    # Index 1 are the positions; their first row is at the start of the run.
-    first_positions = reference_samples(reference, config.duration)[1][0]
+    _, positions = reference_samples(reference, config.duration)
+    first_positions = positions[0]
     axes = axes_off_reference(robot, robot.initial, first_positions)
     if not axes.size:
         return []
@@ -240,7 +245,7 @@ def _jump_findings(
     section = "robot" if config.only_robot else f"robots.{robot.name}"
     remedy = message(
         "stations.start_at_reference",
-        "set {key}, or begin the reference where the robot begins",
+        "set {key}, or let the reference begin at the robot's initial position",
         key=f"{section}.initial_deg",
     )
     text = compound(
@@ -259,8 +264,10 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
     Limits and motors that the station gives are not checked.
     """
+    # With limits or motors of the station, the limits of the file have no effect.
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
+    # Some files have an effort of 1000 N·m for a light wrist, which only says that there is no limit.
     doubtful = doubtful_efforts(robot.model.element)
     axes = [
         message(
@@ -276,7 +283,7 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
         return []
     text = message(
         "stations.implausible_efforts",
-        "more than their links' motors may have: {axes}; set servo.torque_limit",
+        "effort limits that are too large for the masses of their links: {axes}; set servo.torque_limit",
         axes=listed(axes),
     )
     return [
@@ -317,7 +324,7 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     if motor.peak_torque:
         text += message(
             "stations.peak_by_current",
-            ", {torque:g} {effort} by its current",
+            ", at most {torque:g} {effort} by its current limit",
             torque=motor.peak_torque,
             effort=unit.effort,
         )
@@ -331,7 +338,7 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     return compound(
         "{text} ({source})",
         text=text,
-        source=motor.source or message("stations.values_of_station", "figures of the station"),
+        source=motor.source or message("stations.values_of_station", "values of the station"),
     )
 
 
@@ -343,14 +350,15 @@ def _holding_findings(
     """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
         text = message(
-            "stations.controller_decides", "not looked at: a controller says where the robot goes"
+            "stations.controller_decides",
+            "not examined: a controller computes the reference of the robot",
         )
         return [
             Finding(
                 "note", message("stations.torques_of", "torques of {robot}", robot=robot.name), text
             )
         ]
-    positions = reference_samples(reference, ports.config.duration)[1]
+    _, positions = reference_samples(reference, ports.config.duration)
     return holding_findings(ports, robot, positions)
 
 
@@ -372,7 +380,7 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
             missing = message("stations.collision_shapes", "collision shapes")
         text = message(
             "stations.falls_without",
-            "the base is free and the robot has no {missing} to stand on: it falls",
+            "the base is free: without {missing}, the robot falls",
             missing=missing,
         )
         return [Finding("warning", f"{robot.prefix}base", text)]
@@ -383,14 +391,18 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     if kneeling and not robot.feet:
         text = message(
             "stations.kneeling",
-            "it stands on the near end of {links}, by the joint, as on knees: bend the joints above",
+            "the robot kneels: the contact points of {links} are near the joint; change initial_deg so "
+            "that the feet carry the robot",
             links=", ".join(kneeling),
         )
         findings.append(Finding("warning", f"{robot.prefix}base", text))
+    # Drake's point contact pushes two shapes apart at one point, so that a box on the floor jumps between its
+    # corners.
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = message(
             "stations.box_soles_rock",
-            "box soles rock in point contact, which pushes at one point a box; set contact.model to {model}",
+            "soles made of boxes rock in point contact, which has one contact point for each box; set "
+            "contact.model to {model}",
             model="hydroelastic_with_fallback",
         )
         findings.append(Finding("warning", f"{robot.prefix}feet", text))
@@ -402,16 +414,16 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
 def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
     """Check the height of a robot's lowest point: the robot must not drop on the ground, and not begin inside of it."""
     parts = (
-        message("stations.of_feet", "feet's")
+        message("stations.of_feet", "feet")
         if robot.feet
-        else message("stations.of_shapes", "collision shapes'")
+        else message("stations.of_shapes", "collision shapes")
     )
     side = (
-        message("stations.over", "over") if found.gap >= 0 else message("stations.below", "below")
+        message("stations.over", "above") if found.gap >= 0 else message("stations.below", "below")
     )
     text = message(
         "stations.lowest_point",
-        "the {parts} lowest point is {gap:.2f} mm {side} the floor at the start",
+        "the lowest point of the {parts} is {gap:.2f} mm {side} the floor at the start",
         parts=parts,
         gap=abs(found.gap) * 1e3,
         side=side,
@@ -442,21 +454,22 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
     )
     text += message(
         "stations.margin_of_support",
-        "the centre of mass {margin:.0f} mm {side} of the support area",
+        "with the centre of mass {margin:.0f} mm {side} the support area",
         margin=abs(found.margin) * 1e3,
         side=side,
     )
+    # At the tilt angle alpha the centre of mass shifts by height * tan(alpha).
     is_steady = found.margin > _STEADY * found.height
     if is_steady:
         return Finding("ok", f"{robot.prefix}base", text)
     if found.margin <= 0:
-        text += message("stations.tips_over", ": it tips over, unless it moves")
+        text += message("stations.tips_over", ": the robot tips over if it stands still")
     else:
         # The robot tips when its centre of mass is over the edge: tan(angle) = margin / height.
         angle = np.rad2deg(np.arctan2(found.margin, found.height))
         text += message(
             "stations.tips_over_leaning",
-            ": it tips over if it leans by {angle:.1f} deg, unless a controller balances it",
+            ": the robot tips over if it leans by {angle:.1f} deg, unless a controller balances it",
             angle=angle,
         )
     return Finding("warning", f"{robot.prefix}base", text)
@@ -479,6 +492,7 @@ def _standing_torque(
     unit = robot.model.units[axis]
     if robot.gains.passive[axis]:
         return _standing_on_passive(robot, axis, torque)
+    # A motor gives less torque at speed. A robot that stands does not move, so the limit at rest counts.
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = message(
@@ -486,21 +500,24 @@ def _standing_torque(
     )
     text = message(
         "stations.standing_takes",
-        "standing takes {torque:z.2f} {effort} and the limit is {limit:g} {effort}",
+        "standing requires {torque:z.2f} {effort} and the limit is {limit:g} {effort}",
         torque=torque,
         effort=unit.effort,
         limit=limit,
     )
     # A joint that does not hold has no equilibrium, so no sag is computed for it.
     if abs(torque) > limit:
-        text = message("stations.will_not_hold", "{text}: the joint will not hold", text=text)
+        text = message("stations.will_not_hold", "{text}: the joint does not hold", text=text)
         return Finding("warning", subject, text)
     level: Level = "ok"
     if kp > 0:
         # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
         sag = abs(torque) / kp
         text += message(
-            "stations.sags_by", "; it sags by {sag:.2f} {unit}", sag=sag / unit.size, unit=unit.name
+            "stations.sags_by",
+            "; the joint sags by {sag:.2f} {unit}",
+            sag=sag / unit.size,
+            unit=unit.name,
         )
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if sag > bound:
@@ -529,7 +546,7 @@ def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Findi
         return Finding("note", subject, text)
     needed = message(
         "stations.standing_needs",
-        "; standing takes {torque:.2f} {effort} there: the joint will not hold",
+        "; standing requires {torque:.2f} {effort} there, so the joint does not hold",
         torque=torque,
         effort=robot.model.units[axis].effort,
     )
@@ -537,24 +554,26 @@ def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Findi
 
 
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:
-    """Describe the contact model of a station in one finding; none if it has no contact.
+    """Describe the contact model of a station in one finding. Returns no finding if the station has no contact.
 
     Contact points are small balls at the corners and edges of flat bodies, which the station adds in point contact.
     """
     config = ports.config
     if config.contact is None:
         return []
+    # Stations get contact points only in point contact, if a body with flat sides is free.
     if ports.plant.contact_points:
         text = message(
             "stations.points_at_corners",
-            "shapes meet at points; flat bodies that stand free, also at their corners and along their edges",
+            "shapes touch at points; free bodies with flat sides also touch at their corners and along "
+            "their edges",
         )
     elif config.contact.model == "point":
-        text = message("stations.meet_at_points", "shapes meet at points")
+        text = message("stations.meet_at_points", "shapes touch at points")
     else:
         text = message(
             "stations.meet_over_surfaces",
-            "shapes meet over surfaces ({model})",
+            "shapes touch over surfaces ({model})",
             model=config.contact.model,
         )
     return [Finding("ok", "contact.model", text)]
@@ -568,7 +587,7 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     if ports.config.contact is None:
         text = message(
             "stations.has_no_contact",
-            "the station has none: whatever meets passes through each other",
+            "the station has no section contact: bodies pass through each other",
         )
         return [Finding("note", CONTACT, text)]
     # The default context has the positions at the start; it is not stepped.
@@ -576,7 +595,7 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     if overlap is None:
         text = message(
             "stations.nothing_penetrates",
-            "of what can touch nothing penetrates at the start",
+            "no bodies that can touch overlap at the start",
         )
         return [Finding("ok", CONTACT, text)]
     if overlap.depth <= TOUCHING:
@@ -586,10 +605,10 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     is_refused = has_piece and overlap.depth > allowed_overlap(ports.config)
     consequence = ""
     if is_refused:
-        consequence = message("stations.run_does_not_begin", ", and a run does not begin")
+        consequence = message("stations.run_does_not_begin", ", so a run does not begin")
     text = message(
         "stations.overlap_move_one",
-        "{overlap}{consequence}; move one of them",
+        "{overlap}{consequence}; move one of the two",
         overlap=overlap,
         consequence=consequence,
     )

@@ -91,7 +91,7 @@ class Faults(NamedTuple):
 
 # For each field of Faults: how remarks describe the fault of the home posture.
 _FAULTS_AT_HOME = (
-    message("stations.fault_in_floor", "in the floor, or near it"),
+    message("stations.fault_in_floor", "in the floor, or too near to it"),
     message("stations.fault_in_itself", "in collision with itself"),
     message("stations.fault_too_heavy", "too heavy for its motors"),
 )
@@ -105,7 +105,7 @@ def _faults_in_words(faults: Vector) -> list[str]:
         words.append(
             message(
                 "stations.too_low",
-                "{low:.2g} m below the height that it should keep over the floor",
+                "{low:.2g} m below the required height over the floor",
                 low=low,
             )
         )
@@ -113,14 +113,16 @@ def _faults_in_words(faults: Vector) -> list[str]:
         words.append(
             message(
                 "stations.overlaps_itself",
-                "overlap of {overlap:.2g} m with itself",
+                "links that overlap by {overlap:.2g} m",
                 overlap=overlap,
             )
         )
     if overload:
         words.append(
             message(
-                "stations.lacks_torque", "{share:.2g} of its motors' torque short", share=overload
+                "stations.lacks_torque",
+                "a motor that lacks {share:.0%} of its torque",
+                share=overload,
             )
         )
     return words
@@ -216,13 +218,16 @@ class ClearStart:
 
         If no posture and move are clear, the start has the posture with the smallest faults that was found.
         """
+        # First with a distance from the floor. Some robots cannot keep it: then links may be just above the floor.
         for height in (_OVER, 0.0):
             self._require_height(height)
             for postures in self._clear_postures():
+                # A move takes several collision queries for each posture, so that only the best ones are tried.
                 for posture in postures[:_MOVED]:
                     target = self._target(posture)
                     if target is not None:
                         return self._start(posture, target)
+        # Nothing is clear. The user gets the least faulty start, with remarks that name its faults.
         candidates = [self._home, self._reduced_home, *self._random_postures]
         best = self._with_less_faults(min(candidates, key=self._total_fault))
         is_clear = not any(self._faults(best))
@@ -294,6 +299,7 @@ class ClearStart:
         one, two or three axes differ from the latter, and random postures. Postures near a
         singularity are left out, so that a list may be empty.
         """
+        # The bound is relative to the robot itself: the dexterity of an arm depends on its proportions.
         random_dexterities = [self._dexterity(posture) for posture in self._random_postures]
         # One in five random postures exceeds the quantile 0.8.
         least = _DEXTERITY * float(np.quantile(random_dexterities, 0.8))
@@ -369,7 +375,9 @@ class ClearStart:
         is_within_limits = not self._robot.model.followers or self._is_within_limits(posture + step)
         if is_within_limits and self._is_clear(posture, step, _PARTS):
             return posture + step
+        # A fault of one axis rules out the motion of all axes. They are added one at a time, so that only it stays.
         step = self._combined_step(posture, step)
+        # The combination was checked at few parts of the move: check it at all of them.
         if step.any() and self._is_clear(posture, step, _PARTS):
             return posture + step
         return None
@@ -386,6 +394,7 @@ class ClearStart:
         to_lower = lower - posture  # negative
         to_limit = np.where(to_upper >= -to_lower, to_upper, to_lower)
         by_range = _RANGE_SHARE * np.abs(to_limit)
+        # Infinite for an axis without a speed limit, so that the other bounds decide.
         by_speed = _SPEED_SHARE * model.speed_limits * self._duration
         by_size = model.bounds(_STEP_DEG, _STEP_METRES)
         largest = np.minimum(by_size, by_speed)
@@ -447,14 +456,14 @@ class ClearStart:
             remarks.append(
                 message(
                     "stations.clearance_not_checked",
-                    "Not looked at whether it is clear: it has no shapes that collide.",
+                    "Collisions were not checked, since the robot has no collision shapes.",
                 )
             )
         if self.hangs:
             remarks.append(
                 message(
                     "stations.held_over_floor",
-                    "Held {height:.3g} m over the floor, for it reaches below its root.",
+                    "The root is held {height:.3g} m above the floor, since the robot reaches below its root.",
                     height=self.height,
                 )
             )
@@ -462,7 +471,7 @@ class ClearStart:
             remarks.append(
                 message(
                     "stations.raised_to_stand",
-                    "Raised by {height:.3g} m, so that it stands on the floor.",
+                    "The root is raised by {height:.3g} m, so that the robot stands on the floor.",
                     height=self.height,
                 )
             )
@@ -477,13 +486,15 @@ class ClearStart:
                 why.append(
                     message(
                         "stations.home_is_singular",
-                        "near a singularity (outstretched, for example), or has no clear first move",
+                        "near a singularity (for example outstretched), or without a clear first move",
                     )
                 )
             reasons = join_texts(why)
             remarks.append(
                 message(
-                    "stations.not_at_home", "Not at home, where it is {reasons}.", reasons=reasons
+                    "stations.not_at_home",
+                    "Not in the home posture, in which the robot is {reasons}.",
+                    reasons=reasons,
                 )
             )
         return (*remarks, *self._remarks_on_move(posture, target))
@@ -495,6 +506,7 @@ class ClearStart:
         """
         faults = list[Faults]()
         loads = list[float]()
+        # The whole move is measured again, as the remarks describe its worst posture, not its first one.
         for part in _PARTS:
             faults.append(self._faults(posture + part * (target - posture)))
             loads.append(self._load())  # of the posture that `_faults` has set
@@ -504,26 +516,28 @@ class ClearStart:
             return [
                 message(
                     "stations.no_clear_start",
-                    "No start was found that is clear. Faults of this one: {faults}.",
+                    "No start without faults was found. Faults of this one: {faults}.",
                     faults=join_texts(wrong),
                 )
             ]
         good = list[str]()
         if self._required_heights.size:
-            good.append(message("stations.is_clear", "clear of the floor and of itself"))
+            good.append(
+                message("stations.is_clear", "no collision with the floor or between links")
+            )
         passive = self._robot.gains.passive
         if self._torque and not passive.all():
             share = max(loads)
             good.append(
                 message(
                     "stations.motors_hold_driven",
-                    "its motors hold the axes that they drive with {share:.0%} of their torque at most",
+                    "the motors need at most {share:.0%} of their torque to hold the driven axes",
                     share=share,
                 )
                 if passive.any()
                 else message(
                     "stations.motors_hold_it",
-                    "its motors hold it with {share:.0%} of their torque at most",
+                    "the motors need at most {share:.0%} of their torque to hold the robot",
                     share=share,
                 )
             )
@@ -532,7 +546,7 @@ class ClearStart:
         return [
             message(
                 "stations.checked_in_postures",
-                "Checked in {count} postures of its move: {results}.",
+                "Checked in {count} postures of the first move: {results}.",
                 count=len(_PARTS),
                 results=join_texts(good, message("stations.and_also", ", and ")),
             )

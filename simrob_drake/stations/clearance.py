@@ -131,12 +131,14 @@ def standing(
     # Only the lowest points carry.
     points = np.vstack([support.points for support in candidates])
     frames = [support.frame for support in candidates for _ in support.points]
+    # Heights are measured from the ground below each point, since a terrain or an incline is not level.
     heights = points[:, 2] - station.ground.beneath(points)
     gap = float(heights.min())
     carrying = np.flatnonzero(heights <= gap + _TOUCHING).tolist()
     contacts = [StandingContact(frames[index], points[index]) for index in carrying]
 
     mass = plant.CalcTotalMass(context, [robot.instance])
+    # Pieces that the robot carries are links of its model instance, so that their masses count.
     com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
     contact_points = points[carrying]
     return Standing(
@@ -391,6 +393,7 @@ class Clearance(PosedStation):
             inboard = index
             while inboard in axis_of_body:
                 axis = axis_of_body[inboard]
+                # The search goes from the body inward, the result from the root outward.
                 axes.insert(0, axis)
                 inboard = robot.joints[axis].parent_body().index()
             chains.append(BodyChain(self.plant.get_body(index), axes))
@@ -429,6 +432,7 @@ def neighbouring_postures(
         for step in steps:
             neighbour = posture.copy()
             neighbour[axis] += step
+            # Postures beyond a limit are no neighbours: they are left out, not clamped, as clamped ones would repeat.
             if lower[axis] <= neighbour[axis] <= upper[axis]:
                 yield neighbour
 
@@ -453,6 +457,7 @@ def reduce_own_overlaps(
     Returns:
         the posture with the smallest overlaps that was found, shape (n,) [rad or m].
     """
+    # Overlaps name bodies with the prefix of their robot, chains name them without.
     axes_of_link = {
         f"{robot.prefix}{body.name()}": set(chain) for body, chain in clearance.chains(robot)
     }

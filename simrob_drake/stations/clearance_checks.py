@@ -92,7 +92,7 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
         if not has_shapes:
             text = message(
                 "stations.no_colliding_shapes",
-                "not looked at: the robot has no shapes that collide",
+                "not examined: the robot has no collision shapes",
             )
             findings.append(
                 Finding(
@@ -100,11 +100,11 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
                 )
             )
             continue
-        when_checked = message("stations.where_it_starts", "where it starts")
+        when_checked = message("stations.where_it_starts", "at the start,")
         if name in references:
             when_checked = message(
                 "stations.at_times_along_reference",
-                "at {count} times along its reference",
+                "at {count} samples of its reference,",
                 count=len(measured.times),
             )
         # A robot that floats touches the floor with its feet, which is no collision.
@@ -154,7 +154,7 @@ def _floor_findings(
             Finding(
                 "note",
                 subject,
-                message("stations.there_is_no_floor", "not looked at: there is no floor"),
+                message("stations.there_is_no_floor", "not examined: the station has no floor"),
             )
         ]
     # The same bound judges the run later, see the section `verdict`.
@@ -163,11 +163,12 @@ def _floor_findings(
     findings = []
 
     # A fixed link below the ground needs another remedy than a moving one: its base.
+    # The default is on the ground, so that a robot without fixed shapes has no finding.
     fixed_height = min(fixed_heights, default=0.0)
     if fixed_height < -allowed_depth:
         text = message(
             "stations.fixed_below_ground",
-            "what is fixed of it reaches {depth:.0f} mm below the ground; raise its base",
+            "the fixed links reach {depth:.0f} mm below the ground; raise the robot's base",
             depth=-fixed_height * 1e3,
         )
         findings.append(Finding("warning", subject, text))
@@ -175,7 +176,7 @@ def _floor_findings(
     if not moving_heights:
         text = message(
             "stations.no_moving_shape",
-            "not looked at: no link that moves has a shape to touch with",
+            "not examined: no moving link has a collision shape",
         )
         return [*findings, Finding("note", subject, text)]
     # The tuples are compared by their heights first.
@@ -185,7 +186,7 @@ def _floor_findings(
         height_mm = max(lowest.height, 0.0) * 1e3
         text = message(
             "stations.nearest_to_ground",
-            "{when} {link} comes nearest to the ground: {height:.0f} mm at {time:.2f} s",
+            "{when} the link nearest to the ground is {link}: {height:.0f} mm at {time:.2f} s",
             when=when_checked,
             link=lowest.link,
             height=height_mm,
@@ -200,7 +201,8 @@ def _floor_findings(
         time=lowest.time,
     )
     remedy = message(
-        "stations.raise_base_or_change", "raise its base, or change initial_deg and reference"
+        "stations.raise_base_or_change",
+        "raise the robot's base, or change initial_deg and reference",
     )
     return [*findings, _contact_finding(clearance, subject, text, remedy)]
 
@@ -261,7 +263,7 @@ def _self_findings(
     count = len(measured.heights[robot.name][0])
     text = message(
         "stations.no_body_in_another",
-        "{when} none of {count} bodies with shapes lies in another{left_out}",
+        "{when} none of {count} bodies with shapes overlaps another one{left_out}",
         when=when_checked,
         count=count,
         left_out=left_out,
@@ -282,14 +284,14 @@ def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
     if always:
         text += message(
             "stations.pairs_always_overlap",
-            "; left out: {pairs}, whose shapes always overlap",
+            "; not examined: {pairs}, whose shapes always overlap",
             pairs=_pairs_text(always),
         )
     only_at_home = at_home - always
     if only_at_home:
         text += message(
             "stations.pairs_touch_at_home",
-            "; left out: {pairs}, whose shapes touch at home",
+            "; not examined: {pairs}, whose shapes touch in the home posture",
             pairs=_pairs_text(only_at_home),
         )
     return text
@@ -309,13 +311,14 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     subject = message("stations.robots_and_pieces", "robots and pieces")
+    # Overlaps within one robot have a finding of their own, see `_self_findings`.
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
         remedy = message("stations.move_one_of_them", "move one of them")
         return [_contact_finding(clearance, subject, _deepest_text(others), remedy)]
     text = message(
         "stations.nothing_overlaps",
-        "no robot or piece overlaps another one along the references, apart from pieces that robots carry or hold",
+        "no robot or piece overlaps another one along the references, except pieces that robots carry or hold",
     )
     return [Finding("ok", subject, text)]
 
@@ -345,7 +348,7 @@ def _contact_finding(
     if is_simulated:
         text = message(
             "stations.if_nothing_held_back",
-            "{text}, if nothing held them back; the run shows what comes of it",
+            "{text}, if the reference is followed exactly; in a run, contact forces separate the bodies",
             text=text,
         )
         return Finding("note", subject, text)
@@ -354,7 +357,7 @@ def _contact_finding(
         why = message("stations.self_collision_is_off", "contact.self_collision is off")
     text = message(
         "stations.nothing_holds_back",
-        "{text}, and nothing holds them back: {why}; {remedy}",
+        "{text}, and no contact force separates the bodies: {why}; {remedy}",
         text=text,
         why=why,
         remedy=remedy,
@@ -370,7 +373,7 @@ def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
     other_pairs = len({timed.overlap.bodies for timed in overlaps}) - 1
     text = message(
         "stations.lie_in_each_other",
-        "{bodies} lie {depth:.0f} mm in each other at {time:.2f} s",
+        "{bodies} overlap by {depth:.0f} mm at {time:.2f} s",
         bodies=join_texts(deepest.bodies, message("base.and", " and ")),
         depth=deepest.depth * 1e3,
         time=time,

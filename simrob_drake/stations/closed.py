@@ -81,6 +81,7 @@ class ClosedStation:
             # The name under which the station added the source of the force.
             source = f"force.{name}.source"
             trajectory = force.trajectory()
+            # Forces of other kinds have no trajectory, and a diagram may have been built without forces.
             if trajectory is not None and self.diagram.HasSubsystemNamed(source):
                 self.diagram.GetSubsystemByName(source).UpdateTrajectory(trajectory)
 
@@ -123,6 +124,7 @@ def closed_station(
         SimrobError: the blocks cannot be wired like this.
     """
     builder = DiagramBuilder()
+    # A caller that resumes a run has computed the references already, from the positions at which the run goes on.
     played = station_references(station) if references is None else references
     # A lean station has no blocks of its own at its inputs: the sources must exist before it. Blocks and controllers
     # may drive the inputs instead, which is known only after the station has been composed.
@@ -177,6 +179,7 @@ def closed_station(
 
 def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Connect every input that nothing drives to a constant source of zeros."""
+    # Drake refuses to evaluate a block with an open input. Zero is no feedforward, no force and no speed.
     for name, port in ports.inputs.items():
         if builder.IsConnectedOrExported(port):
             continue
@@ -192,14 +195,15 @@ def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
     """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
     # Drake has no class for this error: its text is the only sign.
     was_built_before = "been built into a different Diagram" in str(problem)
-    cause = message("stations.signals_in_circle", "signals must not go around in a circle")
+    cause = message("stations.signals_in_circle", "signals must not form an algebraic loop")
     if was_built_before:
         cause = message(
-            "stations.block_serves_one_diagram", "a block serves one diagram; make it anew"
+            "stations.block_serves_one_diagram",
+            "a block belongs to one diagram only, so create a new one",
         )
     text = message(
         "stations.blocks_cannot_be_wired",
-        "the blocks {blocks} cannot be wired so; {cause} ({problem})",
+        "the blocks {blocks} cannot be connected: {cause} ({problem})",
         blocks=", ".join(ports.blocks),
         cause=cause,
         problem=problem,
@@ -358,13 +362,11 @@ def _check_start(robot: ResolvedRobot, start: Vector) -> None:
         return
     found = message(
         "stations.state_of_size",
-        "a state in which '{robot}' is of size {size}",
+        "a state with {size} axes of '{robot}'",
         robot=robot.name,
         size=len(start),
     )
-    expected = message(
-        "stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)
-    )
+    expected = message("stations.station_of_size", "a state with {size} axes", size=len(robot.axes))
     raise InvalidParameter("start", found, expected)
 
 
@@ -376,7 +378,7 @@ def _check_size(robot: ResolvedRobot, reference: Reference) -> None:
     found = message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count)
     expected = message(
         "stations.count_of_joints",
-        "{count} joints: {axes}",
+        "a trajectory of {count} joints: {axes}",
         count=len(robot.axes),
         axes=", ".join(robot.axes),
     )
@@ -401,6 +403,7 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
         InvalidParameter: a position is outside of its limits or not finite. Names the joint, the time, the value and
             the limits.
     """
+    # A reference is any function of time, so that it is sampled: between samples it may exceed a limit slightly.
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         # The first value that is not finite: comparisons with limits would be false for it.
@@ -453,6 +456,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
     Raises:
         InvalidParameter: the positions do not have one column for each axis.
     """
+    # Users pass lists as well as arrays.
     positions = np.asarray(samples[1], dtype=float)
     if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
         shape = " x ".join(str(size) for size in positions.shape)
@@ -461,7 +465,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
             message("stations.array_of", "an array of {shape}", shape=shape),
             message(
                 "stations.columns_a_joint",
-                "of {count} columns, one a joint [rad]",
+                "an array of {count} columns, one for each joint [rad or m]",
                 count=len(robot.axes),
             ),
         )

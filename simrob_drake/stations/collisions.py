@@ -158,7 +158,7 @@ class CollisionPolicy:
             robot = _common_robot(first, second)
             tolerance = OWN_TOLERANCE if robot else OTHER_TOLERANCE
             allowed = extra_depths.get(bodies, 0.0) + tolerance_factor * tolerance
-            if pair.depth <= allowed or (robot and bodies in self.left_out):
+            if pair.depth <= allowed or (robot and bodies in self.excluded_pairs):
                 continue
             depth = self._fine_depth(pair.depth, pair.id_A, pair.id_B)
             if depth <= allowed:
@@ -186,7 +186,7 @@ class CollisionPolicy:
     ) -> dict[Bodies, Overlap]:
         """Find all pairs of bodies that touch in the present posture, even slightly.
 
-        Pairs with the floor are found, too, and so are pairs in :attr:`left_out`.
+        Pairs with the floor are found, too, and so are pairs in :attr:`excluded_pairs`.
 
         Args:
             movers: names of the robots that move. Only pairs with a body of such a robot
@@ -268,6 +268,7 @@ class CollisionPolicy:
         for name, robot in self._posed.station.robots.items():
             # A robot's file may give a home posture beyond the limits: only the start of a station is checked.
             homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
+        # All robots at once: only pairs within one robot count, so that overlaps of two robots do not matter.
         self._posed.place_robots(homes)
         touching = self.touching(own_only=True)
         self._posed.place(before)
@@ -307,7 +308,7 @@ class CollisionPolicy:
         }
 
     @cached_property
-    def left_out(self) -> Mapping[Bodies, str]:
+    def excluded_pairs(self) -> Mapping[Bodies, str]:
         """Pairs of links that never count as a collision, with the name of their robot.
 
         These are the pairs of :attr:`home_contacts` and of :attr:`permanent_overlaps`.
@@ -317,7 +318,7 @@ class CollisionPolicy:
     def own_distances(self, robot: str) -> "OwnDistances":
         """Prepare to measure, along a motion say, the distances of all pairs of shapes of one robot that can collide.
 
-        Pairs of the same body, pairs that Drake excludes and pairs in :attr:`left_out` are not
+        Pairs of the same body, pairs that Drake excludes and pairs in :attr:`excluded_pairs` are not
         among them.
 
         Args:
@@ -333,7 +334,11 @@ class CollisionPolicy:
         for first, second in combinations(owner_of_shape, 2):
             bodies = _sorted_names(owner_of_shape[first], owner_of_shape[second])
             is_one_body = bodies[0] == bodies[1]
-            if is_one_body or bodies in self.left_out or inspector.CollisionFiltered(first, second):
+            if (
+                is_one_body
+                or bodies in self.excluded_pairs
+                or inspector.CollisionFiltered(first, second)
+            ):
                 continue
             pairs.append((first, second))
         return OwnDistances(pairs, inspector, self._fine)

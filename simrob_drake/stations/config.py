@@ -1,13 +1,15 @@
-"""What a station file may say: the fields below are the YAML schema, their comments its documentation.
+"""The sections and keys of a station's file. The fields are the YAML schema, the texts below them its documentation.
 
-All values are SI units and radians, except where a name ends in ``_deg``: that is degrees, and metres for an axis that
-slides. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
+All values are in SI units and radians, except those of keys that end in ``_deg``: they are in degrees, or in metres for
+a prismatic axis. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
 """
 
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import yaml
 from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
@@ -58,7 +60,7 @@ Law = Literal["pid", "cascade", "computed_torque"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
-MOST_LATE = 10_000  # by so many samples a sensor may be late
+MOST_LATE = 10_000  # largest delay of a sensor [samples]
 MOST_FREE_PIECES = 200
 """Pieces of ``free: true``. Drake's time to build a station grows with the third power of the pieces: 4 s for 200."""
 MOST_PIECES = 300
@@ -71,7 +73,9 @@ _Gain = Annotated[
     AxisValues,
     every_axis(
         lambda value: 0 <= value <= LARGEST_GAIN,
-        message("stations.gain_range", "a gain is of 0 to {largest:g}", largest=LARGEST_GAIN),
+        message(
+            "stations.gain_range", "a gain must be between 0 and {largest:g}", largest=LARGEST_GAIN
+        ),
     ),
 ]
 _Limit = Annotated[
@@ -94,41 +98,43 @@ _Speed = Annotated[
 
 
 class ServoConfig(Renamed):
-    """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
+    """The joint servos: PID and saturation. Values that are not given come from the robot's own file."""
 
     renamed: ClassVar[Mapping[str, str]] = {"yield_gain": "admittance_gain"}
 
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
     law: Law = "pid"
-    """PID; a cascade, whose position loop asks a velocity loop within it for at most speed_limit; or computed torque:
-    by the arm's model kp and kd are the same for every joint and in every posture."""
+    """`pid`; `cascade`: a position loop that commands a velocity loop with at most speed_limit; or `computed_torque`:
+    kp and kd act through the model of the arm, so that they are the same for every joint and in every posture."""
     feedforward: Feedforward = "none"
-    """What the model of the robot and all that it carries adds for the motion that is asked for: the torque against
-    gravity, or all that it takes; then the derivative acts on the error of the speed, too."""
+    """Torque that the model of the robot and its load adds for the desired motion: `gravity` against the weight, or
+    `inverse_dynamics` for the whole motion; the derivative part then acts on the error of the velocity, too."""
     kp: _Gain | None = None
-    """Proportional gain, per axis [N·m/rad, or N/m where it slides; 1/s² of a computed torque]."""
+    """Proportional gain, per axis [N·m/rad, or N/m of a prismatic axis; 1/s² of a computed torque]."""
     ki: _Gain | None = None
     """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: _Gain | None = None
     """Derivative gain, per axis [N·m·s/rad or N·s/m; 1/s of a computed torque]."""
     motor: Motors | None = None
-    """Motors that give the torque, by name (of `models/motors.yaml`, `urdf` or `none`) or by their figures, for all
-    axes or by axis; the robot's own unless given. What no other key says is theirs: the limit of torque and how it
-    falls with speed, rotors, gears and friction of `drives`, the resolution of `encoders`."""
+    """Motors of the axes, by name (of `models/motors.yaml`, `urdf` or `none`) or by their values, for all axes or by
+    axis; by default those of the robot's own file. A motor gives all values that no other key gives: the limit of the
+    torque and its fall with speed, the rotors, gears and friction of `drives`, the resolution of `encoders`."""
     passive: list[str] | None = None
-    """Axes without a motor, which move freely; those of the robot's own file unless given. With [] every axis has a
+    """Axes without a motor, which move freely; by default those of the robot's own file. With [] every axis has a
     motor: one that has none in the robot's file then needs a torque_limit."""
     bus: CommandBusConfig | None = None
-    """The bus that brings commands; they come at once, and as they are, without."""
+    """The bus that transmits commands to the servos; without a bus, commands arrive at once and unchanged."""
     torque_limit: _Limit | None = None
-    """Saturation, per axis [N·m or N]; of the motor or the URDF's effort unless given."""
+    """Saturation, per axis [N·m or N]; by default that of the motor or the effort limit of the URDF."""
     integral_limit: _Limit | None = None
-    """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
+    """Largest output of the integral part, per axis [N·m or N]; by default torque_limit."""
     speed_limit: _Speed | None = None
-    """What the position loop of a cascade may ask for, per axis [rad/s or m/s]; the URDF's speed unless given."""
+    """Largest speed that the position loop of a cascade commands, per axis [rad/s or m/s]; by default the velocity
+    limit of the URDF."""
     admittance_gain: Annotated[NotNegative, Field(le=LARGEST_GAIN)] = 0.0
-    """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
+    """Rate at which the servo gives way to forces that the model of the arm does not explain [1/s], for hand guiding; 0
+    if it never gives way."""
 
     @property
     def follows_motion(self) -> bool:
@@ -144,7 +150,8 @@ class ServoConfig(Renamed):
             raise ValueError(
                 message(
                     "stations.admittance_needs_realization",
-                    "admittance_gain needs realization per_joint or vector: implicit hides the servo's torque",
+                    "admittance_gain needs realization per_joint or vector, since implicit does not report the "
+                    "servo's torque",
                 )
             )
         # Drake's actuators have PD gains, and no other law.
@@ -152,22 +159,25 @@ class ServoConfig(Renamed):
             raise ValueError(
                 message(
                     "stations.law_needs_realization",
-                    "law {law} needs realization per_joint or vector: actuators know the law pid alone",
+                    "law {law} needs realization per_joint or vector, since actuators have only the law pid",
                     law=self.law,
                 )
             )
         if self.motor is not None and self.admittance_gain > 0:
             raise ValueError(
-                message("stations.admittance_without_motor", "admittance_gain goes without a motor")
+                message(
+                    "stations.admittance_without_motor",
+                    "admittance_gain cannot be combined with motor",
+                )
             )
         if self.law != "pid" and self.admittance_gain > 0:
             raise ValueError(
-                message("stations.admittance_with_pid", "admittance_gain goes with law pid")
+                message("stations.admittance_with_pid", "admittance_gain needs law pid")
             )
         # Only a cascade has a loop whose command is a speed.
         if self.speed_limit is not None and self.law != "cascade":
             raise ValueError(
-                message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade")
+                message("stations.speed_limit_with_cascade", "speed_limit needs law cascade")
             )
         if self.law == "computed_torque":
             # A feedforward would count gravity and inertia twice.
@@ -175,7 +185,7 @@ class ServoConfig(Renamed):
                 raise ValueError(
                     message(
                         "stations.computed_torque_is_whole",
-                        "law computed_torque is the whole torque of the model: leave feedforward out",
+                        "law computed_torque contains the whole torque of the model already; remove feedforward",
                     )
                 )
             # Gains of a robot's file are torques for an error [N·m/rad], those of this law
@@ -213,30 +223,29 @@ class RobotConfig(Renamed):
     }
 
     model: str | None = None
-    """A robot's name, of `simrob list`, or the path of a `robot.yaml`; relative paths start at the station's file."""
+    """Name of a robot of `simrob list`, or path of a `robot.yaml`; relative paths start at the station's file."""
     urdf: Path | None = None
-    """A URDF file instead of a model; relative paths start at the station's file. One with defects is imported."""
+    """A URDF file instead of a model; relative paths start at the station's file. A file with defects is imported."""
     import_options: ImportOptions | None = None
-    """Choices for the import of the URDF, which then takes place in any case."""
+    """Options of the import of the URDF. If they are given, the URDF is always imported."""
     base: Pose = ORIGIN
-    """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
-    feet of its own."""
+    """Pose of the root link in the world, [x y z Rz Ry Rx]. For a robot on its own feet, it is relative to the floor,
+    which may be inclined."""
     initial_deg: AxisValues | None = None
-    """Joint positions at the start, per axis; the robot's `home_deg` unless given. Axes that a mapping leaves out are
-    at 0, or at home if 0 is outside their ranges; coupled axes that are not named are where their couplings take
-    them."""
+    """Joint positions at the start, per axis; by default the robot's `home_deg`. Axes that a mapping leaves out are at
+    0, or at home if 0 is outside their ranges; coupled axes that are not named follow their couplings."""
     mimic: Boolean = True
-    """Whether axes that mimic others in the robot's file are coupled to them; each has a motor in any case."""
+    """Whether axes that mimic others in the robot's file are coupled to them; each of them has a motor in any case."""
     tcp: str | None = None
-    """Tool, or link, that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    """Tool, or link, whose pose is `tcp_pose`; by default the last piece of the robot's chain."""
     tcp_offset: Pose | None = None
-    """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
+    """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; the offset frame is then the tool `tcp`."""
     feet: str | None = None
-    """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    """Feet of a legged robot: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
     mass_factors: dict[str, Positive] = Field(default_factory=dict)
-    """By how much links are heavier than its URDF says, {chest: 1.05}; their moments of inertia grow likewise."""
+    """Factors on the masses of links in the URDF, {chest: 1.05}; moments of inertia grow by the same factor."""
     drives: Drives | None = None
-    """Motors, gears and friction; what is not given is as the robot's own file says."""
+    """Motors, gears and friction; values that are not given are those of the robot's own file."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
@@ -249,11 +258,11 @@ class RobotConfig(Renamed):
         # True if both are given, and if neither is.
         if (self.model is None) == (self.urdf is None):
             raise ValueError(
-                message("stations.model_or_urdf", "a robot has either a model or a urdf")
+                message("stations.model_or_urdf", "a robot needs either model or urdf, not both")
             )
         if self.urdf is None and self.import_options is not None:
             raise ValueError(
-                message("stations.options_go_with_urdf", "import_options go with a urdf")
+                message("stations.options_go_with_urdf", "import_options needs the key urdf")
             )
         return self
 
@@ -264,15 +273,19 @@ class FloorConfig(Strict):
     size: Positive = 3.0
     """Length of a side [m]."""
     incline_deg: Annotated[Number, Field(ge=0, le=45)] = 0.0
-    """How steep it is [deg]; robots on their own feet are put upright on it."""
+    """Inclination of the floor [deg]; robots on their own feet are put upright on it."""
     heading_deg: Number = 0.0
-    """Which way it rises, counterclockwise from the world's x [deg]."""
+    """Direction in which the floor rises, counterclockwise from the world's x [deg]."""
     terrain: Terrain | None = None
-    """A field of uneven ground on it; it is even unless given."""
+    """A field of uneven ground on the floor; by default the floor is even."""
+
+
+NAME_OF_ONLY_ROBOT = "robot"
+"""Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""
 
 
 class StationConfig(Renamed):
-    """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
+    """Configuration of a whole station. Written to YAML and loaded again, it is equal."""
 
     renamed: ClassVar[Mapping[str, str]] = {
         "external_force": message(
@@ -304,69 +317,70 @@ class StationConfig(Renamed):
         return content
 
     name: FileName
-    """What results and pictures call it; the file's name unless given."""
+    """Name of the station in results and pictures; by default that of the file."""
     description: str = ""
-    """What it is, in a line, for lists."""
+    """Description of the station in one line, for lists."""
     extensions: tuple[str, ...] = ()
-    """Packages whose extensions the station needs, such as `simrob-playground`: one that is missing is then reported by
-    its name."""
+    """Packages whose extensions the station needs, such as `simrob-playground`; an error names a package that is
+    missing."""
     packages: dict[str, Path] = Field(default_factory=dict)
-    """Folders of packages of ROS by name, for paths such as `package://arm_description/urdf/arm.urdf`; further ones are
-    found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
+    """Folders of ROS packages by name, for paths such as `package://arm_description/urdf/arm.urdf`; further packages
+    are found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
     add_directives: tuple[Path, ...] = ()
-    """Files with model directives or scenarios of Drake, whose models the station has as robots and pieces; keys of the
-    station's own take the place of theirs. `FILE#NAME` is the scenario NAME of a file with several."""
+    """Files with model directives or scenarios of Drake, whose models become robots and pieces of the station; keys of
+    the station's own replace those of the files. `FILE#NAME` is the scenario NAME of a file with several."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
-    """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
+    """`dynamic`: forces and torques move the robots. `kinematic`: the motion is the input, and the torques are
+    computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
-    """The robots by name; a single one may stand under `robot` instead."""
+    """The robots by name; a single robot may be given under `robot` instead."""
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
-    """What robots carry, what stands around and what is free to move, by name."""
+    """Pieces by name: those that robots carry, those that are fixed, and those that are free to move."""
     servo: ServoConfig = default_of(ServoConfig)
     """The joint servos of all robots that have none of their own."""
     reference: ReferenceConfig = default_of(Hold, kind="hold")
-    """What all robots are asked to do that have no reference of their own."""
+    """Desired motion of all robots that have no reference of their own."""
     prescribed: dict[str, ReferenceConfig] = Field(default_factory=dict)
-    """Axes of a dynamic station whose motion is given while all else moves by forces, by name (<robot>.<axis> where
-    there are several robots): the torque that it takes is the axis' own."""
+    """Axes of a dynamic station that follow a given motion exactly, while forces move everything else, by name
+    (<robot>.<axis> if there are several robots). The torque of such an axis is computed."""
     inputs: tuple[Input, ...] = ()
-    """Input ports beside `reference`."""
+    """Input ports in addition to `reference`."""
     floor: FloorConfig | None = None
     """The floor; a station without this section has none."""
     contact: ContactConfig | None = None
-    """What happens where things touch; without this section they pass through each other."""
+    """Contact between bodies; without this section they pass through each other."""
     joint_stops: JointStops = default_of(JointStops)
-    """What holds joints at their limits, where the solver does not."""
+    """Springs that hold joints at their limits, if the solver does not."""
     gravity: Annotated[Number, Field(ge=-1e4, le=1e4)] = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = default_of(ContinuousSolver, kind="continuous")
-    """How time advances in a dynamic station."""
+    """Solver of a dynamic station."""
     couplings: Couplings = Field(default_factory=dict)
-    """What ties axes and bodies together beside the joints, by name: gears, rods, springs; one that is called as its
-    kind needs no `kind`."""
+    """Couplings between axes or bodies in addition to the joints, by name: gears, rods, springs; an entry named after
+    its kind needs no `kind`."""
     forces: Forces = Field(default_factory=dict)
-    """What acts on the robots from outside, by name; one that is called as its kind needs no `kind`."""
+    """External forces on the robots, by name; an entry named after its kind needs no `kind`."""
     sensors: Sensors = Field(default_factory=dict)
-    """What is measured, by name; one that is called as its kind needs no `kind`."""
+    """Sensors by name; an entry named after its kind needs no `kind`."""
     monitors: Monitors = Field(default_factory=dict)
-    """What may end the run, by name; one that is called as its kind needs no `kind`."""
+    """Conditions that end the run, by name; an entry named after its kind needs no `kind`."""
     controllers: Controllers = Field(default_factory=dict)
-    """Loops around the servos, by name."""
+    """Control loops around the servos, by name."""
     program: dict[str, Any] | None = None
-    """What its robots do when it is run as a whole, in place of its references: the content of a program's file, or the
-    path of one."""
+    """Program of the robots when the station is run as a whole, in place of their references: the content of a
+    program's file, or the path of one."""
     verdict: VerdictConfig = default_of(VerdictConfig)
-    """Bounds of what may become of a run; what passes one is a warning."""
+    """Bounds of the criteria by which a run is judged; a value beyond its bound is a warning."""
     start: Path | None = None
-    """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
+    """State at the start: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
     duration: Duration = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
-    """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
+    """Samples of the signals per second [Hz]; at most 10 kHz, and a million samples in all."""
 
     def __repr__(self) -> str:
-        """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""
+        """Summary in one line. :meth:`to_yaml` has the whole configuration."""
         robots = ", ".join(
             f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items()
         )
@@ -374,6 +388,36 @@ class StationConfig(Renamed):
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
 
     __str__ = __repr__
+
+    def to_content(self, *, only: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Convert the configuration to the content of a station's file: nested dicts and lists.
+
+        Args:
+            only: keys to convert, as pydantic's ``include``; all by default.
+        """
+        content = self.model_dump(mode="json", exclude_none=True, include=only)
+        # The short form, as most users write it.
+        if only is None and list(self.robots) == [NAME_OF_ONLY_ROBOT]:
+            content["robot"] = content.pop("robots")[NAME_OF_ONLY_ROBOT]
+        return content
+
+    def to_yaml(self, *, only: Mapping[str, Any] | None = None) -> str:
+        """Write the configuration as the text of a station's file. Loading a whole text gives an equal configuration.
+
+        Args:
+            only: keys to write, as pydantic's ``include``; all by default.
+        """
+        content = self.to_content(only=only)
+        return yaml.safe_dump(
+            content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
+        )
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: the summary, and the whole configuration as YAML to unfold."""
+        return (
+            f"<details><summary>{escape(repr(self))}</summary>"
+            f"<pre>{escape(self.to_yaml())}</pre></details>"
+        )
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "StationConfig":
@@ -386,6 +430,7 @@ class StationConfig(Renamed):
     )
     @classmethod
     def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+        # The names become parts of the names of ports, columns and files.
         for name in entries:
             check_plain(name)
         return entries
@@ -419,7 +464,7 @@ class StationConfig(Renamed):
 
     @property
     def free_pieces(self) -> list[str]:
-        """The names of the pieces that nothing holds."""
+        """Names of the free pieces, which only contact and gravity move."""
         return [name for name, piece in self.pieces.items() if piece.free]
 
     @property
@@ -437,7 +482,7 @@ class StationConfig(Renamed):
         return self.robots[robot].servo or self.servo
 
     def motors_are_dampers(self, robot: str) -> bool:
-        """Tell whether the lines of a robot's motors are dampers of Drake's joints, as its actuators need it."""
+        """Whether dampers of Drake's joints realize the torque lines of a robot's motors, as actuators require."""
         engine = self.engine
         # In a kinematic station no motor gives a torque.
         if not (engine.moves_by_forces and engine.allows_dampers_of_motors):
@@ -445,7 +490,7 @@ class StationConfig(Renamed):
         return self.servo_of(robot).realization == "implicit" or engine.limits_torques_in_actuators
 
     def follows_speed(self, robot: str) -> bool:
-        """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
+        """Whether the desired speed is an input of a robot, so that samples of positions must be joined smoothly."""
         # A kinematic station takes the speeds as inputs, as its inverse dynamics needs them.
         speed_is_input = not self.engine.moves_by_forces or "reference_velocity" in self.inputs
         return speed_is_input or self.servo_of(robot).follows_motion
@@ -468,14 +513,14 @@ def check_effort(config: StationConfig) -> None:
     # Free pieces first: their bound is the smaller one.
     if len(config.free_pieces) > MOST_FREE_PIECES:
         found = message(
-            "stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces)
+            "stations.with_free_pieces", "{count} free pieces", count=len(config.free_pieces)
         )
         raise InvalidParameter(
             "pieces",
             found,
             message(
                 "stations.most_free_pieces",
-                "with at most {most} of free: true",
+                "at most {most} pieces with free: true",
                 most=MOST_FREE_PIECES,
             ),
         )
@@ -491,7 +536,7 @@ def check_effort(config: StationConfig) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = message(
             "stations.longest_duration",
-            "at most {longest:g} s at a sample_rate of {rate:g} Hz: {samples:g} samples",
+            "at most {longest:g} s at a sample_rate of {rate:g} Hz ({samples:g} samples)",
             longest=MOST_SAMPLES / rate,
             rate=rate,
             samples=MOST_SAMPLES,
@@ -501,7 +546,7 @@ def check_effort(config: StationConfig) -> None:
     if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
         shortest = message(
             "stations.shortest_step",
-            "at least {shortest:g} s for a duration of {duration:g} s: {steps:g} steps",
+            "at least {shortest:g} s for a duration of {duration:g} s ({steps:g} steps)",
             shortest=duration / MOST_STEPS,
             duration=duration,
             steps=MOST_STEPS,
@@ -515,7 +560,7 @@ def check_effort(config: StationConfig) -> None:
         if duration * sensor_rate > MOST_STEPS:
             most = message(
                 "stations.largest_rate",
-                "at most {rate:g} Hz for a duration of {duration:g} s: {samples:g} samples",
+                "at most {rate:g} Hz for a duration of {duration:g} s ({samples:g} samples)",
                 rate=MOST_STEPS / duration,
                 duration=duration,
                 samples=MOST_STEPS,
@@ -528,7 +573,7 @@ def check_effort(config: StationConfig) -> None:
         if delay * sensor_rate > MOST_LATE:
             most = message(
                 "stations.largest_delay",
-                "at most {delay:g} s at a rate of {rate:g} Hz: {samples:g} samples",
+                "at most {delay:g} s at a rate of {rate:g} Hz ({samples:g} samples)",
                 delay=MOST_LATE / sensor_rate,
                 rate=sensor_rate,
                 samples=MOST_LATE,

@@ -93,8 +93,10 @@ def apply_materials(
     source = plant.get_source_id()
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
+    # Point contact uses the shapes as they are, without dividing them.
     if contact.model != "point":
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
+    # Shape by shape, since a piece may have a material of its own.
     for shape in shapes:
         piece = piece_of_shape(station, inspector, shape)
         contact_of_piece = config.pieces[piece].contact if piece else None
@@ -102,13 +104,14 @@ def apply_materials(
         if touches_at_points and contact.model == "hydroelastic":
             expected = message(
                 "stations.hydroelastic_with_fallback",
-                "hydroelastic_with_fallback, as a piece meets others at points",
+                "hydroelastic_with_fallback, since a piece has contact.model point",
             )
             raise InvalidParameter("contact.model", contact.model, expected)
         material = _material(config, contact, piece)
         if inspector.GetName(shape).startswith(f"{FLOOR}."):
             # Boxes of the terrain have a modulus already if the terrain is soft.
             material = material.model_copy(update={"hydroelastic_modulus": None})
+        # A copy of what the robot's file gives: values that the station does not give stay.
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write_material(properties, material)
         if contact.model != "point" and not touches_at_points:
@@ -146,7 +149,8 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
     if resolution < finest:
         expected = message(
             "stations.coarser_resolution",
-            "{finest:.2g} m or more: finer ones give the shapes of this station too many faces",
+            "{finest:.2g} m or more, since a finer resolution divides the shapes of this station into "
+            "too many faces",
             finest=finest,
         )
         raise InvalidParameter(

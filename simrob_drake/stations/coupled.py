@@ -158,6 +158,7 @@ def expected_position(
     """
     wrong = violation.axis
     in_condition = np.flatnonzero(np.abs(condition.ratios) > _ZERO_RATIO).tolist()
+    # Positions are shown in the units in which the user gave them.
     in_units = position / units.sizes
     others = [axis for axis in in_condition if axis != wrong]
     state = [
@@ -177,7 +178,7 @@ def expected_position(
     )
     return message(
         "stations.taken_by_couplings",
-        "{needed}, to which {labels} takes it with {state}",
+        "{needed} to satisfy {labels} with {state}",
         needed=needed,
         labels=listed(condition.labels),
         state=listed(state),
@@ -278,12 +279,12 @@ def _check_solvable(condition: AxisCondition) -> None:
         *others, last = condition.labels
         expected = message(
             "stations.such_that_one_posture",
-            "left out, or such that one posture fulfils all of them",
+            "left out, or changed so that one posture satisfies all of these couplings",
         )
         raise InvalidParameter(
             last,
             message(
-                "stations.in_contradiction", "in contradiction to {others}", others=listed(others)
+                "stations.in_contradiction", "in contradiction with {others}", others=listed(others)
             ),
             expected,
         )
@@ -368,7 +369,7 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
             leader = model.followers[axis].leader
             expected += message(
                 "stations.follows_leader",
-                "; it follows {leader}, so choose another initial_deg of {leader}",
+                "; the axis follows {leader}, so change initial_deg of {leader}",
                 leader=leader,
             )
         raise InvalidParameter(

@@ -54,7 +54,7 @@ def obey_couplings(
     Raises:
         InvalidParameter: references contradict a coupling, or leave open which axis gives way.
     """
-    coupled = station.coupled
+    coupled = station.couplings_of_axes
     if not coupled:
         return dict(references)
     robots = station.robots
@@ -172,7 +172,7 @@ def with_partners(
     Returns:
         the posture with coupled axes moved, shape (n,) [rad or m].
     """
-    coupled = station.coupled
+    coupled = station.couplings_of_axes
     if not coupled:
         return posture
     initial = np.concatenate([resolved.initial for resolved in station.robots.values()])
@@ -301,7 +301,7 @@ def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParame
         problem,
         message(
             "stations.value_for_one",
-            "a value for one of them, since {labels} moves either",
+            "a value for one of these axes, which are coupled by {labels}",
             labels=listed(labels),
         ),
     )

@@ -9,17 +9,15 @@ import shlex
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
-from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
@@ -29,16 +27,15 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
-from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import follower_key
+from simrob_drake.stations.draft_trials import gets_through, stands
 from simrob_drake.stations.import_findings import estimated_inertias, import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
-from simrob_drake.stations.steps import set_solver, step_findings
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
@@ -53,10 +50,6 @@ _TRIALS = 4  # count of stances that are tried
 # Monitor of a robot on its feet: it has fallen if its root is lower than this share of its first height, or leans more.
 _FALLEN_SHARE = 0.6
 _FALLEN_LEAN_DEG = 40.0  # [deg]
-# A robot that leans or sinks more than this during a trial does not stand.
-_LEANS_DEG = 10.0  # [deg]
-_SINKS_SHARE = 0.1  # as a share of the height of its root
-_LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
 
 # Options of the command line that may be given several times.
 _REPEATED_OPTIONS = ("mesh_path", "packages", "xacro_arg")
@@ -118,7 +111,7 @@ def draft_station(
             "options",
             message(
                 "stations.describes_a_robot",
-                "{file} describes a robot, and nothing is imported",
+                "{file} describes a robot and is not imported, so options of an import have no effect",
                 file=file.name,
             ),
         )
@@ -131,7 +124,7 @@ def draft_station(
         robot = robot_from_file(file, options)
         reason = message(
             "stations.drafted_unshaped",
-            "The robot has no shapes that collide, so that nothing could carry it: it is held by its root.",
+            "The root is fixed, since the robot has no collision shapes on which it could stand.",
         )
         remarks.append(reason)
 
@@ -151,6 +144,7 @@ def draft_station(
     estimated = estimated_inertias(robot, file)
     if estimated is not None:
         remarks.append(compound("{text}.", text=estimated.as_sentence()))
+    # A robot without inertias can only be moved kinematically, whatever base and loops it has.
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
     elif robot.base == "floating":
@@ -182,7 +176,7 @@ def _remarks_on_axes(robot: RobotModel) -> list[str]:
     if robot.followers:
         coupled = message(
             "stations.drafted_followers",
-            "By the robot's file these axes follow others, see couplings: {followers}.",
+            "In the robot's file these axes follow others; see the section couplings: {followers}.",
             followers=", ".join(robot.followers),
         )
         remarks.append(coupled)
@@ -190,8 +184,8 @@ def _remarks_on_axes(robot: RobotModel) -> list[str]:
     if robot.passive_axes and not is_kinematic:
         without_motor = message(
             "stations.drafted_without_motor",
-            "By the robot's file no motor moves these axes: {axes}."
-            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
+            "In the robot's file these axes have no motor: {axes}. To give them motors, add `passive: "
+            "[]` and their `torque_limit` to servo.",
             axes=", ".join(robot.passive_axes),
         )
         remarks.append(without_motor)
@@ -211,7 +205,7 @@ def _check_floating_base(robot: RobotModel, file: Path) -> None:
             compound("{file}: {key}", file=file.name, key="base"),
             message(
                 "stations.floating_unshaped",
-                "it is floating, but no link has a collision shape to stand on",
+                "the base is floating, but no link has a collision shape to stand on",
             ),
             message(
                 "stations.give_shapes_or_fix",
@@ -317,7 +311,8 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content["servo"]["realization"] = "implicit"
     text = message(
         "stations.drafted_discrete",
-        "In discrete steps, since radau3 was tried and takes too many steps: some links are too light for it.",
+        "The solver is discrete: with radau3, a trial run takes too many steps, since some links are "
+        "very light.",
     )
     return [text]
 
@@ -354,7 +349,7 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     return [
         message(
             "stations.drafted_loops",
-            "Loops are closed by couplings: {loops}.",
+            "These couplings close the kinematic loops: {loops}.",
             loops=", ".join(robot.loops),
         ),
         message(
@@ -392,18 +387,20 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content["reference"] = {"kind": "hold"}
     holding = message(
         "stations.drafted_fingers",
-        "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged.",
+        "Couplings move the fingers ({fingers}) together, as one motor does. Hydroelastic contact "
+        "and the solver lagged hold pieces by friction.",
         fingers=", ".join(axes[index] for index in robot.fingers),
     )
     gripping = message(
         "stations.drafted_grip",
-        "`grip: {{force: 20}}` [N] in the program takes a piece, and `open: {{}}` releases it; see docs/arms.md.",
+        "In the program, `grip: {{force: 20}}` [N] grips a piece, and `open: {{}}` releases it; see "
+        "docs/arms.md.",
     )
     remarks: list[str] = [holding, gripping]
     if any(robot.prismatic):
         sliding = message(
             "stations.drafted_sliding",
-            "These axes slide, so their values under target_deg and initial_deg are metres: {axes}.",
+            "These axes are prismatic, so their values under target_deg and initial_deg are in metres: {axes}.",
             axes=", ".join(np.array(axes)[np.array(robot.prismatic)]),
         )
         remarks.append(sliding)
@@ -447,16 +444,19 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     stances = Stances(clearance, clearance.station.robots[ONLY_ROBOT])
     first_stance: Stance | None = None
     first_outcome = ""
+    # The stances are computed one by one, so that no more of them are searched than are tried.
     for stance in islice(stances.find(), _TRIALS):
         _set_stance(robot, content, stance)
         trial = stands(_config(robot, content))
         if trial.is_standing:
             return [
                 message(
-                    "stations.drafted_stands", "It stands {stance}.", stance=_stance_text(stance)
+                    "stations.drafted_stands",
+                    "The robot stands {stance}.",
+                    stance=_stance_text(stance),
                 ),
                 message(
-                    "stations.drafted_tried", "It was tried: {outcome}.", outcome=trial.outcome
+                    "stations.drafted_tried", "In a trial run, {outcome}.", outcome=trial.outcome
                 ),
             ]
         if first_stance is None:
@@ -467,11 +467,11 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         return [
             message(
                 "stations.drafted_by_statics",
-                "By statics it would stand {stance}.",
+                "By statics, the robot stands {stance}.",
                 stance=_stance_text(first_stance),
             ),
             message(
-                "stations.drafted_but", "But when it was tried, {outcome}.", outcome=first_outcome
+                "stations.drafted_but", "But in a trial run, {outcome}.", outcome=first_outcome
             ),
         ]
     home = stances.as_it_is()
@@ -481,12 +481,12 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     return [
         message(
             "stations.drafted_no_stance",
-            "No posture was found in which it stands on its feet. {lacking}",
+            "No posture was found in which the robot stands on its feet. {lacking}",
             lacking=stances.lacking,
         ),
         message(
             "stations.drafted_at_home",
-            "So it begins at home, and falls or not: when it was tried, {outcome}.",
+            "The robot begins in its home posture, and may fall: in a trial run, {outcome}.",
             outcome=trial.outcome,
         ),
     ]
@@ -504,7 +504,7 @@ def _stance_text(stance: Stance) -> str:
     found = stance.standing
     return message(
         "stations.drafted_stance",
-        "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside of the support",
+        "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside the support area",
         stance=stance.how,
         links=", ".join(found.ends),
         margin=found.margin * 1e3,
@@ -516,9 +516,11 @@ def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> N
 
     The monitor judges the height of the root only if the root is above the floor.
     """
+    # Rounding to micrometres neither lifts the feet off the floor nor presses them into it.
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, stance.posture)
     fall = dict[str, float]()
+    # The frame of the root may be at the feet, and then its height says nothing about a fall.
     lowest_height = round(_FALLEN_SHARE * stance.height, 3)
     if lowest_height > 0:
         fall["height"] = lowest_height
@@ -535,6 +537,7 @@ def _set_initial_posture(
 
     Axes at 0 and followers are left out: they begin at 0, and where the couplings take them.
     """
+    # A stance that was tried before may have left its posture.
     content["robot"].pop("initial_deg", None)
     positions = _by_axis(robot, _in_user_units(robot, posture))
     initial = {
@@ -579,7 +582,7 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
 
 _FIRST_LINE = message(
     "stations.drafted_first_station",
-    "First station of an imported robot; change it as you like, and try `simrob check` on it.",
+    "First station of an imported robot. Change it as needed, and run `simrob check` on it.",
 )
 
 
@@ -594,13 +597,13 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
     missing = ", ".join(robot.links_without_inertia)
     reason = message(
         "stations.drafted_kinematic",
-        "Kinematic, since these links have no inertia: {links}.",
+        "The station is kinematic, since these links have no inertia: {links}.",
         links=missing,
     )
     if is_yaml_name(file):
         remedy = message(
             "stations.drafted_give_mass",
-            "For motion by torque give them a mass in {file}, and begin anew.",
+            "For a dynamic station, give these links a mass in {file}, and draft the station again.",
             file=file.name,
         )
     else:
@@ -609,7 +612,7 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> lis
         )
         remedy = message(
             "stations.drafted_estimate",
-            "For motion by torque begin anew: {command}",
+            "For a dynamic station, run: {command}",
             command=command,
         )
     return [_FIRST_LINE, reason, remedy]
@@ -620,6 +623,7 @@ def _command_options(options: ImportOptions | None) -> list[str]:
     values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
     words = list[str]()
     for key, value in values.items():
+        # An option that may be repeated is written once for each of its values.
         occurrences = value if key in _REPEATED_OPTIONS else [value]
         for occurrence in occurrences:
             words.append(f"--{key.replace('_', '-')}")
@@ -673,99 +677,3 @@ def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, f
 def _by_axis(robot: RobotModel, values: Vector) -> dict[str, float]:
     """Map the names of a robot's axes to values (n,)."""
     return dict(zip(robot.axes, values.tolist(), strict=True))
-
-
-_MOST_EVALUATIONS = 10_000
-"""Count of evaluations of the dynamics that a trial may take: about the cost of 3 s in discrete steps of 1 ms."""
-
-
-def gets_through(config: StationConfig) -> bool:
-    """Whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
-
-    A station with a stop that is too stiff for the solver is not tried, and does not get through: the run might reach
-    its end with wrong results.
-    """
-    closed = closed_station(resolve(config), sensors=(), monitors=False)
-    findings = step_findings(config, closed.ports.plant, closed.references)
-    if any(finding.level == "warning" for finding in findings):
-        return False
-    simulator = Simulator(closed.diagram)
-    set_solver(simulator, config)
-    integrator = simulator.get_integrator()
-
-    def stop_if_expensive(_: Context) -> EventStatus:
-        if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
-            return EventStatus.ReachedTermination(
-                closed.diagram, message("stations.too_much_work", "too much work")
-            )
-        return EventStatus.DidNothing()
-
-    simulator.set_monitor(stop_if_expensive)
-    return (
-        _advances(simulator, config.duration)
-        and simulator.get_context().get_time() >= config.duration
-    )
-
-
-def _advances(simulator: Simulator, time: float) -> bool:
-    """Simulate up to a time [s], or to where a monitor stops the run. Returns False if the run diverges."""
-    try:
-        simulator.AdvanceTo(time)
-    except (RuntimeError, SystemExit):  # failed assertions come as SystemExit
-        return False
-    return True
-
-
-class StandingTrial(NamedTuple):
-    """Result of a trial of standing.
-
-    Attributes:
-        is_standing: whether the robot stood until the end.
-        outcome: what happened, as a part of a sentence.
-    """
-
-    is_standing: bool
-    outcome: str
-
-
-def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
-    """Simulate for a time [s] whether the only robot of a station stands on its own feet.
-
-    It does not if the run diverges, if the station's monitor detects a fall and ends the run, or if the robot leans or
-    has sunk too much at the end.
-    """
-    closed = closed_station(resolve(config), sensors=())
-    station = closed.ports.plant
-    (robot,) = station.robots.values()
-    simulator = Simulator(closed.diagram)
-    set_solver(simulator, config)
-    context = station.plant.GetMyContextFromRoot(simulator.get_context())
-    before = robot.root.CalcPoseInWorld(context)
-    if not _advances(simulator, duration):
-        return StandingTrial(False, message("stations.it_diverged", "it diverged"))
-    time = simulator.get_context().get_time()
-    if time < duration:
-        return StandingTrial(
-            False, message("stations.it_fell", "it fell at {time:.2f} s", time=time)
-        )
-
-    after = robot.root.CalcPoseInWorld(context)
-    # The direction of the root that pointed up at the start, in the root's frame.
-    up = before.rotation().inverse().matrix()[:, 2].tolist()
-    quaternion = xyz_quaternion_from_transform(after)[3:].tolist()
-    leaning_deg = float(np.rad2deg(lean(up, *quaternion)))
-    position = before.translation()
-    sunk = float((position - after.translation())[2])
-    height = float(position[2] - station.ground.beneath(position[np.newaxis])[0])
-    is_upright = leaning_deg < _LEANS_DEG and sunk < _SINKS_SHARE * max(height, _LEAST_HEIGHT)
-
-    side = message("stations.lower", "lower") if sunk >= 0 else message("stations.higher", "higher")
-    outcome = message(
-        "stations.stood_after",
-        "after {duration:g} s it leans by {lean:.1f} deg, and its root is {height:.0f} mm {side} than at the start",
-        duration=duration,
-        lean=leaning_deg,
-        height=abs(sunk) * 1e3,
-        side=side,
-    )
-    return StandingTrial(is_upright, outcome)

@@ -100,7 +100,7 @@ def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRo
         if name.startswith("external"):
             expected = message(
                 "stations.robot_with_tool",
-                "for a robot with a tool, and none has one here; the section forces acts on any link",
+                "for a robot with a tool, but no robot here has one; for a force on any link, use the section forces",
             )
             raise InvalidParameter("inputs", name, expected)
 
@@ -189,10 +189,11 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
         # The axis that needs the shortest steps decides.
         worst = int(np.argmin(steps))
         step = config.engine.time_step
+        # An explicit damper is unstable if kd h / M exceeds 2, see `_STABLE`; servos in actuators are implicit.
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
             why = message(
                 "stations.blocks_damp",
-                "blocks damp {prefix}{axis} with a kd of {kd:g}",
+                "the servo's blocks damp {prefix}{axis} with kd {kd:g}",
                 prefix=robot.prefix,
                 axis=robot.axes[worst],
                 kd=robot.gains.kd[worst],
@@ -241,12 +242,15 @@ def add_motion(
     """
     count = len(robot.axes)
     rows = robot.axis_map.state_matrix
+    # The state of the axes has n positions, then n velocities.
+    positions_of_state = FromState(rows[:count])
+    velocities_of_state = FromState(rows[count:])
     desired = axis_signal(robot, "q_ref", "reference", "reference")
     site.outputs.add(f"{robot.prefix}reference", reference, desired)
     motion = axis_signal(robot, "q", "position", "motion")
-    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
+    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=positions_of_state)
     speed = axis_signal(robot, "v", "velocity", "motion")
-    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
+    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=velocities_of_state)
 
 
 def _add_signals(
@@ -281,6 +285,7 @@ def _add_signals(
     for name in (*_DERIVATIVES, "feedforward"):
         if name in names:
             optional[name] = ports.add_input(builder, robot, name)
+    # Last, since the bus delays all commands together, and what is behind it is what the servos see.
     if servo.bus is not None:
         reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)
@@ -314,7 +319,7 @@ def _add_bus(
     if not_brought is not None:
         problem = message(
             "stations.bus_brings_positions",
-            "a bus brings positions and speeds alone, not {fast}",
+            "a bus transmits only positions and velocities, not {fast}",
             fast=not_brought,
         )
         remedy = message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought)
@@ -338,7 +343,7 @@ def _add_bus(
     label = message("stations.block_bus", "Bus\n{rate:g} Hz", rate=bus.rate)
     if bus.delay:
         label += message(
-            "stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate
+            "stations.block_late", ", delay {delay:g} ms", delay=1000 * bus.delay / bus.rate
         )
     ports.picture.draw(name, "servo", label, robot)
     return block.GetOutputPort("reference"), {key: block.GetOutputPort(key) for key in optional}
@@ -467,6 +472,7 @@ def _add_servo_blocks(
         )
 
     if servo.law == "computed_torque":
+        # One block for all joints: the mass matrix couples them.
         name = f"{prefix}computed_torque"
         command = add_computed_torque(
             builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name
@@ -507,13 +513,15 @@ def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
     """
     if turns:
         title = message(
-            "stations.external_torque_at", "external torque at {place}, in its axes", place=place
+            "stations.external_torque_at",
+            "external torque at {place}, in the tool's axes",
+            place=place,
         )
         return title, message(
             "stations.block_external_torque", "External torque\nat {place}", place=place
         )
     title = message(
-        "stations.external_force_at", "external force at {place}, in its axes", place=place
+        "stations.external_force_at", "external force at {place}, in the tool's axes", place=place
     )
     return title, message(
         "stations.block_external_force", "External force\nat {place}", place=place
@@ -544,7 +552,7 @@ def _add_admittance_servos(
     declare_torque(ports, robot, torque)
     label = message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain)
     ports.picture.draw(f"{prefix}admittance", "servo", label, robot)
-    label = message("stations.block_model_torque", "Torque of the model\nat this speed")
+    label = message("stations.block_model_torque", "Model torque\nwithout acceleration")
     ports.picture.draw(f"{prefix}model_torque", "servo", label, robot)
     # Sums and stacks of signals would only clutter the picture.
     hidden = [f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus"]

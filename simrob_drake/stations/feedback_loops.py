@@ -32,6 +32,7 @@ def loops_known(station: StationConfig) -> KnownLoops:
     Loops can be added only to a dynamic station with a single robot that is named by its model: those of the package's
     stations with this model.
     """
+    # A loop of the station's own needs no settings: its file has the section already.
     known: KnownLoops = {name: {} for name in station.controllers}
     if len(station.robots) != 1 or not station.engine.moves_by_forces:
         return known

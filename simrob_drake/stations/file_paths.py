@@ -222,6 +222,7 @@ def _paths_at(node: Any, pattern: list[str], prefix: str = "") -> Iterator[Named
     """
     if not isinstance(node, dict):
         return
+    # A list of its own, since callers remove keys of the section while they go through the paths.
     keys = list(node) if pattern[0] == "*" else pattern[:1]
     for key in keys:
         value = node.get(key)
@@ -295,10 +296,13 @@ def _files_of_robot(model: RobotModel, main: Path) -> FilesToCopy:
     folder = resolved(model.folder)
     names = [*_ROBOT_FILES]
     mesh_names: list[str] = []
+    # A robot that is described by Denavit-Hartenberg parameters has no URDF, and so no meshes.
     if model.urdf:
         names.append(model.urdf)
         mesh_names = [mesh.get("filename", "") for mesh in model.element.iter("mesh")]
+    # Most robots have only some of these files: an arm has no gaits.
     files = [folder / name for name in names if (folder / name).is_file()]
+    # Several links may have the same mesh.
     meshes = [mesh_file(name, folder) for name in dict.fromkeys(mesh_names)]
     return FilesToCopy(folder / main.name, [*files, *_with_textures(meshes)])
 

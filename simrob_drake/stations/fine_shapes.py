@@ -165,6 +165,7 @@ class FineShapes:
             second: the other shape.
         """
         inspector = query.inspector()
+        # Making a pair takes a scene graph of its own, so that each pair is made once.
         if (first, second) not in self._pairs:
             self._pairs[first, second] = self._make_pair(inspector, first, second)
         pair = self._pairs[first, second]

@@ -162,7 +162,7 @@ def _export_robot(
         raise SimrobError(
             message(
                 "stations.gripper_of_two_fingers",
-                "{gripper} has {count} {count:finger|fingers}; the opening of a gripper is that of two fingers",
+                "{gripper} has {count} {count:finger|fingers}, but only a gripper with two fingers has an opening",
                 gripper=gripper,
                 count=len(fingers),
             )

@@ -43,6 +43,7 @@ def holding_findings(
         positions: samples of its reference, shape (m, n) [rad or m].
     """
     config = ports.config
+    # Torques change slowly along a reference, and each posture takes a solution of the dynamics.
     step = max(len(positions) // POSTURES, 1)
     postures = positions[::step]
     dynamics = Dynamics(
@@ -74,7 +75,7 @@ def holding_findings(
 
 
 def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
-    """Say that torques and payload of a robot are not predicted, since its links have no inertia.
+    """Make the note that torques and payload of a robot are not predicted, since its links have no inertia.
 
     Args:
         robot: the robot.
@@ -82,8 +83,8 @@ def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
     """
     text = message(
         "stations.torques_need_inertia",
-        "not predicted: {count} moving {count:link has|links have} no inertia, such as {link}; estimate "
-        "{count:it|them} with robot.import_options.estimate_inertia: true",
+        "not predicted: {count} moving {count:link has|links have} no inertia, such as {link}; set "
+        "robot.import_options.estimate_inertia to true",
         count=len(lacking),
         link=lacking[0],
     )
@@ -111,7 +112,7 @@ def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding
     if largest > NO_TORQUE:
         text += message(
             "stations.would_take",
-            "; to hold it along the reference would take {largest:.2f} {effort}",
+            "; holding it along the reference would require {largest:.2f} {effort}",
             largest=largest,
             effort=robot.model.units[axis].effort,
         )
@@ -143,7 +144,7 @@ def _axis_finding(
 
     text = message(
         "stations.holding_takes",
-        "holding takes {start:z.2f} {effort} at the start and {end:z.2f} {effort} at the end",
+        "holding requires {start:z.2f} {effort} at the start and {end:z.2f} {effort} at the end",
         start=torques[0],
         effort=effort_unit,
         end=torques[-1],
@@ -153,14 +154,14 @@ def _axis_finding(
     if abs(largest) > limit:
         text += message(
             "stations.at_most_and_limit",
-            ", at most {largest:.2f} {effort}, and the limit is {limit:g} {effort}: ",
+            ", at most {largest:.2f} {effort}, but the limit is {limit:g} {effort}: ",
             largest=largest,
             effort=effort_unit,
             limit=limit,
         )
         text += message(
             "stations.joint_will_not_hold",
-            "the joint will not hold; raise servo.torque_limit or lighten the load",
+            "the joint does not hold; raise servo.torque_limit or reduce the load",
         )
         return Finding("warning", subject, text)
     if not config.engine.moves_by_forces:
@@ -176,13 +177,14 @@ def _axis_finding(
     level: Level = "ok"
     if holds_by_model(config, robot):
         text += message(
-            "stations.holds_without_sagging", "; the servo's model holds it without sagging"
+            "stations.holds_without_sagging",
+            "; the servo's model compensates gravity, so the joint does not sag",
         )
     elif sag is not None:
         unit = robot.model.units[axis]
         text += message(
             "stations.sags_there",
-            "; it sags by {sag:.3g} {unit} there",
+            "; there the joint sags by {sag:.3g} {unit}",
             sag=abs(sag) / unit.size,
             unit=unit.name,
         )
@@ -225,7 +227,7 @@ def too_warm(robot: StationRobot, axis: int, torque: float) -> str:
     unit = robot.model.units[axis].effort
     return message(
         "stations.motor_too_warm",
-        "; its motor gets too warm: it may give {continuous:g} {unit} continuously",
+        "; the motor overheats, since its continuous torque is {continuous:g} {unit}",
         continuous=continuous,
         unit=unit,
     )
@@ -325,7 +327,7 @@ def _tool_findings(
         return []
     text = message(
         "stations.tool_below_floor",
-        "once its joints sag, {tool} is {depth:.0f} mm below the floor (bound {bound:g} mm)",
+        "after the joints have sagged, {tool} is {depth:.0f} mm below the floor (bound {bound:g} mm)",
         tool=robot.tcp,
         depth=depth * 1e3,
         bound=bound * 1e3,
@@ -360,18 +362,20 @@ def _payload_findings(
             weakest = robot.axes[int(np.argmin(masses))]
             text = message(
                 "stations.holds_more",
-                "at rest along the reference it holds {payload:.3g} kg more at {tool}",
+                "at rest along the reference the robot can hold {payload:.3g} kg more at {tool}",
                 payload=payload,
                 tool=robot.tcp,
             )
-            text += message("stations.by_motor_of", ", by the motor of {axis}", axis=weakest)
+            text += message(
+                "stations.by_motor_of", ", limited by the motor of {axis}", axis=weakest
+            )
             findings.append(_payload_finding(subject, text, payload, robot))
     rated = robot.model.payload
     bound = bound_value(config.verdict.payload)  # as a multiple of the rated payload
     if rated is not None and robot.load > bound * rated:
         text = message(
             "stations.load_over_rating",
-            "it carries {load:.3g} kg ({pieces}), and is rated for {rated:g} kg: lighten its load",
+            "the robot carries {load:.3g} kg ({pieces}), but its rated payload is {rated:g} kg; reduce the load",
             load=robot.load,
             pieces=robot.load_in_words,
             rated=rated,

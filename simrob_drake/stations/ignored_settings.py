@@ -38,10 +38,10 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
     if has_own_stops and config.engine.holds_joint_limits:
         text = message(
             "stations.ignores_joint_stops",
-            "the solver {engine} stops joints at their limits by itself and ignores joint_stops",
+            "the solver {engine} holds joint limits by itself and ignores joint_stops",
             engine=config.engine.name,
         )
-        text = message("stations.take_radau", "{text}; take solver.scheme radau3", text=text)
+        text = message("stations.take_radau", "{text}; use solver.scheme radau3", text=text)
         findings.append(Finding("warning", "joint_stops", text))
     return findings
 
@@ -55,13 +55,13 @@ def rounded_delays(config: StationConfig) -> list[Finding]:
         if abs(rounded - setting.delay) > SHORTEST_DELAY:
             text = message(
                 "stations.delay_is_rounded",
-                "{delay:g} ms acts as {rounded:g} ms: ",
+                "the delay of {delay:g} ms becomes {rounded:g} ms: ",
                 delay=1e3 * setting.delay,
                 rounded=1e3 * rounded,
             )
             text += message(
                 "stations.delays_are_samples",
-                "delays are whole samples, here of {period:g} ms",
+                "delays last whole samples, here of {period:g} ms",
                 period=1e3 / setting.rate,
             )
             findings.append(Finding("note", setting.key, text))
@@ -119,7 +119,7 @@ def _ignored_by_solver(
     if not engine.has_contact_dissipation and material.dissipation:
         yield message(
             "stations.ignores_dissipation",
-            "the solver scheme {engine} ignores {key}.dissipation; take solver.scheme lagged or similar",
+            "the solver scheme {engine} ignores {key}.dissipation; use solver.scheme lagged or similar",
             engine=engine.name,
             key=key,
         )
@@ -137,7 +137,7 @@ def _ignored_by_solver(
         )
         yield message(
             "stations.slide_at_dynamic",
-            "{text}slide at the dynamic one, {dynamic:g}; take a continuous solver, such as cenic",
+            "{text}slide at friction.dynamic ({dynamic:g}); use a continuous solver, such as cenic",
             text=text,
             dynamic=friction.dynamic,
         )
@@ -158,7 +158,7 @@ def _ignored_by_model(
     if contact.model == "point" and material.hydroelastic_modulus is not None:
         yield message(
             "stations.point_ignores_modulus",
-            "contact.model point ignores {key}.hydroelastic_modulus; take contact.model hydroelastic",
+            "contact.model point ignores {key}.hydroelastic_modulus; use contact.model hydroelastic",
             key=key,
         )
     if contact.model == "hydroelastic" and material.stiffness is not None:

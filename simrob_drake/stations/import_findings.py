@@ -42,6 +42,7 @@ def import_findings(
     findings = []
     for follower, leader in unheld_mimics(config, robot.name, robot.model):
         findings.append(_unheld_mimic_finding(config, follower, leader))
+    # The report is a file next to the converted URDF. Files that need no conversion have none.
     report = read_report(robot.model.folder)
     if report is None:  # the robot was not imported
         return findings
@@ -69,7 +70,7 @@ def import_findings(
     if imported_by_station is not None:
         summary = message(
             "stations.summary_of_import",
-            "{summary}; `simrob check {source}` tells all",
+            "{summary}; `simrob check {source}` shows the details",
             summary=report.summary(),
             source=source,
         )
@@ -83,12 +84,14 @@ def _loss_text(group: WordGroup) -> str:
     # A loss of the whole robot names no element.
     text = compound("{first}: {text}", first=first, text=group.text) if first else group.text
     if others:
-        text += message("stations.likewise", "; likewise {others}", others=listed(others))
+        text += message(
+            "stations.likewise", "; the same applies to {others}", others=listed(others)
+        )
     return text
 
 
 def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
-    """Name of the axis whose joint an entry of a report is about; None if it is about something else.
+    """Find the axis whose joint an entry of a report describes. Returns None if the entry describes something else.
 
     Args:
         robot: the imported robot.
@@ -168,6 +171,7 @@ def _friction_finding(
         for axis, friction in frictions.items()
     ]
     section = "robot" if config.only_robot else f"robots.{robot.name}"
+    # One axis is set by its own key, several by one mapping, so that the user copies a single option.
     if len(frictions) == 1:
         ((axis, friction),) = frictions.items()
         setting = f"{section}.drives.friction.{axis}={friction:g}"
@@ -177,8 +181,8 @@ def _friction_finding(
         setting = f"'{section}.drives.friction={{{values}}}'"
     text = message(
         "stations.friction_left_out",
-        "the import of {file} left out joint friction, which is seldom measured: {frictions}; `--set {setting}` brings "
-        "it back",
+        "the import of {file} leaves out joint friction, which is seldom measured: {frictions}; "
+        "`--set {setting}` restores it",
         file=source.name,
         frictions=listed(amounts),
         setting=setting,
@@ -194,7 +198,7 @@ _LINK_OF_ENTRY = re.compile(r"link '(.*)'")
 
 
 def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message | None:
-    """Say which links of a robot have an inertia that its import estimated. Returns None if there is no such link.
+    """Name the links of a robot whose inertias its import estimated. Returns None if there is no such link.
 
     Args:
         model: the robot, whether it was imported or not.
@@ -216,7 +220,7 @@ def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message
     file = (source or report.source).name
     return message(
         "stations.estimated_inertias",
-        "the inertia of {links} is an estimate: {file} has none that can be used",
+        "the inertia of {links} is an estimate, since {file} has no usable value",
         links=listed(links),
         file=file,
     )
@@ -233,13 +237,14 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
     scheme = config.engine.name
     text = message(
         "stations.follower_uncoupled",
-        "{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its ",
+        "{follower} follows {leader} in the robot's file, but the solver {scheme} does not support "
+        "couplings: each axis has its ",
         follower=follower,
         leader=leader,
         scheme=scheme,
     )
     text += message(
-        "stations.own_motor", "own motor; take solver.kind discrete, or scheme radau3 or cenic"
+        "stations.own_motor", "own motor; use solver.kind discrete, or scheme radau3 or cenic"
     )
     return Finding(
         "warning", message("stations.mimic_of", "mimic of {follower}", follower=follower), text

@@ -209,6 +209,7 @@ def chain_lengths(
     put_upright(clearance, robot, straight(robot))
     frames = [robot.joints[axis].frame_on_child() for axis in axes]
     points = [frame.CalcPoseInWorld(clearance.context).translation() for frame in frames]
+    # The joints of two legs may agree although one leg has a longer foot.
     if leg is not None:
         points.append(foot_place(clearance, leg))
     distances = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -261,6 +262,7 @@ def _foot_support(
     if sole is not None:
         return sole
     middle = (points.max(axis=0) + points.min(axis=0)) / 2
+    # The middle of a ball or a wheel is near its joint: it turns about it, and touches the ground anywhere.
     is_round = np.linalg.norm(middle) < _ROUND * distances.max()
     tip = points[int(distances.argmax())]
     return _Support(middle if is_round else tip, None)

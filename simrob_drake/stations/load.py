@@ -20,7 +20,7 @@ from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Any
 
-import yaml
+import numpy as np
 
 from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import (
@@ -34,20 +34,24 @@ from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
 from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import Border
+from simrob_drake.base.renaming import former_argument
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.importer import SceneRequest, find_station_importer
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT, StationConfig
 from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
-ONLY_ROBOT = "robot"
+ONLY_ROBOT = NAME_OF_ONLY_ROBOT
 """Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""
 
 ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
 """Sections with entries by name, each of which an override can remove: ``pieces.load=null``."""
+
+_FILE_OF_MAPPING = "station.yaml"
+"""Name of the file that a station would have that is loaded from a mapping: its stem is the name of the station."""
 
 _ROBOT_SECTIONS = (ONLY_ROBOT, "robots")
 
@@ -69,8 +73,9 @@ def station_names() -> list[str]:
     return list(station_files())
 
 
+@former_argument("name_or_path", "station")
 def load_station(
-    name_or_path: str | Path,
+    station: str | Path | Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     *,
     called: Mapping[str, str] | None = None,
@@ -85,7 +90,8 @@ def load_station(
     ``SIMROB_MESH_PATH`` are allowed as well. Overrides may name any file.
 
     Args:
-        name_or_path: a name of :func:`station_names`, or a YAML file.
+        station: a name of :func:`station_names`, a YAML file, or the content of such a file as a mapping with values of
+            Python, also arrays of NumPy. Relative paths in a mapping start at the current folder.
         overrides: new values. Keys may be dotted, as in ``{"servo.kp": 500}``, or values nested mappings. A section
             whose ``kind`` changes begins from the defaults of the new kind and the other overrides, without the keys
             that the file has for the old kind; the warning ``KeysLeftOut`` names these. The value None removes a
@@ -98,7 +104,12 @@ def load_station(
         UnknownName: there is no such station, robot or piece.
         InvalidConfig: an entry is invalid; the message names file or override, key and what would be right.
     """
-    path = _station_file(name_or_path)
+    where: Path | str
+    if isinstance(station, Mapping):
+        source = Path.cwd() / _FILE_OF_MAPPING
+        where = message("stations.the_mapping", "station")
+    else:
+        source = where = _station_file(station)
     changes = {} if overrides is None else overrides
     folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
     # Checked here, since a wrong type would only show as an unclear error of the code below.
@@ -109,12 +120,18 @@ def load_station(
     for key in instance(changes, "overrides", Mapping, mapping):
         instance(key, "overrides", str, text_keys)
 
-    def load(some_changes: Mapping[str, Any], where: Path | str) -> StationConfig:
-        """Load the station with some of the overrides."""
-        return _read_station(path, some_changes, where, allow_code=allow_code, mesh_path=folders)
+    def load(some_changes: Mapping[str, Any], cause: Path | str) -> StationConfig:
+        """Load the station with some of the overrides; errors begin with the cause."""
+        if isinstance(station, Mapping):
+            # The overrides change the content, and the user's mapping is to stay.
+            content = _plain_content(station)
+            return _make_station(
+                source, content, some_changes, cause, allow_code=allow_code, mesh_path=folders
+            )
+        return _read_station(source, some_changes, cause, allow_code=allow_code, mesh_path=folders)
 
     try:
-        return load(changes, path)
+        return load(changes, where)
     except SimrobError as problem:
         culprits = _culprits(load, changes, wrong_key=getattr(problem, "key", ""))
         if not culprits:
@@ -159,6 +176,7 @@ def _culprits(
     matching = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong_key)]
     if matching:
         return matching[-1:]
+    # The error names no key of an override: try each override alone.
     for key, value in overrides.items():
         if not is_valid({key: value}):
             return [key]
@@ -180,7 +198,31 @@ def _read_station(
         named = _named_packages({}, overrides, path.parent)
         content = scenes.station_sections(path, SceneRequest(packages=named, mesh_path=mesh_path))
         return _make_config({"name": path.stem, **content}, overrides, where, allow_code, mesh_path)
-    content = read_yaml(path)
+    return _make_station(
+        path, read_yaml(path), overrides, where, allow_code=allow_code, mesh_path=mesh_path
+    )
+
+
+def _make_station(
+    path: Path,
+    content: Content,
+    overrides: Mapping[str, Any],
+    where: Path | str,
+    *,
+    allow_code: bool,
+    mesh_path: tuple[Path, ...],
+) -> StationConfig:
+    """Make a configuration of the content of a station's file, whose relative paths start at the file's folder.
+
+    Args:
+        path: the file, whose name is that of a station without a name of its own. A mapping in place of a file has a
+            path as if it were a file of the current folder.
+        content: content of the file.
+        overrides: new values.
+        where: name of the file or of the overrides, for errors.
+        allow_code: whether the station may name Python code that is run.
+        mesh_path: further folders from which files may be read.
+    """
     # The border decides which files the station's file may name.
     border = Border(path, mesh_path, _named_packages(content, overrides, path.parent))
     content = with_absolute_paths(content, path.parent, border)
@@ -189,6 +231,17 @@ def _read_station(
     # The station has the name of the file, unless the file gives another one.
     content = {"name": path.stem, **content}
     return _make_config(content, overrides, where, allow_code, mesh_path)
+
+
+def _plain_content(value: Any) -> Any:
+    """Copy a mapping of Python as a YAML file would contain it: dicts, lists, numbers and texts, and no arrays."""
+    if isinstance(value, Mapping):
+        return {key: _plain_content(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain_content(part) for part in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
@@ -314,7 +367,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         if controller.runs_code and not allow_code:
             expected = message(
                 "stations.would_run_code",
-                "would run the code {code}; if you trust it, say allow_code=True, or --allow-code",
+                "would run the Python code {code}; if you trust this code, use allow_code=True or --allow-code",
                 code=controller.class_,
             )
             raise InvalidConfig(where, f"controllers.{name}", expected)
@@ -339,6 +392,7 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     Raises:
         InvalidConfig: an extension is not installed, or is left out.
     """
+    # Without the extension, its kinds of sensors and moves are unknown, and that error would name no package.
     entries = content.get("extensions", ())
     # If the value has a wrong type, the validation reports it later.
     are_names = isinstance(entries, list | tuple) and all(
@@ -362,14 +416,14 @@ def _check_extensions(content: Content, where: Path | str) -> None:
             if found.problem:
                 state = message(
                     "stations.extension_left_out",
-                    "the extension {extension} of {package} is left out: {problem}",
+                    "the extension {extension} of {package} is not used: {problem}",
                     extension=found.name,
                     package=found.package,
                     problem=found.problem,
                 )
                 problem = message(
                     "stations.needs_and",
-                    "the station needs {package}, and {state}",
+                    "the station needs {package}, but {state}",
                     package=entry,
                     state=state,
                 )
@@ -419,6 +473,7 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
     entries = content["add_directives"]
     added: Content = {}
     for entry in entries if isinstance(entries, list) else [entries]:
+        # FILE#NAME selects one scenario of a file with several.
         name, _, scenario = str(entry).partition("#")
         file = Path(name)
         if not isfile(file):
@@ -440,21 +495,22 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
                 if key in known:
                     problem = message(
                         "stations.name_in_two_scenes",
-                        "two files have a model {name}; the names of models differ",
+                        "two files have a model {name}; give the models different names",
                         name=key,
                     )
                     raise InvalidConfig(where, "add_directives", problem)
                 known[key] = value
-    return _merged(added, rest)
+    # The station's own keys win, so that a user can change a robot of a scene without editing the scene.
+    return _merge(added, rest)
 
 
-def _merged(lower: Content, upper: Content) -> Content:
+def _merge(lower: Content, upper: Content) -> Content:
     """Merge two nested mappings. Where both have a value, that of `upper` counts."""
     result = dict(lower)
     for key, value in upper.items():
         below = result.get(key)
         result[key] = (
-            _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+            _merge(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
         )
     return result
 
@@ -489,11 +545,7 @@ def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = N
         config: the configuration.
         only: keys to convert, as pydantic's ``include``; all by default.
     """
-    content = config.model_dump(mode="json", exclude_none=True, include=only)
-    # The short form, as most users write it.
-    if only is None and list(config.robots) == [ONLY_ROBOT]:
-        content["robot"] = content.pop("robots")[ONLY_ROBOT]
-    return content
+    return config.to_content(only=only)
 
 
 def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> str:
@@ -503,10 +555,7 @@ def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None
         config: the configuration.
         only: keys to write, as pydantic's ``include``; all by default.
     """
-    content = station_content(config, only=only)
-    return yaml.safe_dump(
-        content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
-    )
+    return config.to_yaml(only=only)
 
 
 def _station_file(name_or_path: str | Path) -> Path:
@@ -519,7 +568,8 @@ def _station_file(name_or_path: str | Path) -> Path:
     """
     if not isinstance(name_or_path, (str, Path)):
         expected = message(
-            "stations.station_name_or_file", "a name of `simrob list`, or a YAML file"
+            "stations.station_name_or_file",
+            "a name of `simrob list`, a YAML file, or a mapping with the keys of such a file",
         )
         raise InvalidParameter("station", quoted(name_or_path), expected)
     path = Path(name_or_path)
@@ -536,7 +586,7 @@ def _station_file(name_or_path: str | Path) -> Path:
             )
         problem = message(
             "stations.is_a_folder",
-            "is a folder, and a station is a name or a YAML file{hint}",
+            "is a folder, but a station is given by its name or a YAML file{hint}",
             hint=hint,
         )
         raise InvalidConfig(path, "", problem)
@@ -614,6 +664,7 @@ def _override(
         section[int(key)] = value
         return
     is_entry = len(path) == 2 and path[0] in ENTRIES
+    # None removes an entry. For other keys, such as `floor`, None is a value.
     if value is None and is_entry and key in section:
         del section[key]
         return
@@ -626,6 +677,7 @@ def _override(
     if not _changes_keys_only(value, section.get(key), path):
         section[key] = _copy(value, path, where)
         return
+    # YAML turns a key such as 1 or on into a number or a truth value, which no key of a station is.
     text_keys = message("stations.section_of_texts", "a section whose keys are texts")
     for inner_key in value:
         instance(inner_key, ".".join(path), str, text_keys)
@@ -731,7 +783,7 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
     except Exception as problem:  # an object may raise any exception when it is copied
         text = message(
             "stations.no_file_could_hold",
-            "is {value}, which no station's file could hold",
+            "is {value}, which cannot be written in a station's file",
             value=quoted(value),
         )
         raise InvalidConfig(where, ".".join(path), text) from problem
@@ -760,7 +812,10 @@ def _with_robots_section(content: Content, where: Path | str) -> Content:
     if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
-        problem = message("stations.robot_or_robots", "a station has either robot: or robots:")
+        problem = message(
+            "stations.robot_or_robots",
+            "a station has either the section robot or the section robots, not both",
+        )
         raise InvalidConfig(where, "robot", problem)
     # A loop instead of `pop`, so that the section keeps its place in the order of keys.
     changed = Content()

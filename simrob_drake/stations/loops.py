@@ -83,6 +83,7 @@ class LoopsOfRobot:
         closed_postures = []
         least_deviation = np.inf
         for start in starts:
+            # Tolerances at rounding: SciPy's own ones stop before the loops are closed to _CLOSED.
             solution = least_squares(self.deviations, start, bounds=bounds, xtol=1e-15, ftol=1e-15)
             deviation = float(np.abs(solution.fun).max())
             least_deviation = min(least_deviation, deviation)
@@ -93,7 +94,7 @@ class LoopsOfRobot:
                 "stations.closed_within_limits", "closed in some posture within the limits"
             )
             raise InvalidParameter(
-                message("stations.each_loop", "each loop"),
+                message("stations.each_loop", "each kinematic loop"),
                 message(
                     "stations.open_at_best",
                     "open by {deviation:.3g} m or rad at best",
@@ -121,6 +122,7 @@ class LoopsOfRobot:
         """
         jacobian = self._jacobian(posture)
         longest_column = np.linalg.norm(jacobian, axis=0).max()
+        # Relative, as the columns mix metres and radians and grow with the size of the robot.
         threshold = _INDEPENDENT * longest_column
         axis_count = jacobian.shape[1]
         passive = list[int]()

@@ -48,15 +48,17 @@ def check_inputs(
     if not found:
         return
     listed = ", ".join(found[:_MOST_NAMES]) + (" ..." if len(found) > _MOST_NAMES else "")
+    # The remedy names a port that the user can copy: the station's ports are known by name.
     own = next((name for name in found if name in inputs), None)
     port = "port" if own is None else f'ports.inputs["{own}"]'
     size = "n" if own is None else inputs[own].size()
     raise SimrobError(
         message(
             "stations.open_inputs",
-            "{count} {count:input is|inputs are} not connected: {inputs}; before Build(), connect each with "
-            "builder.Connect(output, {port}), where a ConstantVectorSource(numpy.zeros({size})) has the output of "
-            "a constant, or export it with builder.ExportInput({port}) to the diagram around",
+            "{count} {count:input is|inputs are} not connected: {inputs}; before Build(), connect each "
+            "with builder.Connect(output, {port}), where the output of a "
+            "ConstantVectorSource(numpy.zeros({size})) is a constant, or export it with "
+            "builder.ExportInput({port})",
             count=len(found),
             inputs=listed,
             port=port,

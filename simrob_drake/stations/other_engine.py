@@ -99,7 +99,7 @@ def add_plant_block(
         raise BrokenExtension(
             message(
                 "stations.engine_lacks_methods",
-                "solver.kind {kind}: its {name} lacks {lacking}, see PlantBlock",
+                "solver.kind {kind}: the block {name} lacks {lacking}, see PlantBlock",
                 kind=engine.kind,
                 name=type(block).__name__,
                 lacking=lacking,

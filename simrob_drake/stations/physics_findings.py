@@ -86,8 +86,8 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
             continue
         text = message(
             "stations.lacking_weight",
-            "forces lack the weight of {links}, without inertia; estimate it by "
-            "robot.import_options.estimate_inertia: true, or write one in the URDF",
+            "forces do not include the weight of links without inertia ({links}); set "
+            "robot.import_options.estimate_inertia to true, or write the inertias in the URDF",
             links=listed(links),
         )
         # Forces that are all zero are no trap, forces that are only too small are.
@@ -107,18 +107,18 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
     if config.contact is None:
         problem = message(
             "stations.fingers_without_contact",
-            "the station has no contact: fingers hold nothing; add contact: {{model: hydroelastic}}",
+            "the station has no contact, so fingers hold nothing; add contact: {{model: hydroelastic}}",
         )
     # A single point on each finger holds a piece against shifting, but not against turning.
     elif config.contact.model == "point" and not uses_contact_points(config):
         problem = message(
             "stations.points_let_creep",
-            "points let a held piece turn and creep; take contact.model hydroelastic",
+            "with point contact, a held piece turns and slips slowly; use contact.model hydroelastic",
         )
     elif not config.engine.has_realistic_grip:
         problem = message(
             "stations.fingers_hold_too_much",
-            "{engine} lets fingers hold several times what friction holds; take solver.scheme lagged",
+            "with {engine}, fingers hold several times the load that friction can hold; use solver.scheme lagged",
             engine=config.engine.name,
         )
     if not problem:
@@ -148,7 +148,7 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
             return []
         text = message(
             "stations.rigid_meet_in_points",
-            "both are rigid, so {pairs} meet in points; make one of them compliant",
+            "{pairs} touch only at points, since both bodies are rigid; make one of them compliant",
             pairs=", ".join(pairs),
         )
         return [Finding("warning", CONTACT, text)]
@@ -161,7 +161,8 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
         if any(is_flat(inspector, shape) for shape in shapes):
             text = message(
                 "stations.lies_on_jumping_point",
-                "{name} lies on one point that jumps about: it trembles, and sticks where it should slide",
+                "{name} has a single contact point, which jumps from corner to corner: the piece trembles, "
+                "and sticks where it should slide",
                 name=name,
             )
             text = message("stations.set_corners", "{text}; set contact.corners to true", text=text)

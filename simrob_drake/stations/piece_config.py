@@ -63,7 +63,8 @@ class Scatter(Strict):
         if any(lower > upper for lower, upper in ranges):
             raise ValueError(
                 message(
-                    "stations.lower_values_first", "within and turn_deg have the lower values first"
+                    "stations.lower_values_first",
+                    "in within and turn_deg, the lower values come first",
                 )
             )
         return self
@@ -89,7 +90,7 @@ class Scatter(Strict):
             raise ValueError(
                 message(
                     "stations.room_for_some",
-                    "room for {most} of {count}: give it a larger box, or less apart",
+                    "room for only {most} of {count} pieces; enlarge within, or reduce apart",
                     most=most,
                     count=self.count,
                 )
@@ -138,7 +139,7 @@ class PieceConfig(Strict):
     mesh: Path | None = None
     """A mesh file instead of a model: STL, OBJ, DAE or GLB; relative paths start at the station's file."""
     scale: Positive | None = None
-    """Scale of the mesh: 0.001 if it is in millimetres."""
+    """Scale of the mesh: 0.001 if the mesh is in millimetres."""
     box: tuple[Positive, Positive, Positive] | None = None
     """A box instead of a model: its sides [m]."""
     cylinder: tuple[Positive, Positive] | None = None
@@ -148,8 +149,8 @@ class PieceConfig(Strict):
     shapes: Annotated[tuple[PieceShape, ...], Field(min_length=1)] | None = None
     """Several boxes, cylinders and spheres as one piece, instead of a model."""
     parent: str | None = None
-    """On what the piece is mounted: `world`, a robot (on its first tool) or another piece (at its TCP). A piece that
-    is not free needs it."""
+    """Parent on which the piece is mounted: `world`, a robot (on its first tool) or another piece (at its TCP). A piece
+    that is not free needs a parent."""
     frame: str | None = None
     """Frame of the parent on which the piece is mounted. Of a piece: one of its frames, by default its TCP. Of a robot:
     a tool or a link, by default the first tool, or the root link if the first tool is a foot."""
@@ -158,7 +159,7 @@ class PieceConfig(Strict):
     density: Positive | None = None
     """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
     mass: NotNegative | None = None
-    """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
+    """Mass [kg]. A piece with shapes and without an inertia of its own has a uniform density."""
     com: Place | None = None
     """Centre of mass in the piece's frame [m]."""
     inertia: Inertia | None = None
@@ -166,13 +167,13 @@ class PieceConfig(Strict):
     tcp: Pose | None = None
     """Pose of the tool centre point in the piece's frame, [x y z Rz Ry Rx]."""
     frames: dict[str, Pose | FrameSeries] | None = None
-    """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
+    """Further frames by name, instead of the piece's own: poses in the frame of the piece, or series of poses."""
     colour: Colour | None = None
     """Red, green, blue, opacity."""
     free: Boolean = False
-    """Moved by gravity and contact alone; its pose is that at the start, in the world."""
+    """Whether only gravity and contact move the piece; its pose is then that at the start, in the world."""
     contact: PieceContact | None = None
-    """What its surface is made of and how it meets others, in place of the station's `contact`."""
+    """Material of the surface, and contact of the piece with others, in place of the station's `contact`."""
     scatter: Scatter | None = None
     """Makes several free copies of the piece, `<name>_1`, `<name>_2` ..., at random poses."""
 
@@ -197,7 +198,7 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.free_piece_hangs_on_nothing",
-                    "a free piece hangs on nothing, so its parent is world and not {parent}",
+                    "a free piece has the parent world, not {parent}",
                     parent=self.parent,
                 )
             )
@@ -209,7 +210,7 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.one_of_sources",
-                    "a piece has one of {sources}, not several",
+                    "a piece has only one of {sources}",
                     sources=join_texts(self.sources, message("base.and", " and ")),
                 )
             )
@@ -217,14 +218,14 @@ class PieceConfig(Strict):
             raise ValueError(
                 message(
                     "stations.shapes_and_mesh",
-                    "shapes are boxes, cylinders and spheres; a mesh stands in mesh, or in a piece.yaml",
+                    "shapes contains boxes, cylinders and spheres; give a mesh under the key mesh, or in a piece.yaml",
                 )
             )
         if self.scale is not None and self.mesh is None:
-            raise ValueError(message("stations.scale_goes_with_mesh", "a scale goes with a mesh"))
+            raise ValueError(message("stations.scale_goes_with_mesh", "scale needs the key mesh"))
         if self.density is not None and self.mass is not None:
             raise ValueError(
-                message("stations.mass_or_density", "a piece has either a mass or a density")
+                message("stations.mass_or_density", "a piece has either mass or density, not both")
             )
         return self
 
@@ -254,6 +255,7 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
                     problem=problem,
                 )
             ) from problem
+        # Copies without the section, or loading a saved station would scatter each copy again.
         changes: dict[str, Any] = {"scatter": None, "free": True}
         if not entry.sources:
             # The name of a piece without a source is its model, but that of a copy is not.
@@ -268,7 +270,7 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
             raise ValueError(
                 message(
                     "stations.scattered_name_taken",
-                    "{twice} stands there, and would be one of the scattered {name}",
+                    "the piece {twice} exists already, and a copy of {name} has the same name; rename one of them",
                     twice=min(taken),
                     name=name,
                 )

@@ -150,6 +150,7 @@ def add_plant(
     """
     hooks = PlantHooks() if hooks is None else hooks
     config = resolved.config
+    # Bodies of the user's own would stand still in a plant that nothing steps.
     if hooks.is_used:
         check_steps_plant(config)
     # The engine that steps the station in place of Drake's plant, or None.
@@ -465,7 +466,7 @@ def add_robot(
         listed = ", ".join(model.links_without_inertia)
         remedy = message(
             "stations.kinematic_or_estimate",
-            "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true",
+            "set mode to kinematic, or robot.import_options.estimate_inertia to true",
         )
         where = station.config.robots[robot.name].urdf or model.urdf_path
         problem = message(
@@ -512,7 +513,7 @@ def add_robot(
             if play > 0 and joint.index() not in turning:
                 expected = message(
                     "stations.zero_or_rotor_inertia",
-                    "0, or {axis} have a rotor_inertia, which its motor moves alone in the play",
+                    "0, or {axis} must have a rotor_inertia, since its motor moves only its rotor within the backlash",
                     axis=axis,
                 )
                 key = f"robots.{robot.name}.drives.backlash_deg"

@@ -231,11 +231,12 @@ def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
             radians=np.deg2rad(angle),
         )
         yield Doubt(found.key, text)
+    # The largest one suffices: a pose in millimetres is wrong in all of them.
     coordinate = max(found.pose[:3], key=abs)
     if abs(coordinate) > _FARTHEST:
         text = message(
             "stations.far_coordinate",
-            "{coordinate:g} m from where it is measured; were millimetres meant? lengths are in metres",
+            "a coordinate of {coordinate:g} m; were millimetres meant? lengths are in metres",
             coordinate=coordinate,
         )
         yield Doubt(found.key, text)
@@ -261,7 +262,7 @@ def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
             "gravity",
             message(
                 "stations.gravity_pulls_up",
-                "{gravity:g} m/s² pulls up: {right:g} pulls down, along -z",
+                "{gravity:g} m/s² points up; write {right:g} for gravity along -z",
                 gravity=gravity,
                 right=-gravity,
             ),
@@ -272,7 +273,7 @@ def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
             "gravity",
             message(
                 "stations.gravity_of_earth",
-                "{gravity:g} m/s² is {ratio:.3g} times that of the Earth; in mm/s²?",
+                "{gravity:g} m/s² is {ratio:.3g} times that of the Earth; were mm/s² meant?",
                 gravity=gravity,
                 ratio=ratio,
             ),

@@ -1,4 +1,4 @@
-"""What a station shows: its named ports to the diagram around it, and in its picture plant, servos and joint stops."""
+"""The named ports of a station, and the labels of its plant, servos and joint stops in the block picture."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -40,7 +40,7 @@ class StationPorts(Site):
         edges: times at which a run must end a step, such as the start of a push [s].
         spatial_forces: output ports whose forces on bodies act on the plant.
         generalized_forces: output ports whose forces on joints act on the plant, in addition to the motors.
-        sources: what drives inputs from the start, by name: these need no block that hands them on.
+        sources: output ports that drive inputs from the start, by the name of the input. Such an input needs no block.
         name: name of the station in a diagram of the user's own: the prefix of its systems' names, with a dot between
             them; empty if they have none.
     """
@@ -55,8 +55,14 @@ class StationPorts(Site):
         robot: StationRobot,
         name: str,
     ) -> OutputPort:
-        """Add an input of one value an axis, as a block that any number of others can read."""
-        # What drives it is known, so no block has to stand for the open input.
+        """Add an input with one value for each axis. Returns the port that blocks of the station read.
+
+        Args:
+            builder: builder of the diagram.
+            robot: the robot.
+            name: name of the input without the prefix of the robot.
+        """
+        # The source exists already, so that the blocks can read it directly.
         if f"{robot.prefix}{name}" in self.sources:
             return self.sources[f"{robot.prefix}{name}"]
         # Drake's inputs cannot be read: the output of a block that passes values on can.
@@ -71,7 +77,7 @@ _FEEDFORWARDS: dict[Feedforward, str] = {
     "gravity": message("stations.block_gravity", "gravity"),
     "inverse_dynamics": message("stations.block_dynamics", "inverse dynamics"),
 }
-"""What a feedforward compensates, as the block picture shows it."""
+"""Torques that a feedforward compensates, as the block picture names them."""
 _PARTS = (
     "pd",
     "position_loop",
@@ -82,7 +88,7 @@ _PARTS = (
     "integral_clip",
     *_MOTOR,
 )
-"""What a servo may be made of."""
+"""Parts of a servo: the last parts of the names of its blocks."""
 
 
 def draw_plant(ports: StationPorts) -> None:
@@ -189,11 +195,11 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
-    """Draw what the model predicts for the desired motion of robots: one block for all of them."""
+    """Draw the block that predicts the torques of a desired motion: one block for all robots with a feedforward."""
     kinds = dict.fromkeys(
         _FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots
     )
-    whose = message("stations.block_of_reference", "of what is asked for")
+    whose = message("stations.block_of_reference", "of the reference")
     # With one robot it is clear whose motion is meant.
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
@@ -207,7 +213,7 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
 
 
 def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw the law that goes through the model, and what saturates its torques."""
+    """Draw the block of computed torque, and the blocks that saturate its torques."""
     # The gains are per inertia, hence their units.
     label = message(
         "stations.block_computed_torque",

@@ -133,7 +133,8 @@ def _check_servo(servo: ServoConfig) -> None:
             "servo.realization",
             "implicit",
             message(
-                "stations.prescribed_without_servo", "another one: a prescribed joint has no servo"
+                "stations.prescribed_realization",
+                "per_joint or vector, since a prescribed joint has no servo",
             ),
         )
     if servo.law == "computed_torque":
@@ -141,7 +142,8 @@ def _check_servo(servo: ServoConfig) -> None:
             "servo.law",
             "computed_torque",
             message(
-                "stations.prescribed_without_servo", "another one: a prescribed joint has no servo"
+                "stations.prescribed_law",
+                "pid or cascade, since a prescribed joint has no servo",
             ),
         )
     if servo.feedforward != "none" or servo.admittance_gain:
@@ -151,7 +153,7 @@ def _check_servo(servo: ServoConfig) -> None:
         )
         raise InvalidParameter(
             "servo",
-            message("stations.knows_the_model", "one that knows the robot's model"),
+            message("stations.knows_the_model", "one that uses the robot's model"),
             expected,
         )
 
@@ -351,7 +353,7 @@ def add_prescribed_torque(
     ports.picture.draw(
         f"{name}.force",
         "force",
-        message("stations.block_moves_prescribed", "What moves\nprescribed joints"),
+        message("stations.block_moves_prescribed", "Drive of the\nprescribed joints"),
         robot,
     )
     return add_matrix_gain(builder, f"{name}.torque", matrix, efforts)

@@ -12,7 +12,7 @@ SCHEMA_FILE = "station.schema.json"
 
 
 def station_schema() -> dict[str, Any]:
-    """Return the schema of a station file: that of a configuration, with ``robot:`` for a single robot."""
+    """Make the schema of a station's file: that of a configuration, with ``robot:`` for a single robot."""
     # The schema is that of a configuration; a file may be shorter, so some keys are changed below.
     schema = StationConfig.model_json_schema()
     properties = schema["properties"]

@@ -131,6 +131,7 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
         Unsuitable: the torque at rest or the speed without load is missing.
     """
     stated = Motor(model=choice) if isinstance(choice, str) else choice
+    # The user may remove a motor that the robot's own file names.
     if stated.model == NO_MOTOR:
         return None
     if stated.model == OF_URDF:
@@ -163,7 +164,8 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
         name = [*robot.axes][axis]
         subject = message("stations.key_of", "{key} of {name}", key=_KEY, name=name)
         expected = message(
-            "stations.values_needed", "figures: its URDF limits not both effort and velocity"
+            "stations.values_needed",
+            "values of a motor, since its URDF does not limit both effort and velocity",
         )
         raise InvalidParameter(subject, OF_URDF, expected)
     return Motor(
@@ -182,8 +184,10 @@ def _check_motor_values(motor: Motor) -> None:
     """
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
-            problem = message("stations.is_missing", "it is missing")
-            remedy = message("stations.give_it_or_motor", "give it, or name a motor that has it")
+            problem = message("stations.is_missing", "the value is missing")
+            remedy = message(
+                "stations.give_it_or_motor", "give the value, or name a motor that has it"
+            )
             raise Unsuitable(f"{_KEY}.{needed}", problem, remedy)
     # Torque and speed scale with supply / voltage, so the voltage of the given values must be
     # known.
@@ -193,7 +197,7 @@ def _check_motor_values(motor: Motor) -> None:
         if getattr(motor, key) and not is_complete:
             expected = message(
                 "stations.given_with",
-                "given with the motor's {needs}, at which its figures hold",
+                "given together with the motor's {needs}, for which its other values hold",
                 needs=join_texts(needs, message("base.and", " and ")),
             )
             raise InvalidParameter(f"{_KEY}.{key}", f"{getattr(motor, key):g}", expected)
@@ -279,7 +283,7 @@ def servo_gains(
     if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
         expected = message(
             "stations.zero_with_computed_torque",
-            "0 with law computed_torque, whose model takes its place",
+            "0 with law computed_torque, whose model replaces the integral part",
         )
         raise InvalidParameter("servo.ki", servo.ki, expected)
     line = _motor_line(motors, limit, dampers=dampers) if any(motors) else None
@@ -338,9 +342,11 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
     # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
     stall, fastest = np.array(lines).T
-    # The torque falls by the slope [N·m·s/rad or N·s/m]: 0 without a motor.
-    # D = tau_s / omega_0; 0 / 1 instead of inf / inf for an axis without a motor.
-    slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
+    # The torque falls along a line, tau = tau_s - D omega, with the slope D = tau_s / omega_0 [N·m·s/rad or N·s/m].
+    # For an axis without a motor the quotient is 0 / 1, so that its slope is 0 and not inf / inf.
+    stall_or_zero = np.where(np.isfinite(stall), stall, 0.0)
+    speed_or_one = np.where(np.isfinite(fastest), fastest, 1.0)
+    slope = stall_or_zero / speed_or_one
     # A limit below the stall torque cuts the line, which a damper cannot represent.
     damping = np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope)
     return MotorLine(stall=stall, slope=slope, damping=damping)
@@ -365,9 +371,9 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     )
     if servo.law == "computed_torque":
         problem = message(
-            "stations.computed_torque_without_motor", "the law computed_torque has no motor"
+            "stations.computed_torque_without_motor", "law computed_torque does not support motors"
         )
-        remedy = message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks)
+        remedy = message("stations.leave_out_or", "leave it out, or use {blocks}", blocks=blocks)
         raise Unsuitable("servo.motor", problem, remedy)
     # A motor is realized by a damper of its joint. That is right only if the torque limit does not cut the line.
     # Where the slope is not a damper (see `_motor_line`), a limit cuts the line.
@@ -386,7 +392,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         )
         expected = message(
             "stations.stall_or_mujoco",
-            "{stall}, or solver.kind mujoco, or {blocks}",
+            "{stall}; otherwise use solver.kind mujoco, or {blocks}",
             stall=stall,
             blocks=blocks,
         )
@@ -397,7 +403,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         axis = int(np.argmax(is_too_small))
         expected = message(
             "stations.least_kd",
-            "at least {slope:.3g}, as its motor's torque falls with speed, or {blocks}",
+            "at least {slope:.3g}, since the torque of its motor falls with speed; otherwise use {blocks}",
             slope=gains.line.slope[axis],
             blocks=blocks,
         )
@@ -418,11 +424,13 @@ def check_servo_without_model(servo: ServoConfig) -> None:
     """
     reason = message(
         "stations.model_lacks_forces",
-        "the model of a robot that stands free lacks the forces that carry it",
+        "the model of a robot with a floating base lacks the contact forces that carry it",
     )
     if servo.law == "computed_torque":
-        expected = message("stations.pid_or_cascade", "pid or cascade: {reason}", reason=reason)
+        expected = message(
+            "stations.pid_or_cascade", "pid or cascade, since {reason}", reason=reason
+        )
         raise InvalidParameter("servo.law", servo.law, expected)
     if servo.feedforward != "none":
-        expected = message("stations.no_feedforward", "none: {reason}", reason=reason)
+        expected = message("stations.no_feedforward", "none, since {reason}", reason=reason)
         raise InvalidParameter("servo.feedforward", servo.feedforward, expected)

@@ -161,6 +161,7 @@ def check_plant(
                 example=f"{name}_2" if name else "second",
             )
         )
+    # One plant is stepped by one solver, so that all stations in it must agree.
     for other in contents.stations.values():
         _check_same_solver(config, other.config)
     _check_floor(contents, station, scene_graph)
@@ -298,7 +299,7 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
             raise SimrobError(
                 message(
                     "stations.other_settings",
-                    "{key} of {station} differs from that of {other}, which stands in the same plant; make them equal",
+                    "{key} of {station} differs from that of {other}, which is in the same plant; make them equal",
                     key=key,
                     station=config.name,
                     other=other.name,

@@ -1,4 +1,4 @@
-"""How a station's time advances, what happens where things touch, and what bounds its verdict has."""
+"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file."""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -145,12 +145,12 @@ class ContinuousSolver(SolverSection):
     scheme: ContinuousScheme = "radau3"
     """Drake's name of the integrator: radau3 for stiff servos, cenic for contacts, runge_kutta3 for single impacts."""
     accuracy: Positive = 1e-2
-    """Relative error that one step may have."""
+    """Largest relative error of one step."""
     max_step: Positive = 0.1
     """Longest step [s]."""
     error_control: Boolean = True
-    """Steps as short as the accuracy asks for. Without it each is max_step long: a third of the work with cenic, which
-    stays stable, but nothing looks after impacts."""
+    """Whether the solver shortens its steps to keep the accuracy. Without error control each step is max_step long: a
+    third of the work with cenic, which stays stable, but impacts are not resolved."""
 
     @property
     def engine(self) -> Engine:
@@ -179,7 +179,7 @@ class DiscreteSolver(SolverSection):
     time_step: Positive = 1e-3
     """Length of a step [s]."""
     scheme: DiscreteScheme = "sap"
-    """Drake's contact approximation; sap always converges, and does not know dissipation."""
+    """Drake's contact approximation; sap always converges, and ignores dissipation."""
 
     @property
     def engine(self) -> Engine:
@@ -211,9 +211,9 @@ class Friction(Strict):
     """Coulomb friction of a surface."""
 
     static: NotNegative = 1.0
-    """Coefficient up to which surfaces stick to each other."""
+    """Coefficient of friction of surfaces that stick to each other."""
     dynamic: NotNegative = 0.9
-    """Coefficient while they slide; not above the static one."""
+    """Coefficient of friction of surfaces that slide; not above the static one."""
 
     @model_validator(mode="after")
     def _check_dynamic_is_not_more(self) -> "Friction":
@@ -231,42 +231,45 @@ class Friction(Strict):
 
 
 class ContactMaterial(Strict):
-    """A surface. What is not given comes from the shape's own file, or from Drake."""
+    """Material of a surface. Values that are not given come from the shape's own file, or from Drake."""
 
     stiffness: Positive | None = None
-    """Spring of a point contact [N/m]. Of two surfaces it is the harmonic mean, 2 k1 k2 / (k1 + k2): equal figures
-    give that figure. (Drake takes the springs of two shapes in series; each gets twice the value here.)"""
+    """Stiffness of a point contact [N/m]. That of two surfaces is the harmonic mean, 2 k1 k2 / (k1 + k2), so that two
+    equal values give the same value. (Drake takes the springs of two shapes in series; each gets twice the value
+    here.)"""
     dissipation: NotNegative | None = None
-    """Hunt and Crossley's d [s/m]: the force is k x (1 + d dx/dt). Of two surfaces it is the mean, each weighted with
-    the stiffness of the other one. The solver scheme `sap` does not know it."""
+    """Hunt and Crossley's d [s/m]: the force is k x (1 + d dx/dt). That of two surfaces is the mean, each weighted with
+    the stiffness of the other surface. The solver scheme `sap` ignores it."""
     friction: Friction | None = None
-    """Coulomb friction; of two surfaces 2 m1 m2 / (m1 + m2)."""
+    """Coulomb friction; the coefficient of two surfaces is 2 m1 m2 / (m1 + m2)."""
     hydroelastic_modulus: Positive | None = None
-    """Pressure of a surface pressed in to its middle [Pa], for the hydroelastic models; 1e7 unless given."""
+    """Pressure of a body that is pressed in to its middle [Pa], for the hydroelastic models; by default 1e7."""
 
 
 class PieceContact(ContactMaterial):
     """Contact of a piece, in place of the station's section ``contact``."""
 
     model: Literal["point"] | None = None
-    """`point`: at points where the station's model is `hydroelastic_with_fallback`. Balls roll without facets then."""
+    """`point`: the piece touches at points although the station's model is `hydroelastic_with_fallback`. Balls then
+    roll without facets."""
 
 
 class ContactConfig(ContactMaterial):
-    """Contact between robots, pieces and floor. A station without this section has none.
+    """Contact between robots, pieces and floor. A station without this section has no contact.
 
-    What surfaces are made of holds for all of them, floor included; a piece's own `contact` section replaces it.
+    The material is that of all surfaces, also of the floor; a piece's own section `contact` replaces it.
     """
 
     model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
-    """`point`: springs at points. `hydroelastic`: pressure over surfaces; the floor is rigid there."""
+    """`point`: springs at points. `hydroelastic`: pressure over surfaces, with a rigid floor."""
     corners: Boolean = True
-    """Whether flat bodies also touch at their corners in point contact. Without, each pair of shapes touches at its
-    deepest point alone: a flat free body then trembles and sticks."""
+    """Whether flat bodies also touch at their corners in point contact. Otherwise each pair of shapes touches only at
+    its deepest point, so that a flat free body trembles and sticks."""
     self_collision: Boolean = False
     """Contact between the links of one robot."""
     stiction_speed: Positive = 1e-3
-    """Speed up to which a contact counts as sticking [m/s]; continuous solvers let it creep that fast."""
+    """Speed up to which a contact counts as sticking [m/s]; with continuous solvers, sticking contacts slide at up to
+    this speed."""
     resolution: Positive = 0.02
     """Length of the edges of hydroelastic surfaces [m]."""
 
@@ -290,61 +293,61 @@ class VerdictConfig(Strict):
     __pydantic_extra__: dict[str, Bound] = Field(init=False)
 
     final_error_deg: Bound = 3.0
-    """How far an axis that turns may be from its reference at the end [deg]."""
+    """Largest position error of a revolute axis at the end [deg]."""
     final_error_m: Bound = 0.005
-    """The same of an axis that slides [m]."""
+    """Largest position error of a prismatic axis at the end [m]."""
     largest_error_deg: Bound = 30.0
-    """How far an axis that turns may ever be from its reference [deg]; one that jumps needs more."""
+    """Largest position error of a revolute axis during the run [deg]; a reference that jumps needs a larger bound."""
     largest_error_m: Bound = 0.05
-    """The same of an axis that slides [m]."""
+    """Largest position error of a prismatic axis during the run [m]."""
     beyond_stop_deg: Bound = 1.0
-    """How far an axis that turns may be pressed beyond an end of its range [deg]."""
+    """Largest distance of a revolute axis beyond a limit of its range [deg]."""
     beyond_stop_m: Bound = 0.002
-    """The same of an axis that slides [m]."""
+    """Largest distance of a prismatic axis beyond a limit of its range [m]."""
     torque_share: Bound = 1.05
-    """Largest torque or force of an axis, as part of its limit, or of what its motor has at that speed: in a kinematic
-    station it may be more than all."""
+    """Largest torque or force of an axis, as a share of its limit, or of the torque of its motor at that speed; in a
+    kinematic station it may exceed 1."""
     torque_time: Bound = 0.05
-    """Part of the run in which an axis is at its limit of torque."""
+    """Share of the run in which an axis is at its torque limit."""
     speed_share: Bound = 1.05
-    """Largest speed of an axis, as part of its motor's no-load speed or of the limit in its URDF."""
+    """Largest speed of an axis, as a share of its motor's no-load speed or of the limit in its URDF."""
     speed_time: Bound = "none"
-    """Part of the run in which an axis is beyond its limit of speed."""
+    """Share of the run in which an axis is beyond its speed limit."""
     rated_time: Bound = "none"
-    """Part of the run in which a motor gives more than its rated torque."""
+    """Share of the run in which a motor gives more than its rated torque."""
     heat: Bound = 1.0
-    """How warm a motor may get; 1 is as warm as its rated torque makes it in the end."""
+    """Largest heating of a motor; 1 is the heating that its rated torque causes in the long run."""
     tcp_speed: Bound = 1.05
-    """Largest speed of a tool centre point, as part of its rated one."""
+    """Largest speed of a tool centre point, as a share of its rated speed."""
     payload: Bound = 1.0
-    """Mass of all that a robot carries, as part of its rated payload."""
+    """Mass of everything that a robot carries, as a share of its rated payload."""
     move_end: Bound = 0.002
-    """How far from its target the tool of an arm may end a move [m]."""
+    """Largest distance of an arm's tool from its target at the end of a move [m]."""
     move_following: Bound = 0.05
-    """How far the tool may be from where a move should have it [m]."""
+    """Largest distance of the tool from its planned position in a move [m]."""
     move_speed: Bound = "none"
-    """What the tool should reach at least of the speed that a move was asked for, as part of it."""
+    """Least share of the requested speed that the tool reaches in a move."""
     move_distance: Number | Literal["none"] = "none"
-    """How near the robot and what it carries may come to anything else in a move [m]."""
+    """Least distance of the robot and its load from any other body in a move [m]."""
     below_floor: Bound = 0.005
-    """How far tools in use, floating bases and free pieces may be below the ground [m]."""
+    """Largest depth of tools in use, floating bases and free pieces below the ground [m]."""
     distance: Number | Literal["none"] = -0.005
-    """What sensors of distance may measure at least [m]; below 0 two bodies are in each other."""
+    """Least distance that distance sensors measure [m]; below 0 two bodies overlap."""
     penetration: Bound = 0.005
-    """How deep two bodies that touch may be in each other [m]."""
+    """Largest overlap of two bodies that touch [m]."""
     resting_force: Bound = 0.02
-    """How far the vertical contact forces on a free piece at rest may be from its weight and the forces applied to it,
-    as part of its weight."""
+    """Largest difference between the vertical contact forces on a free piece at rest and its load (weight and applied
+    forces), as a share of its weight."""
     friction_share: Bound = 1.05
-    """Largest friction on a free piece, as part of what the friction coefficient allows."""
+    """Largest friction on a free piece, as a share of the friction that its coefficient allows."""
     lost_piece: Bound = 0.01
-    """How far a piece that slipped out of fingers may be, at the end, from where they held it [m]."""
+    """Largest distance, at the end, of a piece that slipped out of fingers from its place between them [m]."""
     coupling_gap: Bound = 0.005
-    """How far what a coupling holds together may be apart [m or rad]."""
+    """Largest gap between the axes or bodies that a coupling holds together [m or rad]."""
     foot_slip: Bound = 0.02
-    """How far a foot may slide over the ground before it is lifted again [m]."""
+    """Largest distance that a foot slides over the ground before it is lifted again [m]."""
     shortened_steps: Bound = 3.0
-    """How often the solver may try steps again, shorter, as part of its steps."""
+    """Count of steps that the solver repeats with a shorter length, per accepted step."""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -131,7 +131,7 @@ class Stances:
         _, _, reasons_of_best = min(failed)
         return message(
             "stations.best_of_tried",
-            "In the best of {count} that were tried {lacks}.",
+            "In the best of {count} tried {count:stance|stances}, {lacks}.",
             count=len(failed),
             lacks=reasons_of_best,
         )
@@ -144,13 +144,15 @@ class Stances:
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
             if not groups:
                 feet.add(self._robot.root.body().name())
+            # The length 0 asks for no distance of the other links from the ground: home stands as the file describes
+            # it.
             yield from self._good(home, [], feet, 0.0)
         for legs in groups:
             yield from self.bent_stances(legs)
 
     def as_it_is(self) -> Stance | None:
         """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
-        return self._stance(self._home, message("stations.stands_at_home", "at home"))
+        return self._stance(self._home, message("stations.stands_at_home", "in the home posture"))
 
     def bent_stances(
         self,
@@ -173,6 +175,7 @@ class Stances:
         feet = np.array([self._feet(legs, posture) for posture in postures])
         # The full length of the legs is how far their feet reach below their hips in any of these postures.
         full_length = float((hips - feet.min(axis=0))[:, 2].min())
+        # The feet are never below the hips: these chains cannot carry the robot.
         if full_length <= 0:
             return
         below_feet = feet[0][:, :2]  # below the feet of straight legs
@@ -243,7 +246,7 @@ class Stances:
         if not np.array_equal(posture, stance.posture):
             how = message(
                 "stations.turned_apart",
-                "{stance} but for links that are turned apart",
+                "{stance}, with some links turned apart",
                 stance=stance.how,
             )
         tidy = self._stance(posture, how)
@@ -271,11 +274,11 @@ class Stances:
         if others:
             yield message(
                 "stations.stands_on_others",
-                "it stands on {links}, too",
+                "the robot also stands on {links}",
                 links=", ".join(sorted(others)),
             )
         if min(found.ends.values()) < KNEELING:
-            yield message("stations.it_kneels", "it kneels")
+            yield message("stations.it_kneels", "the robot kneels")
 
         heights = self._clearance.lowest(self._robot)
         low = dict[str, float]()
@@ -301,7 +304,8 @@ class Stances:
             )
             yield message(
                 "stations.mass_not_steady",
-                "its centre of mass is {margin:.0f} mm {side} of the support, and steady from {least:.0f} mm inside on",
+                "the centre of mass is {margin:.0f} mm {side} the support area, but must be at least "
+                "{least:.0f} mm inside",
                 margin=abs(found.margin) * 1e3,
                 side=side,
                 least=needed_margin * 1e3,
@@ -312,7 +316,7 @@ class Stances:
         if loads[worst] > _MOTOR_LOAD:
             yield message(
                 "stations.axis_overloaded",
-                "{axis} takes {torque:.3g} {unit} and has {limit:.3g} {unit}",
+                "{axis} requires {torque:.3g} {unit}, but its limit is {limit:.3g} {unit}",
                 axis=self._robot.axes[worst],
                 torque=abs(found.torque[worst]),
                 unit=self._robot.model.effort_units[worst],
@@ -543,6 +547,7 @@ class Stances:
         inner_lower = lower + _INNER_MARGIN * scale
         inner_upper = upper - _INNER_MARGIN * scale
         first_guess = np.clip(seed, inner_lower, inner_upper)
+        # Few evaluations: a guess that has not come close by then is a bad one, and others follow.
         near_home = least_squares(foot_and_home_error, first_guess, bounds=bounds, max_nfev=40).x
         second_guess = np.clip(near_home, inner_lower, inner_upper)
         # Without the pull to home, which would leave the foot a little off its target.

@@ -45,7 +45,7 @@ def jump_text(robot: ResolvedRobot, axis: int, start: float, reference: float) -
     unit = robot.model.user_units[axis]
     return message(
         "stations.start_off_reference",
-        "{axis} begins at {start:.4g} {unit}, its reference at {reference:.4g} {unit}",
+        "{axis} begins at {start:.4g} {unit}, but its reference begins at {reference:.4g} {unit}",
         axis=f"{robot.prefix}{robot.axes[axis]}",
         # Adding 0.0 turns -0.0 into 0.0.
         start=start / unit + 0.0,

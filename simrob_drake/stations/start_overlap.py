@@ -43,7 +43,7 @@ class StartOverlap(NamedTuple):
         """Describe the overlap in a sentence."""
         return message(
             "stations.deep_at_start",
-            "{first} and {second} are {depth:.1f} mm deep in each other at the start",
+            "{first} and {second} overlap by {depth:.1f} mm at the start",
             first=self.first,
             second=self.second,
             depth=self.depth * 1e3,
@@ -72,6 +72,7 @@ def deepest_overlap(
         root = ports.plant.with_whole_shapes(root)
     pieces = ports.config.pieces
     deepest = None
+    # Penetration of the shapes, whatever the contact model: hydroelastic contact reports no depth.
     for pair in ports.plant.query(root).ComputePointPairPenetration():
         names = []
         for shape in (pair.id_A, pair.id_B):
@@ -116,7 +117,7 @@ def check_start_overlap(config: StationConfig, ports: StationPorts, root: Contex
     depth = compound("{depth:.1f} mm", depth=overlap.depth * 1e3)
     expected = message(
         "stations.allowed_overlap",
-        "at most {allowed:g} mm at the start: move one of them, or raise verdict.penetration",
+        "at most {allowed:g} mm at the start; move one of the two, or raise verdict.penetration",
         allowed=allowed * 1e3,
     )
     subject = message(

@@ -59,10 +59,11 @@ from simrob_drake.stations.shared_plant import (
 
 
 def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Find the configuration of what a user means by a station.
+    """Find the configuration of a station, in whatever form a user gives the station.
 
     Args:
-        station: a station's name, its YAML file, its configuration, or a built station.
+        station: a station's name, its YAML file, the content of such a file as a mapping, its configuration, or a built
+            station.
         overrides: new values, as :func:`load_station` takes them; None if there are none.
 
     Raises:
@@ -74,14 +75,15 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
             "stations.overrides_by_key", "a mapping of keys to values, as load_station() takes it"
         )
         instance(overrides, "overrides", Mapping, expected)
-    if isinstance(station, (str, Path)):
+    if isinstance(station, (str, Path, Mapping)):
         return load_station(station, overrides)
     if isinstance(station, (Station, StationConfig)):
         config = station.config if isinstance(station, Station) else station
         return with_settings(config, overrides or {}, "overrides")
     known = message(
         "stations.a_station",
-        "a name of `simrob list`, a YAML file, what load_station() gives, or a built station",
+        "a name of `simrob list`, a YAML file, a mapping with the keys of such a file, a configuration from "
+        "load_station(), or a built station",
     )
     raise InvalidParameter("station", quoted(station), known)
 
@@ -337,6 +339,7 @@ def _add_named(
     Raises:
         SimrobError: the builder has systems of the same names.
     """
+    # The builder may have other stations and blocks of the user, which keep their names.
     known = list(builder.GetSystems())
     names = [system.get_name() for system in known]
     # While the station is composed, blocks are found by their names without the prefix: nothing else has these then.
@@ -358,7 +361,7 @@ _ALWAYS_THERE = ("plant", "scene_graph")
 """Names of systems that most stations have. They are checked before anything is added to the builder."""
 
 _HIDDEN = "another system "
-"""Begin of the names of systems of the user's own while a station is added."""
+"""Prefix of the temporary names that other systems of the builder have while a station is added."""
 
 
 def _with_prefix(name: str, system: str) -> str:
@@ -425,15 +428,30 @@ def compose(
     plant: StationPlant | None = None,
     hooks: PlantHooks | None = None,
 ) -> StationPorts:
-    """Add a station's systems, and perhaps not all of its parts.
+    """Add the systems of a station to a diagram, or some of them.
 
-    All sensors are added, or those that are named, and the configuration's ``forces`` where they should act. Without
-    ``monitors`` in the diagram the ports know them all the same, for whoever records the run. ``blocks`` are the
-    station's controllers, made, and others of the user's own, by name; ``sources`` drive inputs of a dynamic
-    station, by the inputs' names, so that these are no inputs. In a ``lean`` diagram blocks that only
-    report stand where something reads them: the recorded states tell the poses of robots after a run. ``closed``
-    tells that no more systems with continuous states come. ``plant`` is a finalized plant in which the station's
-    robots and pieces stand already; without it the station gets a plant of its own, to which ``hooks`` may add.
+    Args:
+        builder: builder of the diagram.
+        station: the station.
+        sensors: names of the sensors that are added; all sensors by default.
+        forces: whether the forces of the configuration act.
+        monitors: whether monitors are blocks of the diagram. Otherwise only the ports list them, and the recorder of
+            the run evaluates them.
+        blocks: controllers and other blocks of the user's own, by name; by default those of the configuration.
+        sources: output ports that drive inputs of a dynamic station, by the name of the input, which is then no input
+            of the station.
+        lean: whether blocks that only report, such as poses, are left out unless another block reads them. Their
+            values can be computed from the recorded states.
+        closed: whether no system with continuous states is added to the diagram later.
+        plant: a finalized plant that contains the station's robots and pieces already. By default the station gets a
+            plant of its own.
+        hooks: callbacks that may add bodies to that plant of its own.
+
+    Returns:
+        the station's ports.
+
+    Raises:
+        SimrobError: a part of the station does not fit the others, or the solver.
     """
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     # Blocks of the user may drive inputs that the station's file does not list.
@@ -503,6 +521,7 @@ def compose(
 
 def _sort_by_robot(ports: StationPorts) -> None:
     """Bring the columns of each robot together, in the order in which they were declared."""
+    # Outputs are declared part by part, so that the columns of several robots alternate.
     robots = list(ports.plant.robots.values())
     if len(robots) > 1:
         place = {robot.prefix: index for index, robot in enumerate(robots)}
@@ -513,7 +532,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
 
 
 def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Connect what acts on a station's plant from outside."""
+    """Connect all external and generalized forces of a station to the inputs of its plant."""
     found = ports.spatial_forces
     if found:
         joined = ExternallyAppliedSpatialForceMultiplexer(len(found))
@@ -560,7 +579,7 @@ def _disconnect(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
         raise SimrobError(
             message(
                 "stations.exported_force_port",
-                "the port {port} of the plant is exported, and the station has forces for it, too; connect a "
+                "the port {port} of the plant is exported, but the station has forces for it too; connect a "
                 "PassThrough to the port and export the input of the PassThrough",
                 port=port.get_name(),
             )
@@ -614,7 +633,7 @@ class Station(Diagram):
         return f"<Station of {self.config!r}>"
 
 
-StationLike: TypeAlias = str | Path | StationConfig | Station
+StationLike: TypeAlias = str | Path | Mapping[str, Any] | StationConfig | Station
 """Ways in which users name a station: its name, its YAML file, its configuration, or a built station."""
 
 

@@ -45,7 +45,7 @@ _SUBJECT = message("stations.steps", "steps")
 """Subject of the findings about steps of the solver."""
 
 DISCRETE = message(
-    "stations.take_discrete", "take solver.kind discrete and servo.realization implicit"
+    "stations.take_discrete", "use solver.kind discrete and servo.realization implicit"
 )
 """Remedy for a run in which a continuous scheme creeps."""
 
@@ -86,6 +86,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
+    # The axis with the least inertia for its damping decides over the steps of all.
     worst = int(np.argmin(steps))
     largest = steps[worst]
     unit = robot.model.units[worst]
@@ -111,13 +112,13 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
             return [Finding("ok", _SUBJECT, text)]
         text = message(
             "stations.unstable_above",
-            "{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is ",
+            "{damping} is unstable with steps above {largest:.2g} s, but solver.time_step is ",
             damping=damping,
             largest=largest,
         )
         remedy = message(
             "stations.implicit_or_lower",
-            "set servo.realization to implicit, lower servo.kd or solver.time_step",
+            "set servo.realization to implicit, or reduce servo.kd or solver.time_step",
         )
         text = message(
             "stations.time_step_and_remedy",
@@ -130,7 +131,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     if engine.is_explicit:
         text = message(
             "stations.keeps_steps_below",
-            "{damping} keeps the explicit scheme {engine} below steps of {largest:.2g} s",
+            "{damping} limits the explicit scheme {engine} to steps below {largest:.2g} s",
             damping=damping,
             engine=engine.name,
             largest=largest,
@@ -141,7 +142,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
             return [Finding("ok", _SUBJECT, text)]
         text += message(
             "stations.step_is_longer",
-            ", but solver.{step_key} is {step:g} s; take an implicit scheme such as radau3",
+            ", but solver.{step_key} is {step:g} s; use an implicit scheme such as radau3",
             step_key=solver.step_key,
             step=solver.step,
         )
@@ -202,7 +203,7 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return message(
             "stations.likely_integral_gains",
-            "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or {key}",
+            "likely cause: integral gains (servo.ki) too large for the solver's steps; reduce them or {key}",
             key="solver.time_step" if is_discrete else "solver.max_step",
         )
     key = "solver.time_step"
@@ -336,6 +337,7 @@ def _creeping_findings(
     The list is empty for other solvers, and for a scheme that holds joint limits by itself.
     """
     engine = config.engine
+    # Only error control can make steps tiny, and an engine that holds joint limits needs no stiff stops.
     if not engine.moves_by_forces or engine.has_fixed_steps or engine.holds_joint_limits:
         return []
     findings = []
@@ -348,7 +350,7 @@ def _creeping_findings(
             if part.ratio > part.limit:
                 text = message(
                     "stations.so_stiff",
-                    "{part} is so stiff that {engine} may creep; {remedy}",
+                    "{part} is so stiff that {engine} may need very small steps; {remedy}",
                     part=part.text,
                     engine=engine.name,
                     remedy=DISCRETE,
@@ -448,10 +450,9 @@ def _check_only_plant(system: System, scheme: str) -> None:
         message(
             "stations.only_plant",
             "solver.scheme is {scheme}, which needs a single plant in the simulated diagram, named plant, as a direct "
-            "part of it; there {count:is|are}: {plants}. Add a single station, without name, with add_station() to the "
-            "root's builder, or choose another scheme such as 'radau3'",
+            "part of it; the diagram has: {plants}. Add a single station, without a name, to the builder of the root "
+            "diagram with add_station(), or choose another scheme such as 'radau3'",
             scheme=repr(scheme),
-            count=len(plants),
             plants=", ".join(plants) or message("stations.no_plant", "none"),
         )
     )
@@ -486,6 +487,7 @@ def bound_steps(
         accuracy: accuracy, if it is finer (a smaller number) than that of the settings.
     """
     integrator = simulator.get_mutable_integrator()
+    # A phase of a run, such as a flight, may need shorter steps, but never longer ones than the user allows.
     step = min(longest, solver.max_step)
     integrator.set_maximum_step_size(step)
     if integrator.get_initial_step_size_target() > step:

@@ -32,6 +32,7 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
         Unsuitable: a mapping gives a value to a passive axis of a dynamic station, which no motor moves there.
     """
     model = robot.model
+    # The reference of a kinematic station moves passive axes, too.
     if config.engine.moves_by_forces:
         _check_passive_axes(config, robot)
     for target in config.reference_of(robot.name).postures():

@@ -56,6 +56,7 @@ def values_in_force(config: StationConfig) -> dict[str, ValueInForce]:
     differing = set[str]()
     for name, robot in station.robots.items():
         for key, entry in _robot_values(config, name, robot):
+            # Two robots share the key but not the value, so that no single value is in force.
             if found.setdefault(key, entry) != entry:
                 differing.add(key)
     for name, section in config.pieces.items():
@@ -112,7 +113,7 @@ def _as_written(robot: ResolvedRobot, values: Vector) -> Any:
     Passive axes are left out, since they have no servo. Returns None if all axes are passive.
     """
     by_axis = {
-        axis: _rounded(value)
+        axis: _round_value(value)
         for axis, value, is_passive in zip(robot.axes, values, robot.gains.passive, strict=True)
         if not is_passive
     }
@@ -147,15 +148,15 @@ def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[
             continue
         value = getattr(piece.model, key)
         if isinstance(value, tuple):
-            value = [_rounded(entry) for entry in value]
+            value = [_round_value(entry) for entry in value]
         elif isinstance(value, float):
-            value = _rounded(value)
+            value = _round_value(value)
         if key in _MASS_KEYS and is_computed:
             yield key, ValueInForce(value, "shapes")
         elif not has_own_shapes:
             yield key, ValueInForce(value, "piece")
 
 
-def _rounded(value: float) -> float:
+def _round_value(value: float) -> float:
     """Round a value to the digits that a user reads."""
     return float(np.format_float_positional(value, _DIGITS, fractional=False))

@@ -123,7 +123,7 @@ def measured(cell: Workcell, queries: int) -> list[str]:
         seconds.append(time.process_time() - begin)
         times = np.linspace(0, plans[0].duration, LOOKS)
         rows = {plan.robot: plan.postures(times) for plan in plans}
-        deep.append(deepest(looker, rows, set(space.model.policy.left_out)))
+        deep.append(deepest(looker, rows, set(space.model.policy.excluded_pairs)))
     apart, own = 1e3 * np.max(deep, axis=0)
     quantiles = (f"{value:.2f}" for value in np.quantile(seconds, [0.5, 0.9, 1.0]))
     return [f"{len(seconds)} of {queries}", *quantiles, f"{apart:.2f}", f"{own:.2f}"]

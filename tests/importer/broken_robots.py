@@ -782,7 +782,7 @@ TREE = [
     Defect(
         "loop",
         add(_joint("back", "tcp", "foot")),
-        "error: has a loop: foot - upper - lower - hand - tcp - foot",
+        "error: has a kinematic loop: foot - upper - lower - hand - tcp - foot",
     ),
     Defect(
         "two parents",
@@ -792,7 +792,7 @@ TREE = [
     Defect(
         "joint to itself",
         add(_joint("b", "tcp", "tcp")),
-        "error: joint 'b': joins link 'tcp' to itself",
+        "error: joint 'b': connects link 'tcp' to itself",
     ),
     Defect(
         "closing joint",
@@ -1149,7 +1149,7 @@ INERTIAS = [
     Defect(
         "triangle grossly wrong",
         upper_inertia(0.01, 0.01, 0.5),
-        "dropped: none exceeds the others' sum; left out",
+        "dropped: none may exceed the sum of the other two; left out",
     ),
     Defect(
         "triangle, estimated",

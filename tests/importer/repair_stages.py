@@ -85,7 +85,7 @@ class Repaired:
         report = ImportReport(again)
         robot = read_source(again, report)
         repair(robot, folder, options.model_copy(update={"base": self.base}), report)
-        assert not report.changed, report.entries
+        assert not report.has_changes, report.entries
         assert ET.tostring(robot, encoding="unicode") == text
 
     def told(self, kind: str) -> list[str]:

@@ -111,7 +111,8 @@ def test_a_robot_without_inertias_is_refused_by_name_for_motion_by_torque(publis
     published_irb120.write_text(text)
     robot = {"robot.urdf": str(published_irb120), "pieces": {}}
     with pytest.raises(
-        InvalidModel, match=r"arm\.urdf: the moving links link_1, link_2, .*estimate_inertia: true"
+        InvalidModel,
+        match=r"arm\.urdf: the moving links link_1, link_2, .*estimate_inertia to true",
     ):
         simulate(load_station("irb120_dynamic", robot), duration=0.1, progress=False)
     estimated = load_station(

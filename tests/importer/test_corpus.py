@@ -57,7 +57,7 @@ def check_robot(imported: ImportedRobot) -> None:
 def check_round_trip(imported: ImportedRobot, folder: Path) -> None:
     """Check that importing what was imported changes nothing."""
     again = import_robot(imported.model.urdf_path, folder, isolated=False)
-    assert not again.report.changed, told(again.report)
+    assert not again.report.has_changes, told(again.report)
     first, second = below(imported.model.folder), below(folder)
     assert first.keys() == second.keys()
     assert [name for name in first if first[name] != second[name]] == ["report.json"]

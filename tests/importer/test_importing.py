@@ -73,7 +73,7 @@ def _centre_of_mass(robot: LoneRobot, context) -> np.ndarray:
 @pytest.mark.long
 def test_importing_the_imported_robot_changes_nothing(imported, tmp_path):
     again = import_robot(imported.model.urdf_path, tmp_path / "again")
-    assert not again.report.changed
+    assert not again.report.has_changes
     first, second = files_below(tmp_path / "out"), files_below(tmp_path / "again")
     assert set(first) == set(second)
     different = [name for name in first if first[name] != second[name]]

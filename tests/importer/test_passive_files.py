@@ -132,6 +132,6 @@ def test_an_imported_robot_keeps_its_passive_axes(tmp_path):
     file = put(tmp_path, "arm.sdf", sdf("", NO_MOTOR))
     first = import_robot(file, tmp_path / "first", isolated=False)
     again = import_robot(first.model.urdf_path, tmp_path / "again", isolated=False)
-    assert not again.report.changed
+    assert not again.report.has_changes
     assert again.model.passive_axes == first.model.passive_axes == ["two"]
     np.testing.assert_array_equal(again.model.efforts, first.model.efforts)

@@ -152,7 +152,7 @@ def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path)
         first = imported(links, collision=collision)
         again = imported(first.file, collision=collision)
         assert again.files() == first.files()
-        assert not again.report.changed, again.told()
+        assert not again.report.has_changes, again.told()
         assert {entry.kind for entry in again.report.entries} == {"read"}
         # the same bytes each time
         assert imported(links, collision=collision).files() == first.files()
@@ -385,18 +385,21 @@ def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None
     [
         (
             '<geometry><box size="0 1 1"/></geometry>',
-            '<box> has size="0 1 1", which is not positive',
+            '<box> has size="0 1 1"; it must be positive',
         ),
         (
             '<geometry><box size="1 1"/></geometry>',
-            '<box> has size="1 1" where 3 numbers should be',
+            '<box> has size="1 1"; it must have 3 positive numbers',
         ),
-        ('<geometry><box size="1 1 inf"/></geometry>', "where 3 numbers should be"),
+        ('<geometry><box size="1 1 inf"/></geometry>', "it must have 3 positive numbers"),
         ("<geometry><box/></geometry>", "<box> has no size"),
-        ('<geometry><sphere radius="-1"/></geometry>', "which is not positive"),
-        ('<geometry><sphere radius="nan"/></geometry>', "where 1 number should be"),
+        ('<geometry><sphere radius="-1"/></geometry>', "it must be positive"),
+        ('<geometry><sphere radius="nan"/></geometry>', "it must have 1 positive number"),
         ('<geometry><cylinder radius="1"/></geometry>', "<cylinder> has no length"),
-        ('<geometry><cylinder radius="1" length="1_0"/></geometry>', "where 1 number should be"),
+        (
+            '<geometry><cylinder radius="1" length="1_0"/></geometry>',
+            "it must have 1 positive number",
+        ),
         ('<geometry><capsule length="1"/></geometry>', "<capsule> has no radius"),
         ('<geometry><drake:ellipsoid a="1" b="0" c="1"/></geometry>', '<ellipsoid> has b="0"'),
         ('<geometry><plane normal="0 0 1"/></geometry>', "<plane> is no shape that is known"),

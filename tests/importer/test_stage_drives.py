@@ -115,7 +115,7 @@ def test_gears_stay(tmp_path):
         motor = done.plant.GetJointActuatorByName("shoulder_m")
         assert motor.default_gear_ratio() == 100
         assert motor.default_rotor_inertia() == 1e-4
-        assert done.report.changed is changed
+        assert done.report.has_changes is changed
 
 
 def effort(done: Repaired, name: str) -> float:

@@ -133,4 +133,4 @@ def test_random_damage_is_repaired_or_refused(folder, data):
     text = ET.tostring(robot, encoding="unicode")
     refusal = refusal_of(text, folder, options)
     assert "\n" not in refusal
-    assert "Drake cannot read it" not in refusal
+    assert "Drake cannot read this file" not in refusal

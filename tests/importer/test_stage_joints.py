@@ -107,7 +107,7 @@ def test_the_range_of_a_joint_is_what_the_file_means(tmp_path, kind, text, expec
     moved = done.plant.GetJointByName("shoulder")
     assert (moved.position_lower_limits()[0], moved.position_upper_limits()[0]) == expected
     if told is None:
-        assert not done.report.changed
+        assert not done.report.has_changes
     else:
         assert any(words in line for line in done.told(told)), done.report.entries
 
@@ -227,7 +227,7 @@ def test_a_defect_of_a_joint_is_mended_and_told(tmp_path, good, bad, kind, words
 
 def test_rounded_axes_stay_as_they_are(tmp_path):
     done = Repaired(with_defect('xyz="0 1 0"', 'xyz="0.7071 0.7071 0"'), tmp_path)
-    assert not done.report.changed
+    assert not done.report.has_changes
     np.testing.assert_allclose(
         done.plant.GetJointByName("shoulder").revolute_axis(), [0.5**0.5, 0.5**0.5, 0]
     )

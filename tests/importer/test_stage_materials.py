@@ -135,7 +135,7 @@ def test_a_material_is_mended_and_told(tmp_path, text, kind, words, first):
 def test_nameless_colours_of_visuals_need_no_repair(tmp_path):
     blue = '<material name=""><color rgba="0 0 1 1"/></material>'
     done = Repaired(with_visual(blue, with_visual(blue.replace("0 0 1", "0 1 0"))), tmp_path)
-    assert not done.report.changed
+    assert not done.report.has_changes
     assert colours(done)[:2] == [(0, 0, 1, 1), (0, 1, 0, 1)]
 
 
@@ -149,7 +149,7 @@ def test_one_new_name_serves_all_visuals_of_that_colour(tmp_path):
 
 def test_a_material_may_be_defined_after_its_use(tmp_path):
     done = Repaired(with_defect("</robot>", f"{RED}</robot>", with_defect(RED, "")), tmp_path)
-    assert not done.report.changed
+    assert not done.report.has_changes
     assert colours(done) == [(1, 0, 0, 1)]
 
 

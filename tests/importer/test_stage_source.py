@@ -66,7 +66,9 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
             b"<mujocoinclude/>", "<mujocoinclude>: this is a part of an MJCF file", id="mjcf"
         ),
         pytest.param(b"<COLLADA/>", "<COLLADA>: this is a COLLADA mesh", id="dae"),
-        pytest.param(b"<cube/>", "<cube>: the outermost element of a URDF is <robot>", id="else"),
+        pytest.param(
+            b"<cube/>", "<cube>: the outermost element of a URDF must be <robot>", id="else"
+        ),
         pytest.param(b"\xff\xfea", "cannot be read as UTF-16-LE text", id="half a character"),
     ],
 )

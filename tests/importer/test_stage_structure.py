@@ -20,7 +20,7 @@ BUSHING = "".join(
 
 def test_a_clean_robot_is_left_as_it_is(tmp_path):
     done = Repaired(ARM, tmp_path)
-    assert not done.report.changed
+    assert not done.report.has_changes
     assert [entry.kind for entry in done.report.entries] == ["read"]
     assert ET.tostring(done.robot) == ET.tostring(ET.fromstring(ARM))
 
@@ -170,7 +170,10 @@ REFUSED = [
         id="unknown parent",
     ),
     pytest.param(
-        END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"
+        END,
+        joint("back", "tip", "base") + END,
+        "has a kinematic loop: base - upper - tip - base",
+        id="loop",
     ),
     pytest.param(
         END,
@@ -181,7 +184,7 @@ REFUSED = [
     pytest.param(
         END,
         joint("self", "tip", "tip") + END,
-        "joint 'self': joins link 'tip' to itself",
+        "joint 'self': connects link 'tip' to itself",
         id="self",
     ),
     pytest.param(
@@ -245,7 +248,7 @@ def test_elements_of_drake_stay(tmp_path):
     done = Repaired(
         with_defect(END, f'<frame name="f" link="tip"/>{group}{bushing}{END}'), tmp_path
     )
-    assert not done.report.changed
+    assert not done.report.has_changes
     assert done.plant.HasFrameNamed("f")
     assert done.plant.num_force_elements() == 2  # gravity is the other
 
@@ -292,7 +295,7 @@ def test_names_that_drake_takes_stay(tmp_path, name):
     done = Repaired(
         ARM.replace('"upper"', f'"{name}"').replace('"shoulder"', f'"{name}"'), tmp_path
     )
-    assert not done.report.changed
+    assert not done.report.has_changes
     assert done.plant.HasJointNamed(name)
 
 

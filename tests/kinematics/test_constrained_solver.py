@@ -89,7 +89,10 @@ def test_aiming(chain, target, home):
 
 
 def test_joint_bounds_and_fixed_joints(chain, target, home):
-    goals = [JointBounds.fixed("joint_2", 0.0), JointBounds(axis="joint_4", lower=0.2, upper=0.3)]
+    goals = [
+        JointBounds.at_position("joint_2", 0.0),
+        JointBounds(axis="joint_4", lower=0.2, upper=0.3),
+    ]
     found = require(ConstrainedSolver(chain, goals, target="position").solve(target, home))[0]
     assert found[1] == pytest.approx(0.0, abs=1e-8)
     assert 0.2 - 1e-8 <= found[3] <= 0.3 + 1e-8
@@ -138,7 +141,9 @@ def test_fixed_joint_against_the_pose_is_weighed(chain, target, home):
     """SimRob's other example: joint 2 wished at 0 with weight 10, which the pose cannot have."""
     loose, firm = (
         ConstrainedSolver(
-            chain, [JointBounds.fixed("joint_2", 0.0, weight=weight)], target_weights=(1.0, 1.0)
+            chain,
+            [JointBounds.at_position("joint_2", 0.0, weight=weight)],
+            target_weights=(1.0, 1.0),
         )
         .solve(target, home)
         .positions[0, 1]
@@ -178,15 +183,15 @@ def test_other_joints_of_the_plant_stay(irb120_chain, home):
 @pytest.mark.parametrize(
     ("goal", "error", "said"),
     [
-        (JointBounds.fixed("joint2", 0.0), UnknownName, "did you mean 'joint_2'"),
+        (JointBounds.at_position("joint2", 0.0), UnknownName, "did you mean 'joint_2'"),
         (DistanceBounds(frames=("tool", "link2")), UnknownName, "did you mean 'link_2'"),
         (DistanceBounds(frames=("tool", "base"), lower=-1.0), InvalidParameter, "0 or more"),
-        (JointBounds(axis="joint_1", lower=1.0, upper=0.0), InvalidParameter, "lower first"),
+        (JointBounds(axis="joint_1", lower=1.0, upper=0.0), InvalidParameter, "not smaller"),
         (PositionBounds(lower=(0.0, 0.0)), InvalidParameter, "3 numbers"),
         (PositionBounds(weight=(1.0, 1.0)), InvalidParameter, "weight of PositionBounds"),
         (PositionBounds(weight=-1.0), InvalidParameter, "weight of PositionBounds"),
         (PositionBounds(frame=np.zeros((2, 6))), InvalidParameter, "one pose"),
-        (OrientationCone(direction=(0, 0, 0), angle=0.1), InvalidParameter, "not zero"),
+        (OrientationCone(direction=(0, 0, 0), angle=0.1), InvalidParameter, "other than zero"),
         (OrientationCone(direction=(0, 0, 1), angle=4.0), InvalidParameter, "angle"),
         (Aiming(target=(0, 0, np.nan)), InvalidParameter, "three finite"),
         (Aiming(target=(0, 0, 0), angle=2.0), InvalidParameter, "angle"),

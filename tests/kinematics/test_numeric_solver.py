@@ -93,13 +93,13 @@ def test_limits_hold_joints_back(irb120_chain, home):
     assert solutions.positions[0, 0] == irb120_chain.upper[0]
     with pytest.raises(
         Unreachable,
-        match=r"joint limit: joint_1 stands at its upper limit of 2\.88 rad \(165 deg\)",
+        match=r"joint limit: joint_1 is at its upper limit of 2\.88 rad \(165 deg\)",
     ):
         require(solutions)
 
 
 def test_out_of_reach(irb120_chain, home):
-    with pytest.raises(Unreachable, match=r"out of reach: it lies 2\.09 m from joint_1"):
+    with pytest.raises(Unreachable, match=r"out of reach: the target is 2\.09 m from joint_1"):
         require(NumericSolver(irb120_chain).solve([2, 0, 0.6, 0, 0, 0], home))
 
 

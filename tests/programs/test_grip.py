@@ -107,7 +107,7 @@ def test_what_is_no_hand_has_no_fingers(fingers):
 
 
 def test_a_finger_that_is_open_where_it_is_closed_is_refused():
-    with pytest.raises(ValueError, match="left must be open elsewhere than closed"):
+    with pytest.raises(ValueError, match="left must have different closed and open positions"):
         Gripper.model_validate({"axes": {"left": [0.02, 0.02], "right": [0, 0.02]}})
 
 

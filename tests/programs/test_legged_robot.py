@@ -628,7 +628,7 @@ class TestErrors:
 
     @pytest.mark.parametrize(
         ("station", "message"),
-        [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic one")],
+        [("irb120_dynamic", "a robot without gaits"), ("humanoid_fixed", "a dynamic one")],
     )
     def test_who_cannot_walk_is_told_why(self, station, message):
         with pytest.raises(InvalidParameter, match=message):

@@ -275,7 +275,7 @@ AWAY = {
 def test_a_start_away_from_the_reference_is_answered_with_the_start():
     away = run("irb120_dynamic", AWAY)
     error = remark_about(away, "joint_5 was 90 deg off what was asked at 0.00 s")
-    assert "joint_5 begins at 90 deg, its reference at 0 deg" in error.remedy.text
+    assert "joint_5 begins at 90 deg, but its reference begins at 0 deg" in error.remedy.text
     for remark in away.remarks[1:]:
         assert remark.remedy is None or "more time" not in remark.remedy.text
     assert run("irb120_dynamic", with_remedy(AWAY, error)).warnings == []

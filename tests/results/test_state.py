@@ -134,7 +134,9 @@ def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
 
 def test_the_state_of_other_robots_is_refused():
     state = simulate(load_station("double_pendulum"), duration=0.1).final_state
-    with pytest.raises(SimrobError, match="start is a state in which 'robot' is of size 2"):
+    with pytest.raises(
+        SimrobError, match="start is a state with 2 axes of 'robot'; it must be a state with 6 axes"
+    ):
         simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
     with pytest.raises(SimrobError, match="start is a state in which 'left' is unknown"):
         simulate(load_station("two_irb120"), duration=0.1, start=state)

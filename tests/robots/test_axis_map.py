@@ -129,7 +129,7 @@ def test_actuators_get_what_the_axes_are_given(plant, axes):
 
 @pytest.mark.parametrize("signs", [[1, -1], [1, 1, 2], [1, 1, 0.5], [[1, 1, 1]]])
 def test_signs_are_one_a_joint(plant, joints, signs):
-    with pytest.raises(InvalidParameter, match="3 numbers 1 or -1, one a joint"):
+    with pytest.raises(InvalidParameter, match="3 numbers 1 or -1, one for each joint"):
         AxisMap.of_joints(plant, joints, signs)
 
 

@@ -77,7 +77,7 @@ def test_a_mapping_fills_up_with_defaults_axis_by_axis() -> None:
 
 @pytest.mark.parametrize("values", [[], [1.0], [1.0] * 7])
 def test_a_list_of_the_wrong_length_is_an_error(values: list[float]) -> None:
-    with pytest.raises(InvalidParameter, match="6 numbers, one an axis of irb120"):
+    with pytest.raises(InvalidParameter, match="6 numbers, one for each axis of irb120"):
         load_robot("irb120").axis_vector(values, "kp")
 
 

@@ -81,7 +81,7 @@ def test_the_row_of_a_table_that_is_wrong_is_told(tmp_path: Path) -> None:
     (tmp_path / "station.yaml").write_text("robot: {model: arm.yaml}\n")
     with pytest.raises(
         SimrobError,
-        match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower and a higher number",
+        match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower limit and a higher limit",
     ):
         load_station(tmp_path / "station.yaml")
 

@@ -350,15 +350,15 @@ WRONG = [
     ),
     (
         "rows: [{limit_deg: [0, 1], limit: [0, 1], effort: 1}]",
-        r"a revolute joint has limit_deg and velocity_deg",
+        r"a revolute joint has the keys limit_deg and velocity_deg",
     ),
     (
         "rows: [{limit_deg: [0, 1], velocity: 1, effort: 1}]",
-        r"a revolute joint has limit_deg and velocity_deg",
+        r"a revolute joint has the keys limit_deg and velocity_deg",
     ),
     (
         "rows: [{limit_deg: [1, 1], effort: 1}]",
-        r"limit_deg must be a lower and a higher number; it is 1, 1",
+        r"limit_deg must be a lower limit and a higher limit; it is 1, 1",
     ),
     (
         "rows: [{limit_deg: [0, 1], effort: 1, type: helical}]",
@@ -401,7 +401,7 @@ def test_a_robot_has_either_a_urdf_or_a_table(tmp_path: Path, text: str) -> None
 def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     row = "{limit_deg: [0, 1], effort: 1, joint: a}"
     (tmp_path / "own.yaml").write_text(f"dh: {{convention: classical, rows: [{row}, {row}]}}")
-    with pytest.raises(InvalidModel, match="joint 'a': stands twice"):
+    with pytest.raises(InvalidModel, match="joint 'a': is defined twice"):
         _ = load_robot_file(tmp_path / "own.yaml").element
 
 

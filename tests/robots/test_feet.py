@@ -88,9 +88,9 @@ def test_wrong_feet_are_named() -> None:
     [
         (
             {"default": "a", "contacts": {"b": {"points": {"foot": [[0, 0, 0]]}}}},
-            "default 'a' is none of b",
+            "default is 'a'; it must be one of b",
         ),
-        ({"default": "a", "contacts": {"a": {}}}, "either spheres about points, or boxes"),
+        ({"default": "a", "contacts": {"a": {}}}, "either points or boxes, not both"),
         (
             {"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "radius": 0}}},
             "radius",
@@ -100,7 +100,7 @@ def test_wrong_feet_are_named() -> None:
                 "default": "a",
                 "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "others": {"fot": {}}}},
             },
-            "others has fot; the feet are foot",
+            "others names fot, which are no feet; the feet are foot",
         ),
     ],
 )

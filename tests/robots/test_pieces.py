@@ -318,14 +318,17 @@ UP = {"count": 2, "step": [0, 0, 0.05, 0, 0, 0]}
 @pytest.mark.parametrize(
     ("frames", "problem"),
     [
-        ({"tcp": [0] * 6}, "'tcp' stands twice"),
-        ({"a": {"pose": [0] * 6, "series": [UP]}, "a_1": [0] * 6}, "'a_1' stands twice"),
+        ({"tcp": [0] * 6}, "there are two frames 'tcp'"),
+        ({"a": {"pose": [0] * 6, "series": [UP]}, "a_1": [0] * 6}, "there are two frames 'a_1'"),
         ({"two words": [0] * 6}, "no plain name"),
         ({"a": [0] * 3}, "frames"),
         ({"a": {"pose": [0] * 6}}, "frames.*needed"),
         ({"a": {"pose": [0] * 6, "series": []}}, "at least 1"),
         ({"a": {"pose": [0] * 6, "series": [{"count": 0, "step": [0] * 6}]}}, "at least 1"),
-        ({"a": {"pose": [0] * 6, "series": [{"count": 100, "step": [0] * 6}] * 2}}, "at most 1000"),
+        (
+            {"a": {"pose": [0] * 6, "series": [{"count": 100, "step": [0] * 6}] * 2}},
+            "1000 frames at most",
+        ),
     ],
 )
 def test_frames_that_cannot_be_are_named(frames: dict[str, Any], problem: str) -> None:
@@ -336,10 +339,10 @@ def test_frames_that_cannot_be_are_named(frames: dict[str, Any], problem: str) -
 @pytest.mark.parametrize(
     ("mesh", "problem"),
     [
-        ("../a.obj", "lies outside"),
-        ("/etc/hostname", "lies outside"),
+        ("../a.obj", "is outside"),
+        ("/etc/hostname", "is outside"),
         ("b.obj", "there is no file"),
-        ("a.stl", "Drake reads .*convert"),
+        ("a.stl", "Drake cannot read; convert"),
     ],
 )
 def test_a_mesh_that_a_piece_may_not_have_is_named(tmp_path: Path, mesh: str, problem: str) -> None:

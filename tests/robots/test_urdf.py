@@ -128,11 +128,11 @@ def test_an_unknown_joint_brings_the_nearest_one(write_urdf: Write, one_joint_ur
         ("hello", "is not XML"),
         ("<robot><link></robot>", "is not XML"),
         ('<robot name="a"><x:link/></robot>', "is not XML"),
-        ('<sdf version="1.9"/>', "<sdf>: the outermost element of a URDF is <robot>"),
-        ('<robot xmlns="http://example.org"/>', "the outermost element of a URDF is <robot>"),
+        ('<sdf version="1.9"/>', "<sdf>: the outermost element of a URDF must be <robot>"),
+        ('<robot xmlns="http://example.org"/>', "the outermost element of a URDF must be <robot>"),
         (
             '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>',
-            "is a xacro file; expand it first",
+            "is a xacro file; convert it to a URDF",
         ),
         ('<!DOCTYPE robot SYSTEM "x.dtd"><robot/>', "declares entities or a document type"),
         (
@@ -169,9 +169,9 @@ def test_a_path_that_no_file_can_have_is_named() -> None:
 
 
 DEFECTS = [
-    pytest.param('name="tip"', 'name="base"', "link 'base': stands twice", id="link twice"),
+    pytest.param('name="tip"', 'name="base"', "link 'base': is defined twice", id="link twice"),
     pytest.param(
-        'name="flange"', 'name="shoulder"', "joint 'shoulder': stands twice", id="joint twice"
+        'name="flange"', 'name="shoulder"', "joint 'shoulder': is defined twice", id="joint twice"
     ),
     pytest.param(
         '<link name="tip"/>', "<link/>", "<link> number 3: has no name", id="link without name"
@@ -185,30 +185,39 @@ DEFECTS = [
     pytest.param(
         '<parent link="base"/>',
         '<parent link="bas"/>',
-        "its parent 'bas' is no link",
+        "its parent 'bas' is not a link of the robot",
         id="unknown parent",
     ),
     pytest.param(
         '<child link="tip"/>',
         '<child link="tool"/>',
-        "its child 'tool' is no link",
+        "its child 'tool' is not a link of the robot",
         id="unknown child",
     ),
     pytest.param(
-        '<parent link="base"/>', "", "joint 'shoulder': its parent '' is no link", id="no parent"
+        '<parent link="base"/>',
+        "",
+        "joint 'shoulder': its parent '' is not a link of the robot",
+        id="no parent",
     ),
     pytest.param(
-        '<child link="tip"/>', "<child/>", "joint 'flange': its child '' is no link", id="no child"
+        '<child link="tip"/>',
+        "<child/>",
+        "joint 'flange': its child '' is not a link of the robot",
+        id="no child",
     ),
     pytest.param(
         END,
         joint("b", "base", "tip") + END,
-        "link 'tip': is the child of two joints, 'flange' and 'b'; a URDF is a tree",
+        "link 'tip': is the child of two joints, 'flange' and 'b'; a URDF must be a tree",
         id="two parents",
     ),
     pytest.param(END, '<link name="island"/>' + END, "has 2 root links", id="two roots"),
     pytest.param(
-        END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"
+        END,
+        joint("back", "tip", "base") + END,
+        "has a kinematic loop: base - upper - tip - base",
+        id="loop",
     ),
     pytest.param(
         LIMIT, "", "joint 'shoulder': a revolute or prismatic joint needs a <limit>", id="no limit"
@@ -247,7 +256,7 @@ DEFECTS = [
     pytest.param(
         'effort="10"',
         'effort="0"',
-        "joint 'shoulder' <limit>: effort is not positive",
+        "joint 'shoulder' <limit>: the effort must be positive",
         id="effort 0",
     ),
     pytest.param(
@@ -261,11 +270,13 @@ DEFECTS = [
     ),
     pytest.param('lower="-1"', "", "joint 'shoulder' <limit>: has no lower", id="no lower limit"),
     pytest.param('lower="-1"', 'lower="-1_0"', "'-1_0' is not a number", id="underscore"),
-    pytest.param('effort="10"', 'effort=""', 'effort="" holds 0 numbers, not 1', id="empty effort"),
+    pytest.param(
+        'effort="10"', 'effort=""', 'effort="" has 0 numbers; it must have 1', id="empty effort"
+    ),
     pytest.param(
         'xyz="0 1 0"',
         'xyz="0 1"',
-        "joint 'shoulder' <axis>: xyz=\"0 1\" holds 2 numbers",
+        "joint 'shoulder' <axis>: xyz=\"0 1\" has 2 numbers",
         id="short axis",
     ),
     pytest.param('xyz="0 1 0"', 'xyz="0 0 0"', "joint 'shoulder' <axis>: is zero", id="zero axis"),
@@ -301,20 +312,23 @@ DEFECTS = [
         id="no colour",
     ),
     pytest.param(
-        "SimpleTransmission", "FourBarLinkage", "a SimpleTransmission only", id="other transmission"
+        "SimpleTransmission",
+        "FourBarLinkage",
+        "must be SimpleTransmission",
+        id="other transmission",
     ),
-    pytest.param(BOX, '<box size="0.1 0.2"/>', "holds 2 numbers, not 3", id="flat box"),
+    pytest.param(BOX, '<box size="0.1 0.2"/>', "has 2 numbers; it must have 3", id="flat box"),
     pytest.param(BOX, "<box/>", "link 'base' <box>: has no size", id="box without size"),
     pytest.param(
         CYLINDER,
         '<mesh filename="m.obj" scale="2 2"/>',
-        "holds 2 numbers, not 1 or 3",
+        "has 2 numbers; it must have 1 or 3",
         id="scale of two",
     ),
     pytest.param(
         END,
         '<link name="a"/><link name="b"/>' + joint("ab", "a", "b") + joint("ba", "b", "a") + END,
-        "has a loop: a - b - a",
+        "has a kinematic loop: a - b - a",
         id="loop apart",
     ),
     pytest.param(
@@ -325,7 +339,7 @@ DEFECTS = [
         id="two transmissions",
     ),
     pytest.param(
-        'effort="10"', "", "joint 'shoulder' <limit>: effort is not positive", id="no effort"
+        'effort="10"', "", "joint 'shoulder' <limit>: the effort must be positive", id="no effort"
     ),
     pytest.param('effort="10"', 'effort="strong"', "'strong' is not a number", id="effort text"),
     pytest.param(
@@ -413,13 +427,13 @@ DEFECTS = [
     pytest.param(
         BOX,
         '<box size="0 0.1 0.2"/>',
-        'has size="0 0.1 0.2", which is not positive',
+        'has size="0 0.1 0.2"; it must be positive',
         id="box of size 0",
     ),
     pytest.param(
         'length="0.3"',
         'length="-0.3"',
-        '<cylinder>: has length="-0.3", which',
+        '<cylinder>: has length="-0.3"; it must be',
         id="length",
     ),
     pytest.param(
@@ -500,11 +514,11 @@ def test_mass_behind_a_fixed_joint_counts_for_the_link_that_moves(
         ("missing.obj", "there is no file"),
         ("", "there is no file"),
         ("folder.obj", "there is no file"),
-        ("../outside.obj", "lies outside the robot's folder"),
-        ("linked.obj", "lies outside the robot's folder"),
-        ("/etc/hostname", "lies outside the robot's folder"),
-        ("file:///etc/hostname", "lies outside the robot's folder"),
-        ("mesh.stl", "Drake reads .obj, .gltf, .vtk; convert the mesh"),
+        ("../outside.obj", "is outside the robot's folder"),
+        ("linked.obj", "is outside the robot's folder"),
+        ("/etc/hostname", "is outside the robot's folder"),
+        ("file:///etc/hostname", "is outside the robot's folder"),
+        ("mesh.stl", "Drake cannot read; convert it to one of .obj, .gltf, .vtk"),
         ("package://arm/mesh.obj", "packages are not resolved here"),
         ("http://example.org/mesh.obj", "packages are not resolved here"),
     ],
@@ -561,7 +575,7 @@ def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_ur
 
 def test_names_that_no_mesh_can_have_are_refused(write_urdf: Write, one_joint_urdf: str) -> None:
     path = write_urdf(one_joint_urdf.replace(CYLINDER, f'<mesh filename="{"a" * 300}.obj"/>'))
-    with pytest.raises(InvalidModel, match="cannot be a file's name"):
+    with pytest.raises(InvalidModel, match="cannot be the name of a file"):
         with_absolute_meshes(read_urdf(path), path.parent)
     (path.parent / "round.obj").symlink_to("round.obj")
     path = write_urdf(one_joint_urdf.replace(CYLINDER, '<mesh filename="round.obj"/>'))

@@ -1,4 +1,4 @@
-"""Play between motors and links: where the link lies in it, and how it lags behind a motor that turns back."""
+"""Backlash between motors and links: the position of the link within its play, and its lag behind a reversing motor."""
 
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ def link_and_motor(rod: Path, changes: dict[str, Any]) -> tuple[np.ndarray, np.n
     ],
 )
 def test_the_link_lies_on_the_lower_side_of_its_play(rod: Path, changes: dict[str, Any]) -> None:
-    """The link is half of the play behind the motor as it is lifted, and half ahead of it over the top."""
+    """While the rod is lifted, the link is half of the play behind its motor, and half ahead of it beyond the top."""
     link, motor = link_and_motor(rod, changes)
     up, over = (motor > 10) & (motor < 60), motor > 130
     np.testing.assert_allclose((link - motor)[up], -PLAY / 2, atol=0.02)
@@ -66,5 +66,5 @@ def test_without_play_the_link_is_where_its_motor_is(rod: Path) -> None:
 
 
 def test_a_motor_without_a_rotor_cannot_have_play(rod: Path) -> None:
-    with pytest.raises(InvalidParameter, match="joint_1 have a rotor_inertia"):
+    with pytest.raises(InvalidParameter, match="joint_1 must have a rotor_inertia"):
         simulate(load_station(rod, {"robot.drives.rotor_inertia": 0}))

@@ -1,4 +1,4 @@
-"""What a file may read, the user allows and never the file itself; and a result carries what its station names."""
+"""Files that a station may read: only the user widens the border, never the file; and a result carries copies."""
 
 import os
 from pathlib import Path
@@ -121,7 +121,7 @@ def test_other_files_are_held_to_the_same_border(places, tmp_path):
     own, other = places
     robot = own / "robot.yaml"
     robot.write_text("urdf: ../private/arm.urdf\nroot: base\naxes: [j]\n")
-    with pytest.raises(InvalidConfig, match="lies outside of the robot's folder"):
+    with pytest.raises(InvalidConfig, match="is outside the robot's folder"):
         load_robot_file(robot)
     station(other, "robot: {urdf: arm.urdf}")
     with pytest.raises(InvalidConfig, match=r"station: .*lies outside of the allowed folders"):

@@ -1,4 +1,4 @@
-"""How a robot that is held begins: clear of the floor and of itself, held by its motors, by geometry worked by hand."""
+"""The start of a robot that is held by its root: clear of the floor and of itself, and within its motors' torques."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_the_first_move_of_an_outstretched_arm_stays_over_the_floor(robot_of, tm
     assert (np.abs(last - first) > 5).any()
     way = np.deg2rad(first + np.linspace(0, 1, 50)[:, np.newaxis] * (last - first))
     assert tip_heights(0.2, *way.T).min() > 0.0
-    assert "clear of the floor and of itself" in text
+    assert "no collision with the floor or between links" in text
 
 
 def test_a_posture_is_found_that_weak_motors_hold(robot_of, clearance_of):
@@ -57,7 +57,8 @@ def test_a_posture_is_found_that_weak_motors_hold(robot_of, clearance_of):
     for angle in (start.posture[0], start.target[0]):
         assert weight * np.cos(angle) < 0.9 * 0.7 * weight
     assert any(
-        "Not at home, where it is too heavy for its motors" in remark for remark in start.remarks
+        "Not in the home posture, in which the robot is too heavy for its motors" in remark
+        for remark in start.remarks
     )
 
 
@@ -87,8 +88,10 @@ def test_without_a_posture_that_holds_the_draft_says_what_is_lacking(robot_of, c
     )
     start = start_of(clearance_of(urdf), torque=True)
     np.testing.assert_array_equal(start.target, start.posture)
-    (remark,) = [remark for remark in start.remarks if "No start was found" in remark]
-    assert "of its motors' torque short" in remark
+    (remark,) = [
+        remark for remark in start.remarks if "No start without faults was found" in remark
+    ]
+    assert "a motor that lacks" in remark
     assert "in itself" not in remark
 
 
@@ -96,7 +99,7 @@ def test_a_base_that_reaches_below_its_root_is_raised(robot_of, clearance_of):
     urdf = robot_of(link("base", "0.1 0.1 0.3"), link("bar", *BAR), joint("bar", "base", "0 0 0.4"))
     start = start_of(clearance_of(urdf))
     assert start.height == pytest.approx(0.15, abs=1e-9)
-    assert "Raised by 0.15 m, so that it stands on the floor." in start.remarks
+    assert "The root is raised by 0.15 m, so that the robot stands on the floor." in start.remarks
 
 
 def test_links_that_cannot_all_be_high_are_just_over_the_floor(robot_of, clearance_of):
@@ -123,14 +126,14 @@ def test_what_hangs_is_held_over_the_floor(robot_of, clearance_of):
     )
     start = start_of(clearance_of(urdf))
     assert start.height > 0.6
-    assert any(remark.startswith("Held ") for remark in start.remarks)
+    assert any(remark.startswith("The root is held ") for remark in start.remarks)
 
 
 FINGERS = [link(name, "0.02 0.02 0.2", "0 0 0.1") for name in ("one", "two")]
 
 
 def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
-    """Their joints are 15 mm apart, and they are 20 mm thick: 5 mm deep in each other unless one is turned away."""
+    """Fingers of 20 mm, whose joints are 15 mm apart, overlap by 5 mm unless one turns away."""
     hinges = [
         joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in (("one", 0.0), ("two", 0.013))
     ]
@@ -163,6 +166,6 @@ def test_of_a_robot_without_shapes_nothing_is_said_to_be_clear(robot_of, clearan
     remarks = start_of(
         clearance_of(robot_of(*bare, joint("bar", "base", "0 0 0.2"))), torque=True
     ).remarks
-    assert remarks[0] == "Not looked at whether it is clear: it has no shapes that collide."
-    assert not any("clear of" in remark for remark in remarks)
-    assert "its motors hold it with" in remarks[-1]
+    assert remarks[0] == "Collisions were not checked, since the robot has no collision shapes."
+    assert not any("no collision with" in remark for remark in remarks)
+    assert "to hold the robot" in remarks[-1]

@@ -1,4 +1,4 @@
-"""Robots with closed loops: refusals that say what to write, and first stations against closed forms."""
+"""Robots with closed loops: refusals that name the remedy, and first stations compared with closed forms."""
 
 from pathlib import Path
 
@@ -87,7 +87,7 @@ def angle_between(one: float, other: float) -> float:
 
 
 def test_a_four_bar_runs_as_its_closed_form_says(tmp_path: Path) -> None:
-    """In a run the rocker is at one of the two angles that the triangle of coupler and rocker allows."""
+    """During a run the rocker has one of the two angles that the triangle of coupler and rocker allows."""
     station = drafted(written(tmp_path, "four_bar.urdf", FOUR_BAR))
     content = yaml.safe_load(station.read_text())
     assert content["couplings"]["d"]["kind"] == "hinge"

@@ -15,7 +15,7 @@ BAR = "0.4 0.05 0.05", "0.2 0 0"  # a bar of 0.4 m along x
 
 
 def model_of(urdf: Path, **robot: object) -> StationModel:
-    """Return a station of one robot with collision shapes."""
+    """Make a station of one robot with collision shapes."""
     config = StationConfig(
         name="alone", mode="kinematic", robots={"robot": {"urdf": urdf, **robot}}
     )

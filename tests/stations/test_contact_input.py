@@ -1,4 +1,4 @@
-"""Contact, sensors and monitors that cannot be are refused in words that say what would be right."""
+"""Refusals of invalid contacts, sensors and monitors: each message names what would be right."""
 
 import pytest
 
@@ -53,9 +53,9 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         (
             "bouncing_ball",
             {"pieces.ball.mass": 0},
-            r"pieces\.ball\.free .* a piece with mass and inertia",
+            r"pieces\.ball\.free .* the piece must have mass and inertia",
         ),
-        ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
+        ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece has the parent world"),
         ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: must be greater than 0"),
         ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* at least 0"),
         (
@@ -145,7 +145,7 @@ def test_a_contact_stiffer_than_the_solver_can_hold_names_the_largest(overrides,
 
 @pytest.mark.parametrize("time_step", [1e-3, 5e-3])
 def test_the_solver_holds_the_largest_stiffness_that_is_named(time_step):
-    """At rest the ball sinks by weight over stiffness; a stiffer contact would be softened by the solver."""
+    """A ball at rest sinks by its weight over the stiffness; the solver would soften a stiffer contact."""
     stiffness = 0.95 * largest_stiffness(
         DiscreteSolver(kind="discrete", time_step=time_step), 0.9048
     )

@@ -362,7 +362,7 @@ def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):
     (finding,) = [one for one in check_station(config) if one.subject == "contact"]
     assert finding.level == "warning"
     assert finding.text.startswith(
-        "high and low are 40.0 mm deep in each other at the start, and a run does not begin"
+        "high and low overlap by 40.0 mm at the start, so a run does not begin"
     )
     pieces["high"]["pose"][2] = 0.299
     assert run(write_station, pieces, "cenic", duration=0.1).ending == "completed"

@@ -161,7 +161,7 @@ def test_rods_and_welds_hold(tmp_path):
 )
 @pytest.mark.parametrize("solver", [TIGHT, STIFF])
 def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
-    """An arm that would fall hangs on the world."""
+    """An arm that is coupled to the world does not fall."""
     if held["kind"] in ("rod", "ball") and solver is STIFF:
         pytest.skip("rods and balls are held by discrete solvers alone")
     config = station(

@@ -1,4 +1,4 @@
-"""First stations for robots of which only the URDF is known: they run at once."""
+"""First stations for robots of which only the URDF is given: they run at once."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, 
 
 
 def test_a_description_with_a_floating_base_needs_shapes(one_joint_urdf, write_urdf):
-    """A floating robot that a YAML file describes is refused in words if nothing of it can stand on the floor."""
+    """A floating robot of a YAML file is refused, with a remedy, if no link of it can stand on the floor."""
     collision_end = one_joint_urdf.index("</collision>") + len("</collision>")
     without_shapes = (
         one_joint_urdf[: one_joint_urdf.index("<collision>")] + one_joint_urdf[collision_end:]
@@ -77,7 +77,8 @@ def test_a_description_with_a_floating_base_needs_shapes(one_joint_urdf, write_u
     )
 
     with pytest.raises(
-        Unsuitable, match=r"floating\.yaml: base: it is floating, but no link has a collision shape"
+        Unsuitable,
+        match=r"floating\.yaml: base: the base is floating, but no link has a collision shape",
     ):
         draft_station(description)
 
@@ -89,7 +90,7 @@ def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(
     (finding,) = [one for one in check_station(config) if one.subject.startswith("floor and")]
     assert (finding.level, finding.text) == (
         "note",
-        "not looked at: no link that moves has a shape to touch with",
+        "not examined: no moving link has a collision shape",
     )
 
 
@@ -164,7 +165,7 @@ def gripper_alone(left, right):
     ("names", "is_gripper"), [(("left_finger", "right_finger"), True), (("a", "b"), False)]
 )
 def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path, names, is_gripper):
-    """Its file has no joint that moves the palm. Two nameless slides may be a machine's."""
+    """The file has no joint that moves the palm. Two slides without telling names may belong to a machine."""
     urdf = tmp_path / "two.urdf"
     urdf.write_text(gripper_alone(*names))
     text = draft_station(urdf, folder=tmp_path)

@@ -1,4 +1,4 @@
-"""The first station of an arm with fingers grips by itself, with the force that its file gives, and carries on."""
+"""The first station of an arm with fingers grips with the force that its file gives, and carries the piece."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,9 @@ def station(tmp_path_factory):
 
 def test_it_says_what_holds_by_friction_and_check_agrees(station):
     text = station.read_text()
-    assert "# Fingers (left_slide, right_slide) move together, as by one motor" in text
+    assert (
+        "# Couplings move the fingers (left_slide, right_slide) together, as one motor does" in text
+    )
     content = yaml.safe_load(text)
     assert content["solver"]["scheme"] == "lagged"
     assert content["contact"]["model"] == "hydroelastic"
@@ -64,7 +66,7 @@ def test_it_grips_with_all_the_force_that_its_file_gives(holding):
 
 
 def test_what_it_holds_goes_around_obstacles_with_its_fingers_where_they_are(holding):
-    """Their references are where they would be closed, 20 mm within the cube: that is not where they are."""
+    """The references of the fingers are 20 mm inside the cube; collisions are checked at their actual positions."""
     cell, arm, _ = holding
     arm.move_free(joints=[0.25, DOWN - 0.1, 0, 0])
     np.testing.assert_allclose(cell.frame("cube").translation(), [0.25, 0, 0.12], atol=2e-3)
@@ -74,7 +76,7 @@ def test_what_it_holds_goes_around_obstacles_with_its_fingers_where_they_are(hol
 
 
 def test_links_that_are_in_each_other_all_the_way_are_not_in_the_way(tmp_path):
-    """Hulls of fingers that are closed overlap by 4 mm: half of what links of one robot may would be 2.5 mm."""
+    """Hulls of closed fingers overlap by 4 mm, although half of the tolerance of one robot is 2.5 mm."""
     sides = []
     for name, sign in (("left", 1), ("right", -1)):
         sides.append(
@@ -89,7 +91,7 @@ def test_links_that_are_in_each_other_all_the_way_are_not_in_the_way(tmp_path):
 
 
 def test_fingers_stay_open_where_it_does_not_begin_at_home(tmp_path):
-    """At home the arm is in the floor, out of which its axes lead, and no finger."""
+    """At home the arm is in the floor. The search turns axes of the arm out of it, but no finger."""
     (tmp_path / "gantry.urdf").write_text(gantry().replace("0 0 0.4", "0 0 0.1"))
     content = yaml.safe_load(draft_station(tmp_path / "gantry.urdf"))
     begin = content["robot"]["initial_deg"]

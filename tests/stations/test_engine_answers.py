@@ -1,4 +1,4 @@
-"""What engines answer, against Drake itself; and that no module compares names of modes and schemes instead."""
+"""Properties of engines compared with Drake itself; no module compares names of modes and schemes instead."""
 
 import ast
 from pathlib import Path
@@ -72,7 +72,7 @@ def test_a_kinematic_station_asks_no_solver():
 
 
 def test_no_module_compares_names_of_modes_and_schemes():
-    """`config.engine` answers instead; a new scheme is one entry then. The configuration itself asks for its mode."""
+    """Modules read `config.engine`, so that a new scheme is one entry. Only the configuration itself reads its mode."""
     names = {"kinematic", "dynamic", "mujoco", *CONTINUOUS_SCHEMES, *DISCRETE_SCHEMES}
     found = []
     for file in PACKAGE.rglob("*.py"):

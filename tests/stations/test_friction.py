@@ -85,7 +85,7 @@ def test_a_sled_on_a_spring_loses_the_same_at_every_turn(
 
 
 def test_a_kinematic_station_tells_what_motors_give_against_it(sled: Path) -> None:
-    """The force is (m + G² J) a + c sat(v / v_s) along a sine."""
+    """The reported force is (m + G² J) a + c sat(v / v_s) along a sine."""
     amplitude = 0.3  # [m]
     friction_speed = 0.5  # [m/s]
     changes = {
@@ -114,7 +114,7 @@ def test_a_station_changes_friction(sled: Path) -> None:
 
 
 def test_long_steps_of_cenic_do_not_let_it_chatter(sled: Path) -> None:
-    """Steps that could turn the motion around, c h / M = 0.1 m/s, leave a sled calm in the end."""
+    """Steps in which friction could reverse the motion, c h / M = 0.1 m/s, leave a sled at rest in the end."""
     config = load_station(sled, {"solver": {**CENIC, "max_step": 0.02, "error_control": False}})
     speed = simulate(config, duration=4, progress=False)["v.joint_1"][-500:]
     assert np.ptp(speed) < 0.005

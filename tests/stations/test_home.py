@@ -1,4 +1,4 @@
-"""A robot begins at home where its station says nothing else."""
+"""A robot begins in its home posture unless its station gives initial positions."""
 
 from pathlib import Path
 

@@ -11,7 +11,7 @@ from simrob_drake.stations.checks import check_station
 
 DISCRETE = {"kind": "discrete", "time_step": 0.001}
 SAP_WARNING = (
-    "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+    "the solver scheme sap ignores contact.dissipation; use solver.scheme lagged or similar"
 )
 
 
@@ -20,7 +20,7 @@ def warnings_of_check(config):
 
 
 def test_a_ball_that_cannot_bounce_is_reported_by_the_result(tmp_path):
-    """sap ignores dissipation; with it, the ball stays 9 mm deep in the floor instead of bouncing."""
+    """sap ignores dissipation: the ball stays 9 mm deep in the floor instead of bouncing."""
     config = load_station("bouncing_ball", {"solver": DISCRETE})
     assert SAP_WARNING in warnings_of_check(config)
     result = simulate(config, duration=0.3, progress=False)
@@ -116,7 +116,7 @@ def test_continuous_schemes_hold_by_static_friction(write_station, scheme, step)
                 "solver": {"kind": "discrete"},
                 "servo.realization": "implicit",
             },
-            "stops joints at their limits by itself and ignores joint_stops",
+            "holds joint limits by itself and ignores joint_stops",
         ),
     ],
 )
@@ -127,8 +127,8 @@ def test_each_ignored_key_is_named(station, overrides, key):
 @pytest.mark.parametrize(
     ("latency", "note"),
     [
-        (0.0099, "9.9 ms acts as 0 ms: delays are whole samples, here of 20 ms"),
-        (0.03, "30 ms acts as 40 ms: delays are whole samples, here of 20 ms"),
+        (0.0099, "the delay of 9.9 ms becomes 0 ms: delays last whole samples, here of 20 ms"),
+        (0.03, "the delay of 30 ms becomes 40 ms: delays last whole samples, here of 20 ms"),
         (0.04, ""),
         (0.0, ""),
     ],

@@ -1,4 +1,4 @@
-"""Station files: what is accepted, what is refused, and in which words."""
+"""Station files: the accepted and the refused ones, with the messages of the refusals."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_an_empty_mapping_takes_everything_away():
 def test_a_new_kind_begins_from_its_defaults_and_names_what_was_given_for_the_old_one():
     """A target to which a ramp goes must not become the posture at which a hold stands."""
     with pytest.warns(
-        KeysLeftOut, match="reference.kind is hold in place of ramp.*without.*target_deg"
+        KeysLeftOut, match="reference.kind changes from ramp to hold.*dropped.*target_deg"
     ):
         config = load_station("irb120_dynamic", {"reference.kind": "hold"})
     assert config.reference == Hold(kind="hold")
@@ -45,7 +45,7 @@ def test_a_new_kind_begins_from_its_defaults_and_names_what_was_given_for_the_ol
 
 
 def test_the_arm_with_force_control_holds_its_start():
-    """So does the header of its file advise."""
+    """The header of the station's file advises these settings."""
     with pytest.warns(KeysLeftOut, match="target_deg, start, duration, blend"):
         station = load_station("irb120_force_control", {"reference.kind": "hold"})
     result = simulate(station, duration=0.3, progress=False)
@@ -122,7 +122,7 @@ def test_the_arm_with_force_control_holds_its_start():
 def test_no_section_keeps_keys_of_another_kind(
     station, sections, key, changes, left, kept, tmp_path
 ):
-    """Neither from a station's file nor from a configuration that is there already."""
+    """Keys of the old kind are dropped from a station's file, and from a configuration that is loaded already."""
     if "mujoco" in f"{sections} {changes}":
         pytest.importorskip("simrob_drake.extensions.mujoco")
     before = load_station(station, sections)
@@ -159,7 +159,7 @@ def test_a_kind_that_stays_keeps_all_keys(recwarn):
 
 
 def test_settings_that_come_later_take_back_those_of_another_kind():
-    """As in the pendant, and in the changes of a program."""
+    """Later settings replace earlier ones in the pendant, and in the changes of a program."""
     before = {"reference.kind": "move", "reference.target_deg": 30, "servo.kp": 500}
     assert settings_with(before, {"reference.kind": "hold"}) == {
         "reference.kind": "hold",
@@ -238,7 +238,7 @@ WRONG = [
     ({"servo.kpp": 4}, r"servo\.kpp: unknown key; did you mean 'kp'\?"),
     ({"servo.kp": "abc"}, r"servo\.kp: .*number \(it is 'abc'\)"),
     ({"servo.kp": True}, r"servo\.kp: .*number"),
-    ({"servo.kp": -1}, r"servo\.kp: a gain is of 0 to 1e"),
+    ({"servo.kp": -1}, r"servo\.kp: a gain must be between 0 and 1e"),
     ({"servo.kp": float("nan")}, r"servo\.kp: .*finite"),
     ({"servo.kp": {"joint_22": 1}}, r"servo\.kp"),
     ({"servo.kd": [1, 2]}, r"servo\.kd is \[1\.0, 2\.0\]; it must be one number, or 6"),
@@ -278,7 +278,10 @@ WRONG = [
         {"pieces.load.parent": "griper"},
         r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?",
     ),
-    ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
+    (
+        {"pieces.gripper.parent": "load"},
+        r"pieces\.gripper\.parent is load; .* not mounted on this piece",
+    ),
     ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body has these moments"),
     (
         {"monitors.a.kind": "settle"},
@@ -287,9 +290,9 @@ WRONG = [
     ({"monitors.settled.hld": 1}, r"monitors\.settled\.hld: unknown key; did you mean 'hold'\?"),
     ({"monitors.settled.robot": "arm"}, r"no robot for monitors\.settled 'arm'"),
     ({"pieces.load.density": 0}, r"pieces\.load\.density: .*greater than 0"),
-    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either a mass or a density"),
-    ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
-    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*one of model and mesh, not several"),
+    ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either mass or density"),
+    ({"pieces.load.scale": 2}, r"pieces\.load: .*scale needs the key mesh"),
+    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*only one of model and mesh"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
     (
         {"pieces.gripper.frame": "tcp"},
@@ -300,7 +303,7 @@ WRONG = [
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
     ({"servo.kp.joint_9": 1}, r"servo\.kp: is 1000, so it has no key 'joint_9'"),
     ({"servo.kp.6": 1}, r"servo\.kp\.6: has no place '6'; those there are 0 to 5"),
-    ({"robots": {"a": {"model": "irb120"}}}, r"either robot: or robots:"),
+    ({"robots": {"a": {"model": "irb120"}}}, r"either the section robot or the section robots"),
 ]
 
 
@@ -317,7 +320,7 @@ def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
 
 
 BLAMED = [
-    ({"duration": 2, "servo.kp": -1}, "override servo.kp: a gain is of 0"),
+    ({"duration": 2, "servo.kp": -1}, "override servo.kp: a gain must be between 0"),
     (
         {"reference.kind": "sequence", "reference.targets": 3},
         "override reference.targets: must be a list",
@@ -360,7 +363,9 @@ def test_a_bad_file_is_to_blame_whatever_is_overridden(tmp_path):
 
 
 def test_a_folder_is_no_station_but_may_hold_one(tmp_path):
-    with pytest.raises(SimrobError, match=r"is a folder, and a station is a name or a YAML file$"):
+    with pytest.raises(
+        SimrobError, match=r"is a folder, but a station is given by its name or a YAML file$"
+    ):
         load_station(tmp_path)
     (tmp_path / "station.yaml").write_text("robot: {model: irb120}")
     with pytest.raises(SimrobError, match=r"did you mean .*/station.yaml?"):
@@ -423,7 +428,7 @@ def test_an_unknown_station_is_named_with_the_nearest():
     ],
 )
 def test_a_piece_says_what_it_hangs_on(station, piece, choices):
-    match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}; or say free: true$"
+    match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}, or the piece must have free: true$"
     with pytest.raises(SimrobError, match=match):
         load_station(
             station,

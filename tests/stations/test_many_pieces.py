@@ -1,4 +1,4 @@
-"""Stations of many pieces: each piece costs the same memory, and there is a stated number of them."""
+"""Stations of many pieces: each piece costs the same memory, and the count of pieces is limited."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def pieces_file(folder, free, fixed=0):
 @pytest.mark.parametrize(
     ("free", "fixed", "message"),
     [
-        (3000, 0, "pieces is with 3000 free pieces; it must be with at most 200 of free: true"),
+        (3000, 0, "pieces is 3000 free pieces; it must be at most 200 pieces with free: true"),
         (1, 3000, "pieces is 3001 pieces; it must be at most 300"),
     ],
 )

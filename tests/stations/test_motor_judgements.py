@@ -42,7 +42,7 @@ def share_of_move(duration: float, angle: float = 2.0) -> float:
 
 
 def test_shares_of_motors(station: Path):
-    """At rest the stall torque counts, at the no-load speed nothing is left, and against the turning there is more."""
+    """The stall torque counts at rest, none is left at the no-load speed, and more is available against the motion."""
     gains = arm_of(station).cell.robot("robot").gains
 
     torques = np.array([[STALL], [0.0], [-STALL], [STALL / 4]])
@@ -54,7 +54,7 @@ def test_shares_of_motors(station: Path):
 
 
 def test_a_plan_is_judged_as_its_run_is(station: Path):
-    """In 0.7 s the joint would turn at 5.4 rad/s, where its motor has 0.7 of 10 N·m: before, the plan said nothing."""
+    """A move of 0.7 s reaches 5.4 rad/s, where the motor has 0.7 of its 10 N·m: the plan reports it as the run does."""
     assert share_of_move(0.7) > 1.0
     assert share_of_move(0.75) < 1.0
     arm = arm_of(station)
@@ -129,7 +129,7 @@ def test_a_monitor_of_the_torque_limit_knows_the_line(station: Path):
 
 
 def test_walks_and_tuning_judge_motors_as_the_verdict_does():
-    """Before, a walk whose motors were at their limits 7 % of the time had a `saturated` of 0 and a peak of 71 %."""
+    """A walk whose motors are at their limits for 7 % of the time is reported as saturated by all of them."""
     run = simulate(load_station("zjudancer_walking", {"duration": 2.5}), progress=False)
 
     walk = locomotion(run)

@@ -113,7 +113,7 @@ def needs_mujoco(solver: dict[str, Any]) -> None:
 def test_a_joint_goes_as_its_motor_can(
     joint: Path, solver: dict[str, Any], realization: str, tolerance: float
 ) -> None:
-    """The joint reaches the no-load speed and no more, with the motor at its line for many samples.
+    """The joint reaches the no-load speed and no more, with the motor at its torque line for many samples.
 
     Tolerances are the errors of first order of the steps [rad].
     """
@@ -176,7 +176,7 @@ def test_a_current_bounds_it_at_low_speed(
             {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "servo.kd": 1},
             "servo.kd of joint_1 is 1.*1.74",
         ),
-        ({**MOTOR, "servo.admittance_gain": 1}, "without a motor"),
+        ({**MOTOR, "servo.admittance_gain": 1}, "cannot be combined with motor"),
     ],
 )
 def test_what_no_motor_can_be_is_told(joint: Path, changes: dict[str, Any], message: str) -> None:
@@ -200,7 +200,7 @@ def test_keys_of_the_station_win_over_the_motor(joint: Path) -> None:
 
 
 def test_a_ratio_without_an_inertia_leaves_that_of_the_urdf_as_it_is(joint: Path) -> None:
-    """0.004 kg m² at the joint would be 149 behind the 193 turns of an MX-28, whose rotor nobody has measured."""
+    """Behind the 193 turns of an MX-28's gear, the URDF's 0.004 kg m² would be 149 kg m² at the joint."""
 
     def drives(**changes: Any) -> tuple[Any, Any]:
         found = resolve(load_station(joint, changes)).robots["robot"].model.drives
@@ -254,7 +254,7 @@ def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
         "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously ("
         in found
     )
-    assert "its motor gets too warm: it may give 0.62 N·m continuously" in found
+    assert "the motor overheats, since its continuous torque is 0.62 N·m" in found
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_each_motor_is_whole_and_has_a_source() -> None:
 
 
 def test_an_observer_knows_the_dampers_of_motors(joint: Path) -> None:
-    """Nothing pushes the joint, so that nothing but the lag of the observer is felt."""
+    """Nothing pushes the joint, so that the observer reports only its own lag."""
     changes = {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "duration": 0.5}
     felt = simulate(load_station(joint, {**changes, "sensors.external_torque": {"rate": 1000}}))
     assert np.abs(felt["external_torque.external_torque.joint_1"]).max() < 0.5
@@ -334,7 +334,7 @@ def test_a_supply_that_falls_needs_the_current(joint: Path) -> None:
 
 @pytest.mark.parametrize(("solver", "realization"), WAYS)
 def test_a_bus_is_late_and_rounds(joint: Path, solver: dict[str, Any], realization: str) -> None:
-    """A jump at a sample comes as many seconds later as the bus takes, and goes to the nearest step of commands."""
+    """A jump at a sample arrives later by the delay of the bus, and is rounded to the nearest step of commands."""
     needs_mujoco(solver)
     latency = 0.05  # [s]
     target_deg = 7.3
@@ -368,7 +368,7 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
     with pytest.raises(
-        SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"
+        SimrobError, match=r"servo\.bus: a bus transmits only .*, not reference_acceleration"
     ):
         simulate(
             load_station(
@@ -379,4 +379,4 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
 
 def test_a_bus_is_drawn(joint: Path) -> None:
     station = load_station(joint, {"servo.bus": {"latency": 0.02}, "servo.realization": "implicit"})
-    assert "20 ms late" in station_dot(station)
+    assert "delay 20 ms" in station_dot(station)

@@ -1,4 +1,4 @@
-"""A station whose plant MuJoCo steps: its steps against their equations, and its runs beside Drake's."""
+"""A station whose plant MuJoCo steps: its steps compared with their equations, and its runs with those of Drake."""
 
 import gc
 
@@ -20,14 +20,14 @@ TURN = {"kind": "move", "duration": 0.1, "target_deg": {"left_elbow": 40, "left_
 
 
 def in_both(station, overrides, **changes):
-    """Return the run of a station as it is, and in MuJoCo."""
+    """Run a station with its own solver and with MuJoCo. Returns both results."""
     return [
         simulate(load_station(station, {**overrides, **own}), **changes) for own in ({}, MUJOCO)
     ]
 
 
 def test_motors_give_what_their_law_says_at_the_end_of_each_step_and_no_more_than_their_limit():
-    """Light links with kd h / M far above 2, and limits that are reached: there an explicit servo chatters."""
+    """With light links, kd h / M far above 2, and torque limits that are reached, an explicit servo would chatter."""
     overrides = {**EACH_STEP, "servo.torque_limit": 0.8, "reference": TURN}
     result = simulate(load_station("humanoid_dynamic", overrides), duration=0.3)
     gains = result.plant.robots["robot"].gains
@@ -41,7 +41,7 @@ def test_motors_give_what_their_law_says_at_the_end_of_each_step_and_no_more_tha
 
 
 def test_contacts_stay_as_stiff_while_servos_are_at_their_limits():
-    """MuJoCo softens a contact by what its bodies feel of servos: of a saturated ankle that would be nothing."""
+    """MuJoCo softens a contact by the stiffness of the servos behind it, which is zero for a saturated ankle."""
     limits = {"torque_limit": {"left_ankle_pitch": 0.02, "right_ankle_pitch": 0.02}}
     drake, mujoco = in_both(
         "humanoid_dynamic",

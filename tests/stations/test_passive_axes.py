@@ -1,4 +1,4 @@
-"""Axes without a motor: they move freely, have no torque, and nothing takes them for driven ones."""
+"""Axes without a motor move freely and have no torque, and no part of the package treats them as driven."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -230,7 +230,7 @@ REFUSED = [
     ),
     pytest.param(
         {"servo": {"passive": []}},
-        r"servo\.torque_limit: servo\.passive gives shoulder a motor; give shoulder a torque limit",
+        r"servo\.torque_limit: servo\.passive leaves out shoulder, so that shoulder has a motor",
         id="motor without limit",
     ),
     pytest.param(
@@ -305,7 +305,7 @@ def test_the_block_picture_shows_it_without_a_motor(pendulum: WriteStation) -> N
 def test_a_first_station_names_it_and_runs(pendulum: WriteStation, tmp_path: Path) -> None:
     pendulum()
     text = draft_station(tmp_path / "robot.urdf")
-    assert "no motor moves these axes: shoulder" in text
+    assert "these axes have no motor: shoulder" in text
     content = yaml.safe_load(text)
     assert set(content["servo"]["kp"]) == set(content["servo"]["torque_limit"]) == {"elbow"}
     assert "shoulder" not in str(content["reference"])

@@ -42,7 +42,7 @@ def box_file(folder: Path, name: str, scale: float = 1.0) -> Path:
 
 
 def station(folder: Path, pieces: str, overrides: dict[str, Any] | None = None) -> StationConfig:
-    """Return a station whose robot carries a piece, unless that says otherwise."""
+    """Load a station whose robot carries a piece, unless the entry of the piece has another parent."""
     hung = (
         pieces
         if "parent" in pieces or "free" in pieces
@@ -98,7 +98,7 @@ def test_a_mesh_that_is_only_seen_weighs_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "seen"),
     [
-        ("{mesh: box.stl, parent: robot}", ", 0 if it is only seen"),
+        ("{mesh: box.stl, parent: robot}", ", 0 if the piece is only visible"),
         ("{mesh: box.stl, free: true}", ""),
         ("{sphere: 0.1, free: true}", ""),
     ],
@@ -147,9 +147,9 @@ def test_several_shapes_have_one_centre_of_mass(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("{box: [1, 1, 1], sphere: 1, mass: 1}", "one of box and sphere, not several"),
-        ("{box: [1, 1, 1], model: cube, mass: 1}", "one of model and box, not several"),
-        ("{shapes: [{mesh: a.obj}], mass: 1}", "a mesh stands in mesh"),
+        ("{box: [1, 1, 1], sphere: 1, mass: 1}", "only one of box and sphere"),
+        ("{box: [1, 1, 1], model: cube, mass: 1}", "only one of model and box"),
+        ("{shapes: [{mesh: a.obj}], mass: 1}", "give a mesh under the key mesh"),
         ("{box: [1, 1], mass: 1}", r"pieces\.part\.box"),
     ],
 )
@@ -163,7 +163,7 @@ def test_a_mesh_without_unit_and_scale_is_no_mountain(tmp_path: Path) -> None:
         box_file(tmp_path, name, scale=150)
         with pytest.raises(
             SimrobError,
-            match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if it is",
+            match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if the mesh is",
         ):
             station(tmp_path, f"{{mesh: {name}, density: 2700}}")
     assert part(tmp_path, "{mesh: box.stl, scale: 0.001, density: 2700}").mass < 0.1
@@ -273,17 +273,17 @@ WRONG = [
         (f"{{mesh: garbage{kind}}}", rf"garbage\{kind}: (is |holds no triangles)")
         for kind in MESH_FORMATS
     ),
-    ("{mesh: huge.stl}", r"pieces\.part\.scale is 1\.0; .*now 300 m long.*for millimetres 0\.001"),
+    ("{mesh: huge.stl}", r"pieces\.part\.scale is 1\.0; .*now 300 m long.*0\.001 for millimetres"),
     ("{mesh: box.stl, scale: 1e-6}", r"pieces\.part\.scale is 1e-06"),
     ("{mesh: box.stl, scale: -1}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, scale: 0}", r"pieces\.part\.scale: .*greater than 0"),
-    ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*either a mass or a density"),
-    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*one of model and mesh, not several"),
-    ("{model: rook, scale: 2}", r"pieces\.part: .*a scale goes with a mesh"),
+    ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*either mass or density"),
+    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*only one of model and mesh"),
+    ("{model: rook, scale: 2}", r"pieces\.part: .*scale needs the key mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
     (
         "{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}",
-        r"pieces\.part: .*'tcp' stands twice",
+        r"pieces\.part: .*there are two frames 'tcp'",
     ),
     ("{model: rok}", r"there is no piece 'rok'; did you mean 'rook'"),
     ("{model: none/piece.yaml}", r"none/piece\.yaml: cannot be read"),

@@ -1,4 +1,4 @@
-"""Numbers that are hardly meant are doubted, in robots of every format and in a station's keys; real ones are not."""
+"""Doubts about implausible numbers in robots of every format and in a station's keys; published robots raise none."""
 
 import re
 
@@ -43,7 +43,7 @@ GOOD = {"com": 0.1, "moment": 0.01, "effort": 100}
 
 
 def doubts(file):
-    """Return what an import or a description says of its numbers."""
+    """Collect the doubts about the numbers of a robot that is imported or described."""
     if file.suffix == ".yaml":
         content = {"robot": {"model": str(file)}, "duration": 0.01}
         (file.parent / "station.yaml").write_text(yaml.safe_dump(content))
@@ -58,7 +58,7 @@ def doubts(file):
 )
 @pytest.mark.parametrize(
     ("wrong", "told"),
-    [({}, None), ({"com": 20.0}, "centre of mass lies"), ({"moment": 1e4}, "moments are")],
+    [({}, None), ({"com": 20.0}, "centre of mass is"), ({"moment": 1e4}, "moments are")],
 )
 def test_all_formats_pass_the_same_list(tmp_path, text, name, wrong, told):
     if name.endswith(".xml"):
@@ -69,7 +69,7 @@ def test_all_formats_pass_the_same_list(tmp_path, text, name, wrong, told):
     found = [
         doubt
         for doubt in doubts(file)
-        if "in mm?" in doubt or "moments are" in doubt or "kg mm²" in doubt
+        if "millimetres meant" in doubt or "moments are" in doubt or "kg mm²" in doubt
     ]
     assert any(told in doubt for doubt in found) if told else not found, found
 
@@ -79,14 +79,14 @@ def test_a_centre_of_mass_in_millimetres_is_told_by_every_command(tmp_path, shap
     file = tmp_path / "flap.urdf"
     file.write_text(URDF.format(**{**GOOD, "com": 200}, shape=shape))
     text = draft_station(file, folder=tmp_path)
-    assert "link 'rod' <inertial>: its centre of mass lies 200 m from" in text
+    assert "link 'rod' <inertial>: its centre of mass is 200 m from" in text
     (tmp_path / "first.yaml").write_text(text)
     config = load_station(
         tmp_path / "first.yaml", {"duration": 0.01, "solver": {"kind": "discrete"}}
     )
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
     for told in (checked, simulate(config, progress=False).warnings):
-        assert any("its centre of mass lies 200 m from" in each for each in told), told
+        assert any("its centre of mass is 200 m from" in each for each in told), told
 
 
 def test_bodies_against_their_shapes():
@@ -107,7 +107,7 @@ def test_bodies_against_their_shapes():
 
 @pytest.mark.parametrize(
     ("payload", "mass", "told"),
-    [(0.0, 20, "do not hold"), (7620.0, 25, "305 times"), (30, 25, ""), (90, 1, "")],
+    [(0.0, 20, "cannot hold"), (7620.0, 25, "305 times"), (30, 25, ""), (90, 1, "")],
 )
 def test_payloads(payload, mass, told):
     assert (told in payload_doubt(payload, mass)) if told else payload_doubt(payload, mass) == ""
@@ -134,17 +134,17 @@ def box(**keys):
             box(box=[100, 100, 100], mass=1e9),
             "pieces.crate: a side of 100 m; were millimetres meant?",
         ),
-        (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: 500 m from where it is measured"),
+        (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: a coordinate of 500 m"),
         (
             box(pose=[0, 0, 0.1, 90, 0, 0]),
             r"crate.pose: an angle of 90 rad is 14.3 turns; .* 90° are 1.5708 rad",
         ),
         (box(pose=[0, 0, 0.1, 0, 0, -45]), "an angle of -45 rad"),
-        (box(mass=2000.0), "2.5e.05 kg/m³; grams"),
-        (box(mass=1e-4), "0.0125 kg/m³; grams"),
-        (box(com=[25, 0, 0]), "centre of mass lies 25 m from"),
+        (box(mass=2000.0), "2.5e.05 kg/m³; were grams"),
+        (box(mass=1e-4), "0.0125 kg/m³; were grams"),
+        (box(com=[25, 0, 0]), "centre of mass is 25 m from"),
         (box(inertia=[0.01e6] * 3), "moments are .* times"),
-        ({**box(), "gravity": -9.81}, "gravity: -9.81 m/s² pulls up"),
+        ({**box(), "gravity": -9.81}, "gravity: -9.81 m/s² points up"),
         ({**box(), "gravity": 9810}, "gravity: 9810 m/s² is 1e.03 times"),
         (
             {**box(), "contact": {"friction": {"static": 50, "dynamic": 40}}},
@@ -154,7 +154,10 @@ def box(**keys):
             {"robot": {"model": "irb120", "base": [0, 0, 0, 180, 0, 0]}},
             r"robots.robot.base: an angle of 180 rad",
         ),
-        ({"robot": {"model": "irb120", "tcp_offset": [0, 0, 120, 0, 0, 0]}}, "tcp_offset: 120 m"),
+        (
+            {"robot": {"model": "irb120", "tcp_offset": [0, 0, 120, 0, 0, 0]}},
+            "tcp_offset: a coordinate of 120 m",
+        ),
         (
             {"robot": {"model": "irb120", "mass_factors": {"link_1": 50}}},
             "mass_factors.link_1: the mass is 50 times",

@@ -59,7 +59,7 @@ def second(time, state):
 
 
 def torque(time, state):
-    """What the first joint takes, by Lagrange."""
+    """Torque of the first joint, by Lagrange [N·m]."""
     (angle, _, push), (own, rate) = first(time), state
     bent, turned = own - angle, second(time, state)[1]
     inertia = INERTIA + MASS * (MIDDLE**2 + LENGTH**2)
@@ -99,14 +99,14 @@ def errors(result, exact):
 def test_a_prescribed_joint_moves_as_it_is_told_and_its_torque_is_what_that_takes(
     station, exact, solver, bounds
 ):
-    """Of up to 29 N·m; the continuous schemes are limited by their own accuracy, the others by their step."""
+    """Torques reach 29 N·m. The accuracy bounds the errors of continuous schemes, the step those of the others."""
     result = simulate(load_station(station, solver), progress=False)
     found = errors(result, exact)
     assert all(error < bound for error, bound in zip(found, bounds, strict=True)), found
 
 
 def test_a_servo_moves_its_joint_while_another_is_prescribed(station):
-    """The servo holds the elbow in the world's gravity; the shoulder goes on its way all the same."""
+    """The servo holds the elbow's angle under gravity while the shoulder follows its prescribed motion."""
     result = simulate(
         load_station(station, {"servo.kp": 4000, "servo.kd": 200}), duration=1.0, progress=False
     )
@@ -138,7 +138,7 @@ def test_a_run_begins_on_the_course(station):
             {"servo": {"realization": "implicit", "kp": 1}},
             "servo.realization.*a prescribed joint has no servo",
         ),
-        ({"servo.feedforward": "gravity"}, "knows the robot's model"),
+        ({"servo.feedforward": "gravity"}, "uses the robot's model"),
         ({"prescribed.joint_1": {"kind": "sine", "amplitude_deg": {"joint_2": 3}}}, "joint_2"),
         (
             {

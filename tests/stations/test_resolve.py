@@ -1,8 +1,8 @@
-"""What a robot holds, and which tool counts."""
+"""The pieces that a robot holds, and the choice of the tool in use."""
 
 import pytest
 
-from simrob_drake.stations.resolve import flange, tool_in_use
+from simrob_drake.stations.resolved_pieces import flange, tool_in_use
 
 OWN = {"hand": "hand_frame", "camera": "camera_frame"}
 

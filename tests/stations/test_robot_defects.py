@@ -1,4 +1,4 @@
-"""What a robot's file lacks or an import leaves out, said once and with the setting that helps: friction, inertia."""
+"""Defects of a robot's file and losses of its import: each is reported once, with the setting that helps."""
 
 import json
 
@@ -33,8 +33,8 @@ def test_lost_friction_names_the_setting_that_brings_it_back(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0)
     (warning,) = warnings_of(load_station(file))
     assert warning == (
-        "the import of lift_gripper.urdf left out joint friction, which is seldom measured: lift 1 N; "
-        "`--set robot.drives.friction.lift=1` brings it back"
+        "the import of lift_gripper.urdf leaves out joint friction, which is seldom measured: lift 1 N; "
+        "`--set robot.drives.friction.lift=1` restores it"
     )
     with_friction = load_station(file, {"robot.drives.friction.lift": 1})
     assert warnings_of(with_friction) == []
@@ -54,7 +54,7 @@ def test_a_warning_before_the_run_is_not_repeated_after_it(tmp_path, capfd):
     assert code == 0
     captured = capfd.readouterr()
     text = " ".join((captured.out + captured.err).split())
-    assert text.count("left out joint friction") == 1
+    assert text.count("leaves out joint friction") == 1
     assert "Joint friction was left out." in text
 
 
@@ -74,7 +74,7 @@ def test_a_kinematic_station_warns_of_a_weight_that_its_forces_lack(tmp_path):
     result = simulate(load_station(file, KINEMATIC), progress=False)
     (warning,) = result.warnings
     assert warning.startswith(
-        "forces lack the weight of finger_right, without inertia; estimate it by"
+        "forces do not include the weight of links without inertia (finger_right); set"
     )
     # The lift carries the carriage and one finger: 1.3 kg, not 1.4 kg.
     assert result["tau.lift"][0] == pytest.approx(1.3 * 9.81, rel=1e-3)
@@ -89,7 +89,7 @@ def test_a_kinematic_station_warns_of_a_weight_that_its_forces_lack(tmp_path):
 def test_an_estimated_inertia_is_a_note_of_the_run_and_of_its_summary(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], right_has_inertia=False)
     config = load_station(file, {**SHORT, "robot.import_options": {"estimate_inertia": True}})
-    note = "the inertia of finger_right (0.027 kg) is an estimate: lift_gripper.urdf has none that can be used"
+    note = "the inertia of finger_right (0.027 kg) is an estimate, since lift_gripper.urdf has no usable value"
     assert note in [finding.text for finding in check_station(config)]
     result = simulate(config, progress=False)
     assert [(remark.severity, remark.text) for remark in result.verdict.remarks[1:]] == [
@@ -110,7 +110,7 @@ def test_a_first_station_says_that_it_estimated_an_inertia(tmp_path, capfd):
         )
         == 0
     )
-    sentence = "The inertia of finger_right (0.027 kg) is an estimate: lift_gripper.urdf has none that can be used."
+    sentence = "The inertia of finger_right (0.027 kg) is an estimate, since lift_gripper.urdf has no usable value."
     assert sentence in " ".join(capfd.readouterr().out.split())
     assert f"# {sentence}\n" in (tmp_path / "first.yaml").read_text()
 

@@ -1,4 +1,4 @@
-"""Pieces at places of chance: as many as asked, apart, within their box, and the same ones for the same seed."""
+"""Pieces at random poses: the requested count, apart from each other, within their box, and equal for equal seeds."""
 
 from itertools import combinations
 from pathlib import Path
@@ -99,14 +99,14 @@ def test_what_is_saved_has_the_places(tmp_path: Path) -> None:
         (
             "count: 100, apart: 0.2",
             "",
-            r"cube\.scatter has room for \d+ of 100: give it a larger box, or less apart",
+            r"cube\.scatter has room for only \d+ of 100 pieces; enlarge within, or reduce apart",
         ),
         ("count: 0", "", r"pieces\.cube\.scatter\.count"),
-        ("count: 2, turn_deg: [30, 0]", "", "within and turn_deg have the lower values first"),
+        ("count: 2, turn_deg: [30, 0]", "", "in within and turn_deg, the lower values come first"),
         (
             "count: 2",
             "  cube_2: {model: cube, free: true}\n",
-            "cube_2 stands there, and would be one of the scattered",
+            "the piece cube_2 exists already, and a copy of",
         ),
     ],
 )

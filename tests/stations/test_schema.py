@@ -1,4 +1,4 @@
-"""The schema beside the stations is the one of the code."""
+"""The schema in the folder of the stations is that of the code."""
 
 import json
 import re
@@ -75,7 +75,7 @@ def names_of_classes():
     "file", [*ROOT.glob("models/*.schema.json"), ROOT / "diagrams" / "station.schema.json"]
 )
 def test_no_description_of_a_key_names_a_class(file):
-    """Users of YAML do not know the classes behind it."""
+    """Users of YAML files do not see the classes behind them."""
     inner = {name for name in names_of_classes() if CLASS_NAME.match(name)}
     words = {
         word

@@ -1,4 +1,4 @@
-"""Servos that know the arm's model, in stations: how near they keep to what is asked for, and what is refused."""
+"""Servos that use the model of the arm: how closely they follow the reference, and what is refused."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ DISCRETE = {
 
 
 def errors(station, overrides):
-    """Return how far each axis is from where it should be, over time [deg]."""
+    """Compute the position error of each axis over time [deg]."""
     result = simulate(load_station(station, overrides), progress=False)
     assert result.ending == "completed"
     return np.rad2deg(np.abs(result.axes("q") - result.axes("q_ref")))
@@ -69,7 +69,7 @@ def test_actuators_take_the_feedforward_through_their_desired_state():
 
 
 def test_the_error_of_a_computed_torque_obeys_its_own_law_in_every_joint():
-    """From an error e0 at rest, e'' + kd e' + kp e = 0 gives e0 exp(-d t) (cos(w t) + d / w sin(w t)) in each axis."""
+    """The law e'' + kd e' + kp e = 0 gives e0 exp(-d t) (cos(w t) + d / w sin(w t)) in each axis, from rest."""
     kp = 100.0  # [1/s²]
     kd = 12.0  # [1/s]
     start_error_deg = 10
@@ -120,7 +120,7 @@ def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
 
 
 def test_gravity_asks_for_no_speed_and_an_input_of_torques_comes_on_top():
-    """The torque is the weight, the input, and kd v_r, next to an arm in the same model whose motion counts."""
+    """The torque is the weight, the input and kd v_r, even if another arm in the same model is moving."""
     kd = 10.0
     input_torque = 2.0  # [N·m]
     reference_velocity = 0.5  # [rad/s]
@@ -171,7 +171,9 @@ def test_check_foretells_no_sag():
             load_station("irb120_dynamic", {"servo.feedforward": "gravity"})
         )
     ]
-    assert any("the servo's model holds it without sagging" in text for text in texts)
+    assert any(
+        "the servo's model compensates gravity, so the joint does not sag" in text for text in texts
+    )
     assert not any("sags by" in text for text in texts)
 
 
@@ -187,7 +189,7 @@ def test_check_foretells_no_sag():
         (
             "irb120_dynamic",
             {"servo.law": "cascade", "servo.admittance_gain": 5},
-            "admittance_gain goes with law pid",
+            "admittance_gain needs law pid",
         ),
         (
             "irb120_dynamic",
@@ -199,9 +201,9 @@ def test_check_foretells_no_sag():
             {"servo.law": "cascade", "servo.speed_limit": 0},
             "a speed limit must be positive",
         ),
-        ("irb120_dynamic", {"servo.speed_limit": 1}, "speed_limit goes with law cascade"),
+        ("irb120_dynamic", {"servo.speed_limit": 1}, "speed_limit needs law cascade"),
         ("irb120_kinematic", {"servo": {"law": "computed_torque"}}, "needs kp .* and kd"),
-        ("irb120_dynamic", {**COMPUTED, "servo.feedforward": "gravity"}, "leave feedforward out"),
+        ("irb120_dynamic", {**COMPUTED, "servo.feedforward": "gravity"}, "remove feedforward"),
         (
             "irb120_dynamic",
             {**COMPUTED, "servo.ki": 5},
@@ -210,7 +212,7 @@ def test_check_foretells_no_sag():
         (
             "humanoid_dynamic",
             {"servo.feedforward": "gravity"},
-            "servo.feedforward is gravity; it must be none: .* stands free",
+            "servo.feedforward is gravity; it must be none, since .* floating base",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""Shapes belong to what they were made for, whatever else is called alike."""
+"""A shape belongs to the body for which it was made, even if another shape has the same name."""
 
 import pytest
 from pydrake.systems.framework import DiagramBuilder
@@ -13,7 +13,7 @@ OWN, PIECES = 3e4, 5e4  # N/m: stiffness of the station's surfaces, and of its p
 
 @pytest.fixture
 def shapes(one_joint_urdf, write_urdf, tmp_path):
-    """Return what shapes of a body are called in a station, whose arm has a shape called as one of a piece is."""
+    """Names of the shapes of a body, in a station whose arm has a shape with the name of a piece's shape."""
     named = one_joint_urdf.replace("<collision>", '<collision name="foot.left">')
     tip = '<link name="tip"><collision name="floor"><geometry><sphere radius="0.01"/></geometry></collision></link>'
     (file := tmp_path / "station.yaml").write_text(
@@ -32,7 +32,7 @@ contact: {{stiffness: {OWN}}}
     inspector = station.scene_graph.model_inspector()
 
     def told(body):
-        """Return name, piece and stiffness of each shape."""
+        """Name, piece and stiffness of each shape."""
         found = shapes_of(station, config, body)
         stiff = [
             inspector.GetProximityProperties(s).GetProperty("material", "point_contact_stiffness")

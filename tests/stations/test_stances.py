@@ -1,4 +1,4 @@
-"""How a robot with a free base is put on its feet, against its geometry and statics; what a trial says of it."""
+"""Stances of robots with a free base, compared with geometry and statics, and the results of trials."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.clearance import Clearance
-from simrob_drake.stations.draft import draft_station, stands
+from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.draft_trials import StandingTrial, stands
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.stances import Stance, Stances
 from tests.stations.conftest import joint, link
@@ -54,7 +55,7 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
 def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
     _, stance = first_of(clearance_of(quadruped(knees_deg=0.0, most_deg=10.0), **DYNAMIC))
     assert stance is not None
-    assert stance.how == "at home"
+    assert stance.how == "in the home posture"
     assert stance.height == pytest.approx(0.4)
 
 
@@ -70,22 +71,22 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
     found = list(stances.find())
     if effort > 2.0:
         assert [(stance.how, list(stance.standing.ends)) for stance in found] == [
-            ("at home", ["trunk"])
+            ("in the home posture", ["trunk"])
         ]
         assert stances.lacking == ""
         texts = [finding.text for finding in check_station(clearance.config)]
         # though its trunk stands near its own origin
-        assert not any("as on knees" in text for text in texts)
+        assert not any("the robot kneels" in text for text in texts)
     else:
         assert found == []
         assert (
             stances.lacking
-            == "In the best of 1 that were tried bar_joint takes 1.96 N·m and has 1 N·m."
+            == "In the best of 1 tried stance, bar_joint requires 1.96 N·m, but its limit is 1 N·m."
         )
 
 
 def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearance_of):
-    """The hand of an arm whose elbow is folded lies in the trunk."""
+    """The hand of an arm with a folded elbow overlaps the trunk."""
     parts = (
         link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0),
         link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1),
@@ -100,7 +101,7 @@ def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearan
     _, stance = first_of(clearance_of(urdf, **DYNAMIC))
     assert stance is not None
     assert stance.posture.any()
-    assert stance.how == "at home but for links that are turned apart"
+    assert stance.how == "in the home posture, with some links turned apart"
 
 
 @pytest.mark.long
@@ -111,10 +112,7 @@ def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     assert kneeling is not None
     base = {"base": [0.0, 0.0, kneeling.height, 0.0, 0.0, 0.0]}
     texts = [finding.text for finding in check_station(clearance_of(urdf, base, **DYNAMIC).config)]
-    assert any(
-        text.startswith("it stands on the near end of shank0") and "as on knees" in text
-        for text in texts
-    )
+    assert any(text.startswith("the robot kneels: the contact points of shank0") for text in texts)
 
 
 @pytest.mark.long
@@ -123,7 +121,7 @@ def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tm
     (file := tmp_path / "first.yaml").write_text(text)
     config = load_station(file)
     assert "# It stands with its legs bent to 90% of their length, on shank" in text
-    assert "# It was tried: after 2 s it leans by 0.0 deg" in text
+    assert "# In a trial run, after 2 s the robot leans by 0.0 deg" in text
     fall = config.monitors["fall"]
     assert fall.height == pytest.approx(0.6 * config.robots["robot"].base[2], abs=1e-3)
     assert fall.tilt_deg == 40
@@ -136,21 +134,21 @@ def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypat
 
     def fell(config):
         tried.append(config.robots["robot"].initial_deg)
-        return draft.StandingTrial(is_standing=False, outcome=f"it fell at {len(tried)} s")
+        return StandingTrial(is_standing=False, outcome=f"it fell at {len(tried)} s")
 
     monkeypatch.setattr(draft, "stands", fell)
     text = draft_station(quadruped(knees_deg=-60.0), folder=tmp_path)
-    assert "# By statics it would stand " in text
-    assert "# But when it was tried, it fell at 1 s." in text  # the first is kept
+    assert "# By statics, the robot stands " in text
+    assert "# But in a trial run, it fell at 1 s." in text  # the first is kept
     assert 1 < len(tried) <= 4
     assert len({str(posture) for posture in tried}) == len(tried)
 
 
 def test_of_a_robot_that_finds_no_stance_the_draft_says_so(quadruped, tmp_path):
     text = draft_station(quadruped(legs=1), folder=tmp_path)
-    assert "# No posture was found in which it stands on its feet. In the best of " in text
-    assert "its centre of mass is" in text
-    assert "when it was tried, it fell at 0." in text
+    assert "# No posture was found in which the robot stands on its feet. In the best of " in text
+    assert "the centre of mass is" in text
+    assert "in a trial run, the robot fell at 0." in text
 
 
 def test_a_robot_that_nothing_could_carry_is_held(robot_of, tmp_path):
@@ -160,7 +158,7 @@ def test_a_robot_that_nothing_could_carry_is_held(robot_of, tmp_path):
     ]
     urdf = robot_of(*bare, joint("bar", "trunk", "0 0 0"), base="floating", axes=["bar_joint"])
     text = draft_station(urdf, folder=tmp_path)
-    assert "no shapes that collide" in text
+    assert "no collision shapes" in text
     assert "base: fixed" in text
 
 
@@ -170,9 +168,9 @@ TOP = [link("trunk", "0.1 0.1 0.5", "0 0 0.25", 2.0), link("arm", "0.02 0.02 0.1
 @pytest.mark.parametrize(
     ("tilt", "monitors", "held", "told"),
     [
-        (0.0, {}, True, "after 2 s it leans by 0.0 deg, and its root is 0 mm lower"),
-        (20.0, {}, False, "after 2 s it leans by 70.0 deg"),
-        (20.0, {"fall": {"tilt_deg": 40.0}}, False, "it fell at 0."),
+        (0.0, {}, True, "after 2 s the robot leans by 0.0 deg, and its root is 0 mm lower"),
+        (20.0, {}, False, "after 2 s the robot leans by 70.0 deg"),
+        (20.0, {"fall": {"tilt_deg": 40.0}}, False, "the robot fell at 0."),
     ],
 )
 def test_a_trial_tells_what_stands_from_what_falls(

@@ -1,4 +1,4 @@
-"""What is foretold of robots that stand on their own feet, against statics by hand."""
+"""Predictions about robots that stand on their own feet, compared with statics by hand."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def test_the_humanoids_balance_is_that_of_its_figures() -> None:
 
 
 def test_the_quadrupeds_knees_carry_the_weight() -> None:
-    """Rear and front feet share it by the place of the centre of mass; a knee holds it at its arm."""
+    """The centre of mass divides the weight between rear and front feet; each knee holds it at its lever."""
     found = stands("yobotics_dynamic")
     knee_to_foot = 0.23039 * np.sin(0.8) - 0.025 * np.sin(0.8)  # the ball touches under its middle
     assert found.contacts == 4
@@ -65,7 +65,9 @@ def test_the_quadrupeds_knees_carry_the_weight() -> None:
 def test_leaning_too_far_is_foretold() -> None:
     found = findings("humanoid_dynamic", {"robot.initial_deg": {"CadDF": -40, "CadIF": -40}})
     assert any(
-        f.level == "warning" and "it tips over" in f.text for f in found if f.subject == "base"
+        f.level == "warning" and "the robot tips over" in f.text
+        for f in found
+        if f.subject == "base"
     )
 
 
@@ -88,17 +90,19 @@ def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
     height = (2 * (0.22 + 0.1) + 1 * 0.02) / 3
     assert stands(str(tmp_path / "leg.yaml")).height == pytest.approx(height, abs=1e-9)
     lean = np.rad2deg(0.002 / height)
-    assert f"2 mm inside of the support area: it tips over if it leans by {lean:.1f} deg" in text
+    assert (
+        f"2 mm inside the support area: the robot tips over if it leans by {lean:.1f} deg" in text
+    )
 
 
 def test_a_drop_and_a_penetration_are_foretold() -> None:
     high = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.5, 0, 0, 0]})
-    assert any(f.level == "warning" and "54.00 mm over the floor" in f.text for f in high)
+    assert any(f.level == "warning" and "54.00 mm above the floor" in f.text for f in high)
     low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
     # The original starts 6 mm too low.
-    assert any(f.level == "warning" and "are 6.0 mm deep in each other" in f.text for f in low)
+    assert any(f.level == "warning" and "overlap by 6.0 mm" in f.text for f in low)
     assert any(
-        f.level == "warning" and "feet's lowest point is 6.00 mm below the floor" in f.text
+        f.level == "warning" and "the lowest point of the feet is 6.00 mm below the floor" in f.text
         for f in low
     )
 
@@ -106,7 +110,7 @@ def test_a_drop_and_a_penetration_are_foretold() -> None:
 @pytest.mark.parametrize("missing", ["floor", "contact"])
 def test_nothing_to_stand_on_is_foretold(missing: str) -> None:
     (finding,) = [f for f in findings("humanoid_dynamic", {missing: None}) if f.level == "warning"]
-    assert f"no {missing} to stand on: it falls" in finding.text
+    assert f"without {missing}, the robot falls" in finding.text
 
 
 def test_box_soles_want_hydroelastic_contact() -> None:
@@ -196,4 +200,4 @@ def test_without_feet_and_collision_shapes_it_falls(tmp_path: Path) -> None:
         for finding in findings(str(tmp_path / "leg.yaml"))
         if finding.level == "warning"
     ]
-    assert texts == ["the base is free and the robot has no collision shapes to stand on: it falls"]
+    assert texts == ["the base is free: without collision shapes, the robot falls"]

@@ -1,13 +1,14 @@
-"""Links so light that a continuous scheme creeps: foretold by the check, found by the draft, told by the run."""
+"""Links so light that a continuous scheme creeps: reported by the check and the run, and avoided by the draft."""
 
 import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.folders import CACHE_VARIABLE
-from simrob_drake.stations import draft
+from simrob_drake.stations import draft_trials
 from simrob_drake.stations.checks import check_station
-from simrob_drake.stations.draft import draft_station, gets_through
+from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.draft_trials import gets_through
 
 LINK = """
   <link name="{name}"><inertial><origin xyz="0.01 0 0"/><mass value="0.0002"/>
@@ -22,7 +23,7 @@ CREEPING = {
 
 
 def finger(lower: float) -> str:
-    """Return a finger of two links of 0.2 g that lies level: its weight leans on stops at 0."""
+    """A finger of two links of 0.2 g that lies level: its weight presses on stops at 0."""
     first = LINK.format(name="first", parent="palm", x=0, lower=lower)
     second = LINK.format(name="second", parent="first", x=0.02, lower=lower)
     return f'<robot name="finger"><link name="palm"/>{first}{second}</robot>'
@@ -30,7 +31,7 @@ def finger(lower: float) -> str:
 
 @pytest.fixture
 def drafted(tmp_path, monkeypatch):
-    """Give a function that drafts a station of a finger, and returns its file."""
+    """A function that drafts a station of a finger, and returns its file."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
     def draft(lower: float):
@@ -69,7 +70,7 @@ def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted
     (text,) = warnings(load_station(file, CREEPING))
     assert "bend_second moves" in text
     assert "joint_stops.stiffness" in text
-    assert "take solver.kind discrete and servo.realization implicit" in text
+    assert "use solver.kind discrete and servo.realization implicit" in text
     assert warnings(load_station(file, {**CREEPING, "joint_stops.stiffness": 10.0})) == []
     assert (
         warnings(
@@ -97,7 +98,7 @@ def test_a_run_that_creeps_says_so_and_what_would_help(drafted, capsys):
     said = capsys.readouterr().err
     for text in (result.message, said):
         assert "it creeps in steps of " in text
-        assert " s with 3 s left; take solver.kind discrete and servo.realization implicit" in text
+        assert " s with 3 s left; use solver.kind discrete and servo.realization implicit" in text
     assert said.count("creeps") == 1
 
 
@@ -110,7 +111,7 @@ def test_a_trial_ends_when_its_work_is_done(monkeypatch):
     """Twenty evaluations of the dynamics are no move of three seconds."""
     config = load_station("irb120_dynamic")
     assert gets_through(config)
-    monkeypatch.setattr(draft, "_MOST_EVALUATIONS", 20)
+    monkeypatch.setattr(draft_trials, "_MOST_EVALUATIONS", 20)
     assert not gets_through(config)
 
 

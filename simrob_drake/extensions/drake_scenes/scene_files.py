@@ -500,7 +500,9 @@ def _drake_problems(path: Path) -> Iterator[None]:
         raise InvalidConfig(
             path,
             "",
-            message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text),
+            message(
+                "robots.drake_cannot_read", "Drake cannot read this file: {problem}", problem=text
+            ),
         ) from problem
 
 

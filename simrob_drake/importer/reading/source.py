@@ -70,7 +70,7 @@ def _wrong_element(tag: str) -> str:
     kind = formats.get(tag)
     if kind:
         return message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
-    return message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
+    return message("robots.outermost_robot", "the outermost element of a URDF must be <robot>")
 
 
 def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:

@@ -530,7 +530,8 @@ def _module_or_file_of(block_class: Any) -> str:
     # A module that was loaded by a test or a notebook may have no file: then the code of the constructor names it.
     file_of_code = getattr(getattr(block_class.__init__, "__code__", None), "co_filename", "")
     file = Path(getattr(sys.modules.get(module), "__file__", None) or file_of_code)
-    is_single_file = "." not in module and file.suffix == ".py"
+    # The code of a notebook's cell has the name of a file that does not exist: its classes are those of `__main__`.
+    is_single_file = "." not in module and file.suffix == ".py" and file.is_file()
     return str(file.resolve()) if is_single_file else module
 
 

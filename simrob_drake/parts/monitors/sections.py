@@ -80,7 +80,7 @@ class JointLimit(MonitorSection):
                 "{axis} reached its {side} limit of {limit}",
                 axis=robot.axes[axis],
                 side=_UPPER if is_upper else _LOWER,
-                limit=robot.model.units[axis].shown(limit),
+                limit=robot.model.units[axis].format(limit),
             )
 
         return condition_on_largest(axis_outputs(robot, "position"), overshoots, why)

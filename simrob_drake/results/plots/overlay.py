@@ -2,16 +2,15 @@
 
 import fnmatch
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName, one_of
 from simrob_drake.base.files import column_names, read_columns, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message, translate
@@ -22,7 +21,7 @@ from simrob_drake.results.files import SIGNALS, SUMMARY
 from simrob_drake.results.plots.differences import differing_settings
 from simrob_drake.results.plots.grid import TIME_LABEL
 from simrob_drake.results.plots.joint_plots import QUANTITIES
-from simrob_drake.results.plots.own import panels
+from simrob_drake.results.plots.own import NotebookFigure, panels
 from simrob_drake.results.record.servos import servo_in_words
 
 _OF_JOINTS = re.compile(r"(?:[^.]+\.)?(q|tau)\.[^.]+")
@@ -56,6 +55,26 @@ class SavedSignals:
     times: Vector
     columns: dict[str, Vector]
     units: dict[str, str]
+
+    def __getitem__(self, name: str) -> Vector:
+        """Signal by the name of its column, such as ``q.joint_2``, shape (m,).
+
+        Raises:
+            UnknownName: there is no such column.
+        """
+        return self.columns[one_of(message("results.signal", "signal"), name, self.columns)]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the signals."""
+        return iter(self.columns)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a signal of this name."""
+        return name in self.columns
+
+    def keys(self) -> list[str]:
+        """Names of the signals, so that ``dict(result)`` has all signals by name."""
+        return list(self.columns)
 
 
 def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
@@ -99,13 +118,18 @@ def read_signals(folder: Path) -> SavedSignals:
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
 
 
-def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()) -> Figure:
+def overlay_figure(
+    results: Sequence[SavedSignals],
+    patterns: Sequence[str] = (),
+    argument: str = "--signal",
+) -> NotebookFigure:
     """Draw signals of several results over each other: a frame for each signal, a curve for each result.
 
     Args:
         results: the results.
         patterns: names of signals, with ``*`` for any part. If there are none, positions and torques of all joints that
             move in one of the results are drawn.
+        argument: name of the option or argument with the patterns, for errors.
 
     Raises:
         UnknownName: a pattern is the name of no signal.
@@ -116,12 +140,17 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
         expected = message(
             "results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST
         )
-        raise InvalidParameter("--signal", len(names), expected)
+        raise InvalidParameter(argument, len(names), expected)
     column_count = 1 if len(names) == 1 else 2
     row_count = ceil(len(names) / column_count)
     width, height = _FRAME
+    title = (
+        results[0].name
+        if len(results) == 1
+        else message("results.overlaid", "results over each other")
+    )
     figure, frames = panels(
-        message("results.overlaid", "results over each other"),
+        title,
         row_count,
         column_count,
         size=(column_count * width, row_count * height + 0.9),

@@ -6,6 +6,7 @@ A *frame* is what Matplotlib calls axes: one plot of a figure. A *sheet* is a fi
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 from warnings import catch_warnings, filterwarnings, warn
@@ -55,11 +56,24 @@ _LEAST_LETTERS = 10
 
 _LEGEND_LOOKS: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
+_LEGEND_MARK = "legend of simrob"
+"""Identifier (gid of Matplotlib) of the legend that completes a figure."""
+
 _LONG = 10.0
 """Duration from which a run whose curves run together has a second figure, of a part of the run [s]."""
 
 _DETAIL = 3.0
 """Duration of that part [s]."""
+
+
+class NotebookFigure(Figure):
+    """Figure that a notebook shows as a picture, although Matplotlib has no window there."""
+
+    def _repr_png_(self) -> bytes:
+        """Draw the figure for a notebook. Jupyter calls this method."""
+        with BytesIO() as file, as_saved():
+            self.savefig(file, format="png", dpi=DPI, metadata=UNDATED["png"])
+            return file.getvalue()
 
 
 def panels(
@@ -70,7 +84,7 @@ def panels(
     size: tuple[float, float],
     titles: Sequence[str] = (),
     **how: Any,
-) -> tuple[Figure, npt.NDArray[Any]]:
+) -> tuple[NotebookFigure, npt.NDArray[Any]]:
     """Make a figure with empty frames in the style of the plots of a run.
 
     Args:
@@ -84,7 +98,7 @@ def panels(
     Returns:
         the figure, and its frames, shape (rows, columns).
     """
-    figure = Figure(figsize=size, layout="constrained")
+    figure = NotebookFigure(figsize=size, layout="constrained")
     frames = figure.subplots(rows, columns, squeeze=False, **how)
     colours, lines = zip(*looks(_CURVE_STYLES), strict=True)
     for index, axes in enumerate(frames.flat):
@@ -111,6 +125,23 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
     """
     target = Path(file)
     kind = plot_format(target.suffix.removeprefix(".").lower())
+    complete_figure(figure, beside=beside)
+    with writing(target.parent), as_saved():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(target, dpi=DPI, metadata=UNDATED[kind])
+    return target
+
+
+def complete_figure(figure: Figure, *, beside: bool = False) -> None:
+    """Write title and legends into a figure, see :func:`save_figure`. A second call replaces those of the first.
+
+    Args:
+        figure: the figure.
+        beside: whether each frame has a legend at its right.
+    """
+    # A notebook shows a figure that may be saved afterwards: it must not get a second legend.
+    for legend in [legend for legend in figure.legends if legend.get_gid() == _LEGEND_MARK]:
+        legend.remove()
     if beside:
         for axes in figure.axes:
             if axes.get_legend_handles_labels()[1]:
@@ -121,10 +152,6 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
         _write_legend(figure, title, curves)
     else:
         figure.suptitle(title, x=0.01, ha="left", fontproperties=_BOLD)
-    with writing(target.parent), as_saved():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(target, dpi=DPI, metadata=UNDATED[kind])
-    return target
 
 
 def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
@@ -141,7 +168,7 @@ def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
     column_width = _COLUMN_SPACE + _LETTER * longest_line
     # The widths are estimates: a tenth of the figure is kept in reserve.
     column_count = max(1, int(0.9 * width / column_width))
-    figure.legend(
+    legend = figure.legend(
         list(curves.values()),
         labels,
         loc="outside upper left",
@@ -151,6 +178,7 @@ def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
         alignment="left",
         **_LEGEND_LOOKS,
     )
+    legend.set_gid(_LEGEND_MARK)
 
 
 @contextmanager

@@ -304,6 +304,18 @@ class RecordedRun:
         known_name = one_of(message("results.signal", "signal"), name, self._indices)
         return self.values[:, self._indices[known_name]]
 
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the columns."""
+        return iter(self.names)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a column of this name."""
+        return name in self._indices
+
+    def keys(self) -> list[str]:
+        """Names of the columns, so that ``dict(result)`` has all signals by name."""
+        return list(self.names)
+
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Signal of all axes of a robot, shape (m, n).
 

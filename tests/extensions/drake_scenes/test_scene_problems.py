@@ -50,13 +50,13 @@ PROBLEMS = {
     ),
     "weld of a missing frame": (
         f"directives:\n{MODEL}- add_weld: {{parent: world, child: arm::nose}}\n",
-        "Drake cannot read it: GetFrameByName(): There is no Frame named 'nose'",
-        "Drake no puede leerlo",
+        "Drake cannot read this file: GetFrameByName(): There is no Frame named 'nose'",
+        "Drake no puede leer este fichero",
     ),
     "wrong type": (
         f"directives:\n{MODEL}plant_config: {{time_step: soon}}\n",
-        "Drake cannot read it",
-        "Drake no puede leerlo",
+        "Drake cannot read this file",
+        "Drake no puede leer este fichero",
     ),
 }
 """By what is wrong: the file, and words of the message in English and Spanish."""

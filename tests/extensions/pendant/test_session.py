@@ -453,7 +453,7 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
         (lambda s: s.book.insert(0, {"walk": {"steps": "many"}}), "steps"),
         (lambda s: s.book.remove_change(0), "index"),
         (lambda s: s.setup.set("servo.kpp", 3), "servo.kpp: unknown key; did you mean 'kp'?"),
-        (lambda s: s.setup.set("servo.kp", -3), "a gain is of 0 to"),
+        (lambda s: s.setup.set("servo.kp", -3), "a gain must be between 0 and"),
         (lambda s: s.setup.switch_loop("balanse", True), "did you mean 'balance'?"),
         (lambda s: s.set_pace(7).result(), "0.1 to 4 times as fast as the clock"),
         (lambda s: s.test(ELBOW, 0).result(), "a positive time [s]"),

@@ -200,7 +200,7 @@ def test_parameters_are_set_before_the_first_step(pendulum):
     ("values", "told"),
     [
         ({"gravity": 1e6}, "parameters: gravity: must be at most 10000"),
-        ({"servo__kp__joint_1": -3.0}, "a gain is of 0 to"),
+        ({"servo__kp__joint_1": -3.0}, "a gain must be between 0 and"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_told_by_the_first_step(pendulum, values, told):

@@ -45,7 +45,7 @@ def test_every_gait_is_planned_by_its_name(robot):
 
 
 def test_a_robot_without_gaits_is_told():
-    with pytest.raises(InvalidParameter, match="one without gaits"):
+    with pytest.raises(InvalidParameter, match="a robot without gaits"):
         gaits_of("irb120", steps=True)
 
 

@@ -67,6 +67,6 @@ def test_a_station_with_a_copy_walks_as_the_copy(copy: Path) -> None:
 def test_a_copy_without_gaits_has_none(copy: Path) -> None:
     (copy.parent / GAITS_FILE).unlink()
     with pytest.raises(
-        InvalidParameter, match=r"robot zjudancer is one without gaits.*gaits\.yaml"
+        InvalidParameter, match=r"robot zjudancer is a robot without gaits.*gaits\.yaml"
     ):
         walk(load_robot_file(copy), 6)

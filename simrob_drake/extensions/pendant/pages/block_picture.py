@@ -45,7 +45,7 @@ class BlockPicture:
         on_block: Callable[[str], object],
         on_wire: Callable[[str], object],
         on_fold: Callable[[], Awaitable[object]],
-        on_choice: Callable[[], object] = lambda: None,
+        on_choice: Callable[[bool], object] = lambda by_key: None,
     ) -> None:
         """Make an empty picture.
 
@@ -54,7 +54,7 @@ class BlockPicture:
             on_block: shows a block, by its name: the one that the user chooses, and again in a new drawing.
             on_wire: shows a wire that the user chooses, by its number.
             on_fold: shows another picture, with other blocks folded.
-            on_choice: is called after the user has chosen a block or a wire.
+            on_choice: is called after the user has chosen a block or a wire, with whether it was done by a key.
         """
         self.labels: dict[str, str] = {}
         self.wires: Wires = {}
@@ -127,16 +127,28 @@ class BlockPicture:
         self.chosen = f"{FOLDED}{here}" if folds and here else here
         await self._on_fold()
 
-    def _choose(self, block: str, wire: Any) -> None:
+    def choose_wire(self, wire: str) -> None:
+        """Mark a wire by its number, and show it."""
+        self.chosen = ""
+        self._wire = wire
+        self._draw()
+        self._on_wire(wire)
+
+    def wires_of(self, block: str) -> list[str]:
+        """Numbers of the wires that begin or end at a block."""
+        return [
+            number
+            for number, (source, targets) in self.wires.items()
+            if block == source or block in targets
+        ]
+
+    def _choose(self, block: str, wire: Any, by_key: bool = False) -> None:
         """Show what the user has chosen: a block, or a wire if it has a number."""
         if wire == "":
             self.choose(block)
         else:
-            self.chosen = ""
-            self._wire = str(wire)
-            self._draw()
-            self._on_wire(self._wire)
-        self._on_choice()
+            self.choose_wire(str(wire))
+        self._on_choice(by_key)
 
     def _draw(self) -> None:
         """Draw the picture as it is now, with the chosen block or wire in sight."""

@@ -204,7 +204,10 @@ class Dial:
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""
         self._quiet = True
-        self.number.field.value = self._slider.value = round(value, _DIGITS) + 0.0
+        shown = round(value, _DIGITS) + 0.0
+        # Screen readers read the unit with the number. The new value sends this text to the browser, too.
+        self._slider.props["aria-valuetext"] = f"{self._t.figure(shown)}{self._unit}"
+        self.number.field.value = self._slider.value = shown
         self._quiet = False
 
     def mark(self, value: float | None, level: str = "", why: str = "") -> None:

@@ -209,6 +209,8 @@ _TUNED = ("kp", "ki", "kd", "torque_limit", "gravity", "static", "dynamic")
 """Last parts of the keys that have a slider where they hold one number."""
 _DECADES = 1.0  # that a slider goes to each side of the present figure
 _DIGITS = 3
+_PAUSE_OF_PRESSES = 0.4
+"""Time after the last press of a key until a slider's value counts [s]."""
 
 
 class Tuning(NamedTuple):
@@ -259,10 +261,14 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
 
     def show() -> None:
         label.text = f"{number_in_language(f'{now():g}', t.language)} {tuning.unit}"
+        # The slider itself has the exponent, which would mean nothing to who hears it.
+        slider.props["aria-valuetext"] = label.text
+        slider.update()
 
     async def turned() -> None:
         wrong.text = await give(now())
 
     slider.on_value_change(show)
-    slider.on("change", turned, args=[])
+    # Several presses of an arrow key are one change: each change loads the station anew.
+    slider.on("change", turned, args=[], throttle=_PAUSE_OF_PRESSES, leading_events=False)
     show()

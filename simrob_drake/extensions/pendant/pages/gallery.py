@@ -64,7 +64,14 @@ def build(
             for name, entry in own.items():
                 entry.props["aria-pressed"] = "true" if name in marked else "false"
 
+    def load_first() -> None:
+        """Load the first entry that the search shows, as Enter does in other search fields."""
+        first = next((name for name, entry in entries if entry.visible), None)
+        if search.value and first is not None:
+            load(first)
+
     search.on_value_change(find)
+    search.on("keydown.enter", load_first)
     find()
     follow(session, mark, "description")
 

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remedy, Severity
 from simrob_drake.extensions.pendant.form import as_text
-from simrob_drake.extensions.pendant.pages.elements import allow, follow
+from simrob_drake.extensions.pendant.pages.elements import allow, follow, set_label
 from simrob_drake.extensions.pendant.pages.words import Notice, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.results.verdict.verdict import TABLE_HEADINGS, CriterionRow
@@ -35,9 +35,8 @@ class Messages:
         self._buttons: list[ui.button] = []
         self._judged_settings: dict[str, Any] | None = None
         self._age: ui.label | None = None
-        self._place = (
-            ui.element("div").classes("pendant-message").props("role=status aria-live=polite")
-        )
+        self._place = ui.element("div").classes("pendant-message")
+        set_label(self._place.props("role=region"), t("run.messages"))
         follow(session, self._show, "message")
         follow(session, self._follow_run, "phase", "program", "description")
 

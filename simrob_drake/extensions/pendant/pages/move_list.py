@@ -105,6 +105,7 @@ class MoveList:
         self._next = index if index < len(self._session.book.program.moves) else 0
         for number, button in enumerate(self._moves.buttons("arrow_right")):
             button.props(f"color={'primary' if number == self._next else 'grey'}")
+        self._moves.mark(self._next)
 
     def _run(self, index: int) -> None:
         self._session.arm.run_line(index)
@@ -179,6 +180,16 @@ class _Lines:
     def buttons(self, icon: str) -> list[ui.button]:
         """Return the buttons of all lines that have an icon."""
         return [buttons[icon] for _, _, buttons in self._rows]
+
+    def mark(self, marked: int) -> None:
+        """Mark the line that comes next by its index, for the eye and for screen readers."""
+        for index, (row, _, _) in enumerate(self._rows):
+            is_next = index == marked
+            row.classes(
+                add="pendant-next" if is_next else None, remove=None if is_next else "pendant-next"
+            )
+            row.props["aria-current"] = "step" if is_next else None
+            row.update()
 
     def focus(self, index: int, icon: str) -> None:
         """Put the focus on a button of a line."""

@@ -18,6 +18,41 @@
     button.click();
   };
   document.addEventListener("keydown", window.pressed);
+  // The focus of a slider is on a part of it that has neither name nor value, so that screen readers would read nothing.
+  const READ = ["role", "aria-label", "aria-valuemin", "aria-valuemax", "aria-valuenow", "aria-valuetext"];
+  let readings = null;
+  const read = (part) => {
+    readings?.disconnect();
+    const slider = part.closest(".q-slider");
+    if (!slider || slider === part) return;
+    const copy = () => READ.forEach((name) => {
+      if (slider.hasAttribute(name)) part.setAttribute(name, slider.getAttribute(name));
+    });
+    copy();
+    readings = new MutationObserver(copy);
+    readings.observe(slider, { attributeFilter: READ });
+  };
+  // A part of the page that is drawn anew takes the focus away. The element of the same name in the new part gets it.
+  const path_of = (element) => {
+    const { block } = element.dataset ?? {};
+    if (block !== undefined) return `[data-block="${CSS.escape(block)}"]`;
+    const named = element.parentElement?.closest("[aria-label]");
+    const own = element.matches(".q-slider__track-container") ? "" : element.getAttribute("aria-label");
+    if (own) return `[aria-label="${CSS.escape(own)}"]`;
+    const kind = `${element.localName}${element.classList.length ? `.${CSS.escape(element.classList[0])}` : ""}`;
+    return named ? `[aria-label="${CSS.escape(named.getAttribute("aria-label"))}"] ${kind}` : "";
+  };
+  let focused = null; // last element with the focus, its path, and its number among those of the same path
+  document.addEventListener("focusin", ({ target }) => {
+    const path = path_of(target);
+    focused = path ? { target, path, number: [...document.querySelectorAll(path)].indexOf(target) } : null;
+    read(target);
+  });
+  document.addEventListener("pointerdown", () => { focused = null; }, true);
+  new MutationObserver(() => {
+    if (!focused || focused.target.isConnected || document.activeElement !== document.body) return;
+    document.querySelectorAll(focused.path)[focused.number]?.focus({ preventScroll: true });
+  }).observe(document, { childList: true, subtree: true });
   setInterval(async () => { // a server that was started anew refuses this page, and says which one to open
     if (document.getElementById("popup")?.ariaHidden !== "false") return;
     const answer = await fetch(location.href, { cache: "no-store" }).catch(() => null);

@@ -11,6 +11,7 @@ from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extension import usable_objects
 from simrob_drake.base.messages import compound
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
+from simrob_drake.extensions.pendant.pages.announcements import Announcer
 from simrob_drake.extensions.pendant.pages.elements import (
     allow,
     follow,
@@ -87,6 +88,7 @@ def build(pendant: Pendant) -> None:
                 view.build(session, t)
                 view.build_bar(session, t)
             Messages(session, t)
+            Announcer(session, t)
             ProgramTimeline(session, t)
             view.build_pad(session, t, pendant.push)
         with (

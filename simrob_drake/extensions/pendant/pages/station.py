@@ -3,6 +3,7 @@
 import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from nicegui import background_tasks, ui
@@ -72,7 +73,9 @@ class _Page:
             ).props("dense")
             self._watching = ui.element("div")
         with card(t("station.block")):
-            self._block = ui.column().classes("w-full gap-2")
+            # Enter on a block in the picture goes here, and Escape goes back.
+            self._block = ui.column().classes("w-full gap-2").props("tabindex=-1")
+            self._block.on("keydown", js_handler="(event) => window.blocks.back(event)")
         with card(t("station.stops")):
             self._stops = ui.column().classes("w-full gap-1")
         with ui.element("div").classes(_COLUMNS):
@@ -203,8 +206,16 @@ class _Page:
             holding, name = of_axis, key.split(".")[-2]
         return [block for block in holding if name in re.findall(r"\w+", labels[block])] or holding
 
-    def _look_at_choice(self) -> None:
-        """Bring the plots of what the user has chosen into view, and note that the user looks at them."""
+    def _look_at_choice(self, by_key: bool) -> None:
+        """Bring the plots of what the user has chosen into view, and note that the user looks at them.
+
+        Args:
+            by_key: whether it was chosen by a key, which then has its focus there.
+        """
+        if by_key:
+            self._block.client.run_javascript(
+                f"setTimeout(() => getHtmlElement({self._block.id})?.focus(), {_UNTIL_DRAWN})"
+            )
         if not self._plotted:
             return
         # The plots get their size in the browser a moment after they are sent.
@@ -217,15 +228,27 @@ class _Page:
     def _show_wire(self, number: str) -> None:
         """Show what goes along a wire."""
         source, targets = self._picture.wires[number]
+        wire = wire_meaning(source, targets, self._content, list(self._columns))
+        self._block.clear()
+        with self._block:
+            ui.label(self._wire_name(number)).classes("font-bold")
+            self._scopes(wire)
+
+    def _wire_name(self, number: str) -> str:
+        """Name of a wire by its number: the blocks at its ends."""
+        source, targets = self._picture.wires[number]
         names = [
             self._picture.labels.get(block, block).partition("\n")[0]
             for block in (source, *targets)
         ]
-        wire = wire_meaning(source, targets, self._content, list(self._columns))
-        self._block.clear()
-        with self._block:
-            ui.label(f"{names[0]} → {', '.join(names[1:])}").classes("font-bold")
-            self._scopes(wire)
+        return f"{names[0]} → {', '.join(names[1:])}"
+
+    def _build_wires(self, block: str) -> None:
+        """Build a button for each wire of a block: the wires in the picture cannot be reached by keys."""
+        with ui.expansion(self._t("station.wires_of_block")).classes("w-full").props("dense"):
+            for number in self._picture.wires_of(block):
+                show = partial(self._picture.choose_wire, number)
+                ui.button(self._wire_name(number), on_click=show).props("flat dense no-caps")
 
     def _scopes(self, meaning: BlockMeaning) -> None:
         """Show the plots of a block or a line."""
@@ -376,6 +399,7 @@ class _Page:
                 "w-full"
             ):
                 FormView(self._t, self._give).show(fields)
+            self._build_wires(block)
 
     def _tuners(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
         """Build the sliders of a block: those of a joint change this joint alone, and say so."""

@@ -14,6 +14,7 @@ from simrob_drake.extensions.pendant.pages.elements import (
     allow,
     follow,
     icon_button,
+    set_keys,
     set_label,
 )
 from simrob_drake.extensions.pendant.pages.words import Words
@@ -83,6 +84,8 @@ _MOST = 10_000.0
 """Largest force of a push [N]."""
 _LONGEST = 60.0
 """Longest push [s]."""
+_UNTIL_OPEN = 0.4
+"""Time that the pad of pushes takes to open [s]."""
 
 
 def build_pad(session: Session, t: Words, kept: PushFields) -> None:
@@ -126,6 +129,7 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
 
     for side, button in buttons.items():
         button.on_click(partial(push, side))
+    _build_jump(fold, body, t)
 
     def show_bodies() -> None:
         """Offer the bodies of the station."""
@@ -148,6 +152,25 @@ def build_pad(session: Session, t: Words, kept: PushFields) -> None:
     body.on_value_change(show_sides)
     follow(session, show_bodies, "description")
     follow(session, show_phase, "phase")
+
+
+def _build_jump(fold: ui.expansion, body: ui.select, t: Words) -> None:
+    """Build the button that opens the pad of pushes and puts the focus there. It is seen when it has the focus itself.
+
+    Args:
+        fold: the part of the page with the pad.
+        body: the first field of the pad.
+        t: texts in the language of the page.
+    """
+
+    def jump() -> None:
+        """Open the pad, and put the focus on its first field."""
+        fold.set_value(True)
+        # The field is seen only after the pad has been opened.
+        ui.timer(_UNTIL_OPEN, lambda: body.run_method("focus"), once=True)
+
+    button = ui.button(t("push.jump"), on_click=jump).props("dense no-caps")
+    set_keys(button.classes("pendant-jump"), "Alt+U")
 
 
 def _name_sides(buttons: Mapping[str, ui.button], words: Mapping[str, str], t: Words) -> None:
@@ -234,6 +257,7 @@ def build_bar(session: Session, t: Words) -> None:
         running = session.phase == "running"
         times = {"time": t.decimals(session.run.time, 2), "reach": t.decimals(last, 2)}
         clock.text = t("run.time", **times)
+        scrubber.props["aria-valuetext"] = clock.text
         ratio.text = t("run.ratio", ratio=t.decimals(session.run.ratio, 1)) if running else ""
 
     follow(session, phase, "phase", "program", "description")

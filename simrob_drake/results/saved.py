@@ -1,0 +1,125 @@
+"""Results for notebooks and scripts: saved results are read again, and results are drawn over each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.files import text_of
+from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.yaml_files import parse_json
+from simrob_drake.results.files import SUMMARY
+from simrob_drake.results.plots.overlay import SavedSignals, overlay_figure, read_signals
+from simrob_drake.results.plots.own import NotebookFigure, complete_figure
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.servos import servo_in_words, servos_of
+
+
+@dataclass(frozen=True)
+class SavedResult(SavedSignals):
+    """A result that was read from its folder: its signals, and the content of its summary.
+
+    For example, ``result["q.joint_2"]`` is a column (m,), and ``dict(result)`` has all columns by name.
+
+    Attributes:
+        folder: the folder.
+        summary: content of ``summary.json``: how the run ended, its verdict, and the largest torques.
+    """
+
+    folder: Path = Path()
+    summary: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def message(self) -> str:
+        """How the run ended, in words."""
+        return str(self.summary.get("message", ""))
+
+    def __repr__(self) -> str:
+        """Describe the result in two lines: how the run ended, and how much was recorded."""
+        size = f"{len(self.times)} samples of {len(self.columns)} columns"
+        return f"{self.folder}: {self.message}\n{size}"
+
+    def plot(self, *signals: str) -> NotebookFigure:
+        """Draw signals of the result, see :func:`plot_results`."""
+        return plot_results(self, signals=signals)
+
+
+AnyResult: TypeAlias = RecordedRun | SavedSignals | Path | str
+"""A result of a run, one that was read by :func:`load_result`, or the folder of one."""
+
+
+def load_result(folder: Path | str) -> SavedResult:
+    """Read a result that was saved to a folder by ``simrob run`` or ``result.save()``.
+
+    Args:
+        folder: the folder.
+
+    Raises:
+        InvalidConfig: the folder holds no result, or a damaged one.
+    """
+    path = as_path(folder, "folder")
+    signals = read_signals(path)
+    summary = parse_json(text_of(path / SUMMARY), path / SUMMARY)
+    return SavedResult(
+        name=signals.name,
+        times=signals.times,
+        columns=signals.columns,
+        units=signals.units,
+        folder=path,
+        summary=summary,
+    )
+
+
+def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFigure:
+    """Draw signals of results over each other: a frame for each signal, a curve for each result.
+
+    A notebook shows the returned figure; ``figure.savefig("file.png")`` writes it.
+
+    Args:
+        results: results of runs, results that were loaded, or their folders.
+        signals: names of signals, with ``*`` for any part, such as ``q.joint_2`` or ``tau.*``. If there are none,
+            positions and torques of all joints that move in one of the results are drawn.
+
+    Returns:
+        the figure.
+
+    Raises:
+        InvalidConfig: a folder holds no result.
+        InvalidParameter: there is no result, one of another type, or nothing to draw.
+        UnknownName: no result has a signal of this name.
+    """
+    if not results:
+        expected = message("results.at_least_one_result", "at least one result, or its folder")
+        raise InvalidParameter("results", quoted(""), expected)
+    names = [signals] if isinstance(signals, str) else list(signals)
+    figure = overlay_figure([_signals_of(result) for result in results], names, "signals")
+    # Notebooks and savefig() show the figure without going through save_figure(), which would complete it.
+    complete_figure(figure)
+    return figure
+
+
+def _signals_of(result: AnyResult) -> SavedSignals:
+    """Signals of a result in any of its forms.
+
+    Raises:
+        InvalidParameter: the value is no result.
+    """
+    if isinstance(result, SavedSignals):
+        return result
+    if isinstance(result, Path | str):
+        return load_result(result)
+    if not isinstance(result, RecordedRun):
+        expected = message(
+            "results.a_result", "a result of simulate(), of load_result(), or the folder of one"
+        )
+        raise InvalidParameter("results", quoted(result), expected)
+    gains = [servo_in_words(servo) for servo in servos_of(result).values()]
+    columns = {name: result[name] for name in result}
+    return SavedSignals(
+        name=join_texts([result.config.name, *gains[:1]], ": "),
+        times=result.times,
+        columns=columns,
+        units=dict(result.units),
+    )
