@@ -162,7 +162,7 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
     [
         ("force_control", {"press.reads": {}}, "controllers.press.reads is {}"),
         ("force_control", {"press.reads.force": "tuch"}, "controllers.press.reads.force 'tuch'"),
-        ("force_control", {"press.direction": [0, 0, 0]}, "length zero"),
+        ("force_control", {"press.direction": [0, 0, 0]}, "must not be the zero vector"),
         ("force_control", {"press.force": -10}, "controllers.press.force"),
         ("force_control", {"press.robot": "left"}, "left"),
         ("motor_protection", {"protection.limit": {"joint_7": 10}}, "joint_7"),
@@ -170,22 +170,27 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
         ("motor_protection", {"protection.limit": -1}, "must be positive"),
         (
             "motor_protection",
+            {"protection.nominal": -3},
+            "controllers.protection.nominal of joint_1 is -3 N·m; it must be positive",
+        ),
+        (
+            "motor_protection",
             {"protection.weight": 0.5},
-            "what protects the robot cannot be weighted",
+            "motor protection always acts in full",
         ),
         (
             "motor_protection",
             {"protection.limit": 200},
-            "less than the servo gives at most, 150 N·m",
+            "less than the torque limit of the servo, 150 N·m",
         ),
         ("motor_protection", {"protection.nominal": 60}, "must be at most its limit, 50 N·m"),
         ("motor_protection", {"protection.warn": 1.5}, "controllers.protection.warn"),
         (
             "motor_protection",
             {"protection.limit": None, "protection.nominal": None},
-            "given one of them to watch",
+            "give at least one of limit, nominal and force",
         ),
-        ("motor_protection", {"protection.force": 100}, "reads: {force: <sensor>}"),
+        ("motor_protection", {"protection.force": 100}, "a mapping with a force sensor, {force: <sensor>}"),
         (
             "motor_protection",
             {"protection.force": "hand", "protection.reads.force": "touch"},

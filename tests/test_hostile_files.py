@@ -174,14 +174,14 @@ def test_empty_cells_behind_a_row_and_columns_that_nobody_needs_do_not_count(
 @pytest.mark.parametrize(
     ("rows", "why"),
     [
-        ("0,0,0\n1,0,0\n0.5,0,0\n", r"t\.csv: line 4: time 0.5 s after 1 s; times must rise"),
+        ("0,0,0\n1,0,0\n0.5,0,0\n", r"t\.csv: line 4: time 0.5 s follows 1 s; times must increase"),
         (
             "0,0,0\n1e-320,0,0\n1,0,0\n",
-            r"t\.csv: line 3: time .* s after 0 s; times must rise by 1e-06 s",
+            r"t\.csv: line 3: time .* s follows 0 s; times must increase by 1e-06 s",
         ),
         (
             "".join(f"{row},0,0\n" for row in range(170_000)),
-            r"holds 170000 rows; thin it out to at most 166666",
+            r"has 170000 rows; reduce it to at most 166666",
         ),
     ],
 )

@@ -214,10 +214,10 @@ class TestReferences:
         ("reference", "message"),
         [
             (((0, 1), np.zeros((2, 5))), "2 x 5.*6 columns"),
-            (((1, 0), np.zeros((2, 6))), r"reference times is 1, 0; it must be rising"),
+            (((1, 0), np.zeros((2, 6))), r"reference times: 0 s follows 1 s; increase each time"),
             (((0, 1), np.full((2, 6), np.nan)), "row 0 .*finite"),
             (((0, 1), np.full((2, 6), 3.0)), r"joint_1 is 171\.89 deg at 0\.00 s; .*-165 to 165"),
-            (((0, 1, 2), np.zeros((2, 6))), r"must be \(m,\) and \(m, n\)"),
+            (((0, 1, 2), np.zeros((2, 6))), r"must be of shapes \(m,\) and \(m, n\)"),
             (np.zeros(6), r"an array \(m, 1 \+ n\)"),
             (
                 PiecewisePolynomial(np.zeros((5, 1))),

@@ -13,7 +13,7 @@ from pydrake.polynomial import Polynomial
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.base.arguments import SHORTEST
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import (
@@ -100,11 +100,10 @@ def _combined_sines(
         offset: shape (k,) [rad or m].
 
     Raises:
-        InvalidParameter: the sines have different frequencies, or a trajectory moves.
+        Unsuitable: the sines have different frequencies, or a trajectory moves.
     """
-    expected = message(
-        "blocks.of_one_frequency",
-        "of one frequency, or at rest: a coupling ties their axes together",
+    remedy = message(
+        "blocks.of_one_frequency", "give all of these axes sines of one frequency, or hold them"
     )
     sines = []
     frequencies = set[float]()
@@ -114,17 +113,23 @@ def _combined_sines(
             frequencies.add(sine.frequency)
         sines.append(sine)
     if len(frequencies) > 1:
-        found = message(
-            "blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies)
+        listed = ", ".join(f"{frequency:g}" for frequency in sorted(frequencies))
+        problem = message(
+            "blocks.sines_of",
+            "a coupling joins axes with sines of different frequencies, {frequencies} Hz",
+            frequencies=listed,
         )
-        raise InvalidParameter("reference", found, expected)
+        raise Unsuitable("reference", problem, remedy)
 
     centres = []
     amplitudes = []
     for sine in sines:
         if sine is None:
-            found = message("blocks.sine_and_other_motion", "a sine and another motion")
-            raise InvalidParameter("reference", found, expected)
+            problem = message(
+                "blocks.sine_and_other_motion",
+                "a coupling joins an axis with a sine and an axis with another motion",
+            )
+            raise Unsuitable("reference", problem, remedy)
         centres.append(sine.centre)
         amplitudes.append(sine.amplitude * np.exp(1j * sine.phase))
     amplitude = matrix @ np.concatenate(amplitudes)

@@ -13,10 +13,10 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.blocks.block import Block
 from simrob_drake.robots.outlines import lowest_points, shape_corners
@@ -390,15 +390,19 @@ class DistanceSensor(Block):
                 if first != second and not inspector.CollisionFiltered(first, second):
                     pairs.append((first, second))
         if not pairs:
-            names = " and ".join(inspector.GetName(next(iter(shapes))) for shapes in (body, other))
-            expected = message(
-                "blocks.two_things_that_touch",
-                "two things that can touch; parts of one robot can with contact.self_collision: true",
+            names = join_texts(
+                [inspector.GetName(next(iter(shapes))) for shapes in (body, other)],
+                message("base.and", " and "),
             )
-            raise InvalidParameter(
+            raise Unsuitable(
                 message("blocks.distance_sensor", "distance sensor"),
-                message("blocks.between", "between {names}", names=names),
-                expected,
+                message(
+                    "blocks.cannot_collide", "collisions of {names} are filtered out", names=names
+                ),
+                message(
+                    "blocks.two_things_that_touch",
+                    "name two other bodies, or set contact.self_collision: true for parts of one robot",
+                ),
             )
         self._distances = Distances(pairs, inspector)
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())

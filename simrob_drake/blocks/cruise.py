@@ -173,7 +173,7 @@ def _check_limits(
     if not longest_time < LONGEST:
         expected = message(
             "blocks.shorter_than",
-            "shorter than {longest:g} s: its limits are too low",
+            "shorter than {longest:g} s; the limits of its speed, acceleration or jerk are too low",
             longest=LONGEST,
         )
         raise InvalidParameter(

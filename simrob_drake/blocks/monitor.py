@@ -54,7 +54,9 @@ class Trigger:
         for name, value in (("hold", self.hold), ("after", self.after)):
             if not (np.isfinite(value) and value >= 0):
                 raise InvalidParameter(
-                    name, value, message("blocks.finite_time", "a finite time, not negative [s]")
+                    name,
+                    value,
+                    message("blocks.finite_time", "a finite time that is not negative [s]"),
                 )
 
     def holds(self, time: float, values: Sequence[Vector]) -> bool:

@@ -24,9 +24,9 @@ from pydrake.trajectories import (
 )
 
 from simrob_drake.base.arguments import SHORTEST
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector, numbers
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import former_names_of
 from simrob_drake.blocks.block import add_and_connect, add_sum
 
@@ -670,19 +670,16 @@ def _check_samples(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector,
             positions=samples.shape,
         )
         raise InvalidParameter(
-            "reference", shapes, message("blocks.of_shape_m_n", "(m,) and (m, n), m > 1")
+            "reference", shapes, message("blocks.of_shape_m_n", "of shapes (m,) and (m, n), m > 1")
         )
     is_finite = np.isfinite(breaks) & np.isfinite(samples).all(axis=1)
     if not is_finite.all():
         row = int(np.flatnonzero(~is_finite)[0])
-        found = message(
-            "blocks.row_with",
-            "row {row} with {time}, {positions}",
-            row=row,
-            time=breaks[row],
-            positions=samples[row],
+        raise InvalidParameter(
+            message("blocks.row_of_reference", "row {row} of the reference", row=row),
+            f"{breaks[row]}, {samples[row]}",
+            message("blocks.finite", "finite"),
         )
-        raise InvalidParameter("reference", found, "finite")
     return _check_rising(breaks, message("blocks.reference_times", "reference times")), samples
 
 
@@ -690,17 +687,22 @@ def _check_rising(times: Vector, name: str) -> Vector:
     """Check that each time (m,) [s] is later than the one before, by more than rounding, and return the times.
 
     Raises:
-        InvalidParameter: a time is not later. It is reported under `name`.
+        Unsuitable: a time is not later. It is reported under `name`.
     """
     # A negation, so that it also finds NaN.
     too_close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
     if too_close.size:
         first = too_close[0]
-        both_times = compound("{first:g}, {second:g}", first=times[first], second=times[first + 1])
-        expected = message(
-            "blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST
+        problem = message(
+            "blocks.time_after",
+            "{second:g} s follows {first:g} s",
+            first=times[first],
+            second=times[first + 1],
         )
-        raise InvalidParameter(name, both_times, expected)
+        remedy = message(
+            "blocks.rising_by", "increase each time by {shortest:g} s or more", shortest=SHORTEST
+        )
+        raise Unsuitable(name, problem, remedy)
     return times
 
 

@@ -252,7 +252,9 @@ class ServoGains:
             values = getattr(self, name)
             # The negation also refuses values that are not a number.
             if not ((values >= 0) & (values <= LARGEST_GAIN)).all():
-                expected = message("blocks.of_zero_to", "of 0 to {largest:g}", largest=LARGEST_GAIN)
+                expected = message(
+                    "blocks.of_zero_to", "from 0 to {largest:g}", largest=LARGEST_GAIN
+                )
                 raise InvalidParameter(name, values, expected)
         has_no_gains = (self.kp == 0) & (self.ki == 0) & (self.kd == 0)
         # An axis with the limit 0 has no motor: gains there are most likely a mistake of the user.
@@ -260,7 +262,7 @@ class ServoGains:
         if not is_valid_limit.all():
             expected = message(
                 "blocks.positive_torque_or_passive",
-                "positive [N·m or N], or 0 of an axis without a motor, whose gains are 0",
+                "positive [N·m or N], or 0 for an axis without a motor, whose gains must be 0",
             )
             raise InvalidParameter("torque_limit", self.torque_limit, expected)
         if not (self.integral_limit[~self.passive] > 0).all():

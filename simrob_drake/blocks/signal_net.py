@@ -226,7 +226,11 @@ def _common_step(periods: Sequence[float]) -> float:
     )
     if step < _SHORTEST_STEP or not are_exact:
         listed = ", ".join(f"{period:g}" for period in sorted(set(periods)))
-        raise ValueError(message("blocks.periods_of", "periods of {periods} s", periods=listed))
+        raise ValueError(
+            message(
+                "blocks.periods_of", "the periods {periods} s have no common step", periods=listed
+            )
+        )
     return float(step)
 
 
@@ -316,7 +320,7 @@ class SignalNet(Block):
             number, input_names = self._written.find_block(line)
             text = message(
                 "blocks.block_cannot_compute",
-                "the block {block} cannot be computed of {values}",
+                "the block {block} cannot be computed from {values}",
                 block=self._names[number],
                 values=[frame.f_locals[name] for name in input_names],
             )

@@ -221,7 +221,7 @@ def balance_regulator(
     if passive_weight > _BALANCED * most:
         expected = message(
             "blocks.an_equilibrium",
-            "an equilibrium of the axes without a motor; there gravity turns them by {torque:.3g} N·m",
+            "an equilibrium of the passive axis, on which gravity acts with {torque:.3g} N·m there",
             torque=passive_weight,
         )
         raise InvalidParameter(key, quoted(upright), expected)
@@ -317,7 +317,7 @@ class SwingUp(SampledBlock):
         if int(self._driven.sum()) != count - 1 or count < 2:
             expected = message(
                 "blocks.one_passive_axis",
-                "0 for one axis, the passive one, and positive for the others",
+                "0 for one axis, which is passive, and positive for the others",
             )
             raise InvalidParameter("torque_limit", quoted(torque_limit), expected)
         self.units = {"feedforward": "N·m", "energy": "J"}

@@ -93,6 +93,7 @@ def shown_values(values: Vector) -> str:
         Their common value if they look equal, such as "100"; otherwise all of them if they are few, such as "80, 100";
         otherwise their range, such as "5 to 100".
     """
+    # Compared as texts: values that differ beyond the fourth digit alone look equal, and are shown once.
     texts = [with_decimal_sign(f"{value:.4g}") for value in values]
     if len(set(texts)) == 1:
         return texts[0]
@@ -136,8 +137,9 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
     if not isinstance(values, dict):
         positions = model.axis_vector(values, "reference")
         return with_units(positions, model.unit_names, shown_values)
+    # A block has room for a few lines only.
     if len(values) > MANY:
-        return message("parts.given_angles", "given angles of {count} axes", count=len(values))
+        return message("parts.given_angles", "positions of {count} axes", count=len(values))
     pairs = [f"{axis} {with_decimal_sign(f'{position:g}')}" for axis, position in values.items()]
     units = [model.unit_names[model.axis_index(axis)] for axis in values]
     return with_units(np.array(pairs), units, ", ".join)

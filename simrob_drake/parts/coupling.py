@@ -15,7 +15,7 @@ from typing import ClassVar
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.resolved import StationContents
@@ -81,7 +81,7 @@ class CouplingSection(Strict, ABC):
             continuous = message("parts.radau_or", "radau3, or ") if self.has_springs else ""
             expected = message(
                 "parts.discrete_sap",
-                "{continuous}kind: discrete with scheme: sap, which hold {key}",
+                "{continuous}kind: discrete with scheme: sap, which can simulate {key}",
                 continuous=continuous,
                 key=key,
             )
@@ -131,7 +131,7 @@ class CouplingSection(Strict, ABC):
         gap = self.gap(plant, context)
         if gap > _LARGEST_GAP_AT_START:
             raise InvalidParameter(
-                key,
-                message("parts.gap_at_start", "{gap:.4g} m (or rad) off at the start", gap=gap),
-                message("parts.largest_gap", "at most {gap:g} off", gap=_LARGEST_GAP_AT_START),
+                message("parts.gap_at_start", "the gap of {key} at the start [m or rad]", key=key),
+                compound("{gap:.4g}", gap=gap),
+                message("parts.largest_gap", "at most {gap:g}", gap=_LARGEST_GAP_AT_START),
             )

@@ -32,7 +32,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.base.drake_versions import TENDONS
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
@@ -46,11 +46,13 @@ from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
 
-_ANCHOR = "couplings_anchor"  # name of a body welded to the world, which takes the world's place in constraints
-_HALF_HINGE = (
-    0.025  # half the distance between the two points that stay together on a hinge's axis [m]
-)
-_SHORTEST_SPRING = 1e-9  # Drake requires a positive free length of a spring [m]
+# Name of a body welded to the world, which takes the world's place in constraints.
+_ANCHOR = "couplings_anchor"
+# Half the distance between the two points that stay together on a hinge's axis [m]. The smaller it is, the more the
+# errors of the two constraints tilt the hinge.
+_HALF_HINGE = 0.025
+# Drake requires a positive free length of a spring [m].
+_SHORTEST_SPRING = 1e-9
 
 
 class Attachment(NamedTuple):
@@ -79,7 +81,7 @@ def add_bushing(
         turns_about_z: leave out the spring against rotation about z, for a hinge. The free axis must not be y: Drake's
             bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a singularity.
     """
-    # without the world
+    # Index 0 is the world, which has no mass.
     bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
     mass = 0.0
     inertia = 0.0
@@ -91,7 +93,7 @@ def add_bushing(
     linear = STIFFNESS * mass
     angular = STIFFNESS * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
-    # Stiffnesses along x, y, z [N/m] and against roll, pitch, yaw [N·m/rad].
+    # Stiffnesses along x, y, z [N/m] and against roll, pitch, yaw [N·m/rad]. Yaw is the rotation about z.
     linear_stiffness = np.full(3, linear)
     angular_stiffness = np.array([angular, angular, stiffness_about_z])
 
@@ -152,7 +154,7 @@ class Between(Strict, ABC):
         ends = self.ends(plant)
         is_on_world = any(end.body is world for end in ends)
         if is_on_world and not multibody.HasBodyNamed(_ANCHOR):
-            # has no effect: the body never moves
+            # The plant needs an inertia for each body. This one has no effect: the body never moves.
             inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
             anchor = multibody.AddRigidBody(_ANCHOR, multibody.AddModelInstance(_ANCHOR), inertia)
             multibody.WeldFrames(multibody.world_frame(), anchor.body_frame())
@@ -196,7 +198,7 @@ class BetweenPoints(Between, CouplingSection):
             raise InvalidParameter(
                 f"{key}.other",
                 self.other,
-                message("parts.other_than_body", "another one than body"),
+                message("parts.other_than_body", "different from {key}.body", key=key),
             )
 
     @property
@@ -302,6 +304,7 @@ class Weld(BetweenFrames):
 
     def add(self, plant: StationPlant) -> None:
         """Add the weld to a plant that is not finalized: a constraint in a discrete plant, else stiff springs."""
+        # Drake has a weld constraint for discrete plants only.
         is_discrete = plant.plant.time_step() > 0
         if not is_discrete:
             add_bushing(plant.plant, *self.ends(plant))
@@ -410,7 +413,7 @@ class Gear(CouplingSection):
         if not engine.constrains_many_axes:
             others = message(
                 "parts.gears_of_two_axes",
-                "{engine} holds gears of two axes, and {key} has {count}",
+                "{engine} supports gears of two axes only, and {key} couples {count}",
                 engine=engine.name,
                 key=key,
                 count=len(self.ratios),
@@ -419,16 +422,19 @@ class Gear(CouplingSection):
                 "solver.scheme",
                 engine.name,
                 message(
-                    "parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others
+                    "parts.radau_or_discrete", "radau3, or kind: discrete; {others}", others=others
                 ),
             )
         # `add` couples more than two joints by a tendon, which older Drake versions do not have.
         if engine.has_discrete_states and not TENDONS.is_there:
-            older = message("parts.older_drake", "of two: older Drake couples no more")
-            raise InvalidParameter(
+            raise Unsuitable(
                 f"{key}.ratios",
-                message("parts.count_of_axes", "of {count} axes", count=len(self.ratios)),
-                older,
+                message(
+                    "parts.older_drake",
+                    "this version of Drake couples two axes only, not {count}",
+                    count=len(self.ratios),
+                ),
+                message("parts.newer_drake", "install a newer Drake, or couple two axes"),
             )
 
     def is_constrained(self, engine: Engine) -> bool:
@@ -441,6 +447,7 @@ class Gear(CouplingSection):
 
     def _axis_ratios(self, robot: StationRobot) -> Vector:
         """Ratios of all n axes of a robot in this gear, shape (n,); axes that are not coupled have the ratio 0."""
+        # Ratios are named as in the station: with the robot's prefix if there are several robots.
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
     def constant_sum(self, plant: StationPlant) -> float:
@@ -505,6 +512,7 @@ class Gear(CouplingSection):
             key: key of the gear in the station, which begins the names of the added blocks.
         """
         plant = site.plant.plant
+        # Another engine, whose block takes the plant's place, has its own constraint for the gear.
         if site.plant.holds_constraints or site.plant.stand_in is not None:
             return
         # Products of these rows with the plant's state (nq + nv,) are s and its rate. The row `ratios` (nv,) holds the
@@ -540,7 +548,7 @@ class Gear(CouplingSection):
         site.picture.draw(
             f"{key}.force",
             "force",
-            message("parts.block_couples", "What couples\n{axes}", axes=", ".join(self.ratios)),
+            message("parts.block_couples", "Coupling of\n{axes}", axes=", ".join(self.ratios)),
         )
 
     def caption(self) -> str:
@@ -550,7 +558,7 @@ class Gear(CouplingSection):
             for axis, ratio in self.ratios.items()
         ]
         return message(
-            "parts.coupling_gear", "a gear: {terms} stays as it is", terms=join_texts(terms, " + ")
+            "parts.coupling_gear", "a gear: {terms} is constant", terms=join_texts(terms, " + ")
         )
 
 
@@ -589,7 +597,7 @@ class Spring(BetweenPoints):
             first.pose.translation(),
             second.body,
             second.pose.translation(),
-            max(self.length, _SHORTEST_SPRING),  # Drake refuses the length 0
+            max(self.length, _SHORTEST_SPRING),
             self.stiffness,
             self.damping,
         )

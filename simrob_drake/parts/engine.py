@@ -88,6 +88,7 @@ class Engine:
     @property
     def has_discrete_states(self) -> bool:
         """Whether all states of the plant are discrete: they change only at multiples of `time_step`."""
+        # Drake's plant has the time step 0 if its time is continuous, too.
         return self.time_step > 0
 
 
@@ -153,5 +154,6 @@ class PlantBlock(Protocol):
 
 def missing_methods(block: Any) -> list[str]:
     """Names of the methods of :class:`PlantBlock` that an object lacks."""
+    # `outputs` is only annotated in the class, so it is not among its names, and is added below.
     required = [name for name in vars(PlantBlock) if not name.startswith("_")]
     return [name for name in (*required, "outputs") if not hasattr(block, name)]

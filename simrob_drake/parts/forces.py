@@ -58,9 +58,9 @@ class ForceSection(Strict, ABC):
 
     kind: str
     at: str | None = None
-    """Where the force acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link
-    or piece (at its origin, along its axes). If it is left out, the only robot: its tool, or its root link if it
-    floats."""
+    """Body on which the force acts: a robot (at the centre of mass of its root link, along that link's axes), or a
+    tool, link or piece (at its origin, along its axes). If it is left out, the only robot: its tool, or its root link
+    if it floats."""
 
     @property
     def offset(self) -> Vector:
@@ -130,6 +130,7 @@ class ForceSection(Strict, ABC):
             )
         if self.at is not None:
             movable_frames = [name for name in frame_names(station) if name != WORLD]
+            # The world is a frame, too, but a force on it would move nothing.
             known = [*station.robots, *movable_frames]
             kind = message(
                 "parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key
@@ -259,6 +260,7 @@ class Push(ForceSection):
         # others.
         times = [self.start, self.end, self.end + 1.0]
         values = [force, zero, zero]
+        # A hold has its first value also before its first time: a later push needs a zero in front.
         if self.start > 0:
             times.insert(0, 0.0)
             values.insert(0, zero)
@@ -344,7 +346,9 @@ class Drag(ForceSection):
         count = len(self.targets)
         with_target = np.column_stack([np.ones(count), np.array(self.targets)])
         before = np.zeros(4)
-        after = np.zeros((2, 4))  # a hold needs a value at its last time, too
+        # A hold needs a value at its last time, too, so the zeros after the last target are given twice.
+        after = np.zeros((2, 4))
+        # Each target begins a little late, see `_CHANGE_DELAY`. The last change is the end of the last target.
         changes = self.start + _CHANGE_DELAY + self.each * np.arange(count + 1)
         times = [0.0, *changes, changes[-1] + 1.0]
         values = np.vstack([before, with_target, after])
@@ -374,11 +378,12 @@ class Drag(ForceSection):
         """
         plant = site.plant.plant
         body = frame.body()
+        # Without gravity there is no weight to compare with: the default spring is then that of standard gravity.
+        gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector())) or STANDARD_GRAVITY
         # The default stiffness fits the mass of the whole robot or piece. The damping fits the pulled body alone,
         # c = 2 zeta sqrt(k m) with the damping ratio zeta = 1/2: on a light link, a sampled damper that fits a larger
         # mass could be unstable.
         total_mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [body.model_instance()])
-        gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector())) or STANDARD_GRAVITY
         stiffness = self.stiffness or max(total_mass, _SMALLEST_MASS) * gravity / _WEIGHT_DISTANCE
         damping = float(np.sqrt(stiffness * max(body.default_mass(), _SMALLEST_MASS)))
         spring = DragSpring(
@@ -434,13 +439,13 @@ class DragSpring(SampledBlock):
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}
         super().__init__(period=period, reads=reads, memory={"force": np.zeros(3)}, gives=["force"])
-        # the station owns the plant: a block must not keep it in memory
+        # The station owns the plant: a block must not keep it in memory. A frame would, an index does not.
         self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._point = point
         self._stiffness = stiffness
         self._damping = damping
-        # work space: every evaluation sets its state anew
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
 
     def sample(self, memory: Named, read: Named) -> Changes:

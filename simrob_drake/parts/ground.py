@@ -79,6 +79,7 @@ class Ground:
 
     def beneath(self, points: Vector) -> Vector:
         """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
+        # At least one group, which is empty if there are no points.
         groups = np.array_split(points, 1 + len(points) // _POINTS_AT_ONCE)
         return np.concatenate([self._beneath_few(group) for group in groups])
 
@@ -88,13 +89,14 @@ class Ground:
         normal_z = self.floor_pose.rotation().matrix()[2, 2]
         floor_heights = self.floor_heights(points) - self.depth / normal_z
         tops = self._box_tops(points)
+        # The top of a box above the point, such as a table under which a robot stands, does not count.
         is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
         tops_beneath = np.where(is_beneath, tops, -np.inf)
         return np.asarray(np.maximum(floor_heights, tops_beneath.max(axis=0, initial=-np.inf)))
 
     def height(self, pose: Vector) -> float:
         """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m]."""
-        # On most stations' ground this is fast, for calls in every step.
+        # Most stations have level ground. There, this is fast enough to be called in every step.
         if self.is_level_plane:
             return float(pose[2])
         return float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
@@ -154,9 +156,10 @@ class Ground:
         # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
         # axis while -half <= start + z up <= half, and in the box while this holds for all three axes.
         boxes = self._boxes_near(points)
-        # the world's vertical in the axes of each box, shape (k, 1, 3)
+        # The world's vertical in the axes of each box, shape (k, 1, 3). A box that stands upright has components of 0.
         vertical = boxes.rotations[:, 2:]
         up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
+        # The line through a point begins at height 0, so that its parameter is the height z itself.
         points_at_zero = points * [1.0, 1.0, 0.0]
         start = (points_at_zero - boxes.middles) @ boxes.rotations  # shape (k, m, 3)
 

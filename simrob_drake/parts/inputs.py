@@ -26,6 +26,7 @@ class InputPorts(dict[str, InputPort]):
             prefixes: prefixes of the names of the dynamic robots, which may have the inputs `LISTABLE`.
         """
         super().__init__()
+        # Only dynamic robots can have these inputs: for others an error must not propose them.
         self._listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
 
     def __missing__(self, name: object) -> NoReturn:
@@ -41,11 +42,11 @@ class InputPorts(dict[str, InputPort]):
         }
         close = nearest_name(name, [*self, *listable])
         if close not in listable:
-            # it proposes the nearest name among the inputs of the station
+            # The error proposes the nearest name among the inputs that the station has.
             raise UnknownKey(what, name, self)
         remedy = message(
             "parts.list_the_input",
-            "; the input '{input}' is there if the key inputs of the station lists it, as in "
+            "; the input '{input}' exists if the key inputs of the station lists it, as in "
             'overrides={{"inputs": ["{key}"]}}',
             input=close,
             key=listable[close],

@@ -78,6 +78,7 @@ class Kinds:
                 additions(self._point)[kind], self._extension_base
             )
             return added
+        # The module is imported only here: a station pays for the kinds that it names.
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
         return model
@@ -94,13 +95,15 @@ class Kinds:
     @cached_property
     def models(self) -> dict[str, type[BaseModel]]:
         """Classes of all kinds, by kind. Kinds of extensions that cannot be imported are missing."""
+        # A class of the core that cannot be imported is an error; a broken kind of an extension is left out.
         core = {kind: self.model(kind) for kind in self._classes}
         return core | classes_of_extensions(self._point, self._extension_base)
 
     def forget_extensions(self) -> None:
         """Forget the classes of extensions that were imported, for tests that install others."""
         self._validator.cache_clear()
-        self.__dict__.pop("models", None)  # where cached_property keeps its value
+        # A cached_property keeps its value in the object's dictionary.
+        self.__dict__.pop("models", None)
 
     @property
     def names_are_kinds(self) -> BeforeValidator:
@@ -148,6 +151,7 @@ class Kinds:
             ValidationError: the section is wrong, by pydantic.
             SimrobError: an extension that is not installed has this kind.
         """
+        # pydantic also validates a section that is already an object, such as one given in Python.
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
         if isinstance(kind, str) and kind not in self:
             check_provided(

@@ -24,7 +24,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quoted
 from simrob_drake.base.frames import Flags, Vector, numbers
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain
@@ -113,9 +113,8 @@ def add_joint_servos(
     """
     _check_plant(builder, plant)
     found = _joints_of(plant, joints, model_instance)
-    owner = found[
-        0
-    ].model_instance()  # all joints are of one instance, whose actuators have one input port
+    # All joints are of one instance, whose actuators have one input port.
+    owner = found[0].model_instance()
     names = [joint.name() for joint in found]
     passive = _without_actuator(plant, found)
     gains = _gains(
@@ -128,10 +127,12 @@ def add_joint_servos(
         raise SimrobError(
             message(
                 "parts.actuators_connected",
-                "the actuators of {instance} are connected already; one block commands all actuators of an instance",
+                "the actuators of {instance} are already connected; "
+                "one block must command all actuators of an instance",
                 instance=plant.GetModelInstanceName(owner),
             )
         )
+    # Joints count in their own sense here: only axes of a station's robots may have a sign.
     axes = AxisMap.of_joints(plant, found)
 
     def add_input(port: str) -> PassThrough:
@@ -196,6 +197,7 @@ def add_monitor(
         InvalidParameter: ``hold`` or ``after`` is not a finite time.
     """
     instance(builder, "builder", DiagramBuilder, _a_builder())
+    # The monitor gets an input for each port, in this order, which is also that of the functions' arguments.
     sizes = {signal: port.size() for signal, port in watched.items()}
     monitor = Monitor(Condition(watched=sizes, excess=excess, why=why), hold=hold, after=after)
     add_and_connect(builder, name, monitor, *watched.values())
@@ -233,9 +235,8 @@ def add_joint_limit_monitor(
     names = [joint.name() for joint in found]
     lower = np.array([joint.position_lower_limit() for joint in found])
     upper = np.array([joint.position_upper_limit() for joint in found])
-    places = AxisMap.of_joints(
-        plant, found
-    ).position_places  # indices of the joints' positions in the state
+    # Indices of the joints' positions in the state, which begins with the positions of the whole plant.
+    places = AxisMap.of_joints(plant, found).position_places
 
     def distances_beyond(state: Vector) -> Vector:
         """Compute how far each joint is beyond its nearer limit, shape (n,); negative within the range."""
@@ -252,7 +253,7 @@ def add_joint_limit_monitor(
         position = float(state[places][worst])
         return message(
             "parts.joint_at_limit",
-            "{joint} is at {position:.4g}",
+            "{joint} reached a joint limit at {position:.4g}",
             joint=names[worst],
             position=position,
         )
@@ -298,7 +299,7 @@ def add_contact_sensor(
     # Drake gives no contacts of a body without collision shapes, and the sensor would always measure zero.
     for each in (own_body, other_body):
         if each is not None and not plant.GetCollisionGeometriesForBody(each):
-            needed = message("parts.body_that_collides", "a body with shapes that collide")
+            needed = message("parts.body_that_collides", "a body with collision shapes")
             raise InvalidParameter("body", quoted(each.name()), needed)
     sensor = ForceSensor(
         plant=plant,
@@ -376,7 +377,7 @@ def add_imu(
 
 def _a_builder() -> str:
     """Text for errors: what a builder is."""
-    return message("parts.diagram_builder", "a DiagramBuilder of Drake")
+    return message("parts.diagram_builder", "a Drake DiagramBuilder")
 
 
 def _check_plant(builder: object, plant: object) -> None:
@@ -388,7 +389,7 @@ def _check_plant(builder: object, plant: object) -> None:
     """
     instance(builder, "builder", DiagramBuilder, _a_builder())
     instance(
-        plant, "plant", MultibodyPlant, message("parts.drakes_plant", "a MultibodyPlant of Drake")
+        plant, "plant", MultibodyPlant, message("parts.drakes_plant", "a Drake MultibodyPlant")
     )
     assert isinstance(builder, DiagramBuilder)
     assert isinstance(plant, MultibodyPlant)
@@ -396,14 +397,14 @@ def _check_plant(builder: object, plant: object) -> None:
         raise SimrobError(
             message(
                 "parts.plant_not_finalized",
-                "the plant is not finalized; call plant.Finalize() before parts are added",
+                "the plant is not finalized; call plant.Finalize() before you add parts",
             )
         )
     if not any(system is plant for system in builder.GetSystems()):
         raise SimrobError(
             message(
                 "parts.plant_elsewhere",
-                "the plant is not in this builder; give the one that has it",
+                "the plant is not in this builder; give the builder that contains the plant",
             )
         )
 
@@ -436,7 +437,7 @@ def _joints_of(
         found = single
     else:
         if isinstance(names, str):
-            needed = message("parts.list_of_joints", "a list of names of joints")
+            needed = message("parts.list_of_joints", "a list of joint names")
             raise InvalidParameter("joints", quoted(names), needed)
         known = [joint.name() for joint in single]
         found = []
@@ -450,17 +451,21 @@ def _joints_of(
         listed = ", ".join(
             plant.GetModelInstanceName(ModelInstanceIndex(index)) for index in sorted(instances)
         )
-        raise InvalidParameter(
+        raise Unsuitable(
             "joints",
-            message("parts.in_instances", "in the model instances {instances}", instances=listed),
-            message("parts.of_one_instance", "of one model instance; give model_instance"),
+            message(
+                "parts.in_instances",
+                "joints of these names are in several model instances: {instances}",
+                instances=listed,
+            ),
+            message("parts.of_one_instance", "give model_instance"),
         )
     has_repeated_names = names is not None and len(set(names)) < len(names)
     if not found or has_repeated_names:
         raise InvalidParameter(
             "joints",
             quoted(names),
-            message("parts.different_joints", "names of different joints, at least one"),
+            message("parts.different_joints", "a list of different joint names, at least one"),
         )
     return found
 
@@ -510,30 +515,28 @@ def _values(
     """
     if isinstance(value, Mapping):
         values = np.array(np.broadcast_to(otherwise, len(names)), dtype=float)
-        what = message("parts.joint_in", "joint in {key}", key=key)
+        what = message("parts.joint_in", "joint for {key}", key=key)
         for name, own in value.items():
             index = list(names).index(one_of(what, name, names))
             if passive[index] and own:
-                expected = message(
-                    "parts.no_actuator", "left out: this joint has no actuator in the plant"
+                raise Unsuitable(
+                    f"{key}[{name!r}]",
+                    message("parts.no_actuator", "this joint has no actuator in the plant"),
                 )
-                raise InvalidParameter(f"{key}[{name!r}]", own, expected)
             values[index] = own
     else:
         entries = numbers(value)
         if entries.shape not in ((), (len(names),)):
             expected = message(
                 "parts.values_of_joints",
-                "one number, or {count}, one for each joint",
+                "one number, or {count} numbers, one for each joint",
                 count=len(names),
             )
             raise InvalidParameter(key, quoted(value), expected)
         values = np.array(np.broadcast_to(entries, len(names)))
     # An infinite torque limit is a motor without a limit; infinite gains are mistakes.
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
-        raise InvalidParameter(
-            key, quoted(value), message("parts.finite_numbers", "finite numbers")
-        )
+        raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite"))
     return np.where(passive, 0.0, values)
 
 
@@ -551,6 +554,7 @@ def _gains(
     """Collect the gains and limits of servos; arguments and errors are those of :func:`add_joint_servos`."""
     names = [joint.name() for joint in joints]
     efforts = _effort_limits(plant, joints)
+    # A limit of 0 marks a passive joint, see `ServoGains`.
     limit = np.where(passive, 0.0, efforts)
     if torque_limit is not None:
         limit = _values("torque_limit", torque_limit, names, passive, otherwise=efforts)
@@ -571,6 +575,7 @@ def _gains(
         ki=_values("ki", ki, names, passive),
         kd=_values("kd", kd, names, passive),
         torque_limit=limit,
+        # The integral part alone may give the whole torque, but no more: it would only wind up.
         integral_limit=limit,
         line=line,
     )
@@ -583,11 +588,13 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
         UnknownName: there is no such motor or joint.
         InvalidParameter: a motor lacks its torque at rest or its speed without load.
     """
+    # A single motor is one of that kind at each joint.
     by_joint = choice if isinstance(choice, Mapping) else dict.fromkeys(names, choice)
     motors: list[Motor | None] = [None] * len(names)
-    what = message("parts.joint_in", "joint in {key}", key="motor")
+    what = message("parts.joint_in", "joint for {key}", key="motor")
     for name, own in by_joint.items():
         index = list(names).index(one_of(what, name, names))
+        # One motor for all joints is not meant for those without an actuator.
         if passive[index]:
             continue
         if isinstance(own, str):
@@ -626,11 +633,13 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
         InvalidParameter: a joint's damping is too large for the time step.
     """
     step = plant.time_step()
+    # A solver of a continuous plant chooses steps that are short enough.
     if step == 0:
-        return  # a solver of a continuous plant chooses steps that are short enough
+        return
     # A velocity v becomes (1 - kd h / M) v in a step h, which must not be larger than v: kd h / M < 2.
     mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
-    # of each axis while the others move freely
+    # Inertia of each axis while the others move freely. With the others at rest it would be larger, and the check too
+    # tolerant.
     free_inertias = 1 / np.diag(np.linalg.inv(mass_matrix))
     inertias = free_inertias[[joint.velocity_start() for joint in joints]]
     worst = int(np.argmax(gains.kd / inertias))
@@ -638,7 +647,8 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
     if gains.kd[worst] > largest:
         expected = message(
             "parts.stable_damping",
-            "at most {largest:.3g} at steps of {step:g} s, or a plant with a shorter or no time step",
+            "at most {largest:.3g} at steps of {step:g} s; "
+            "larger values need a shorter time step, or a continuous plant",
             largest=largest,
             step=step,
         )
@@ -659,6 +669,7 @@ def _body_of(
         UnknownName: there is no such body.
         InvalidParameter: there are several bodies of this name.
     """
+    # From index 0, the world, since ``world`` is a name that a user may give.
     bodies = [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
     if model_instance is not None:
         bodies = [body for body in bodies if body.model_instance() == model_instance]
@@ -692,13 +703,14 @@ def _index_of_unique(argument: str, what: str, name: str, names: Sequence[str]) 
     """
     one_of(what, name, names)
     if names.count(name) > 1:
-        expected = message("parts.unique_name", "a name that is unique; give model_instance")
+        expected = message("parts.unique_name", "a unique name, or one with model_instance")
         raise InvalidParameter(argument, quoted(name), expected)
     return names.index(name)
 
 
 def _contacts_of(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
     """Find the block that reads the contacts of a plant, or add it: all contact sensors of the plant share it."""
+    # The name of the plant is part of the block's: a builder may contain several plants.
     name = f"{plant.get_name()}.contacts"
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()

@@ -124,9 +124,8 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self._plant = plant
         self._defers_reports = defers_reports
         self._ports: dict[str, OutputPort] = {}
-        self._reports: dict[
-            str, _Report
-        ] = {}  # blocks that have not joined the diagram, by the names of their outputs
+        # Blocks that have not joined the diagram, by the names of their outputs.
+        self._reports: dict[str, _Report] = {}
         self.signals: list[Signal] = []
         self.of_state: dict[str, FromState] = {}
         self.after_run: dict[str, Compute] = {}
@@ -140,6 +139,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
         The copy shares with the original what is only changed while the station is built: images, monitors, functions
         for after the run, and blocks that have not joined.
         """
+        # `copy` alone would share the mappings: what is added to the copy would appear in the original.
         twin = copy(self)
         twin._ports = dict(self._ports)
         twin.signals = list(self.signals)
@@ -181,6 +181,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
                 is left out.
             of_state: rule that computes the output from states of the plant, if there is one.
         """
+        # The order of the declarations is that of the result's columns.
         self._ports[output] = port
         self.signals.extend(signal for signal in signals if signal.names)
         if of_state is not None:
@@ -253,7 +254,8 @@ class OutputRegistry(Mapping[str, OutputPort]):
         """
         if output in self.of_state:
             return self.of_state[output].of
-        report = self._reports.get(output)  # None if the block of the output is in the diagram
+        # There is no report if the block of the output is in the diagram.
+        report = self._reports.get(output)
         if report is None or not isinstance(report.block, FramePoses):
             return None
         # A block of poses need not join the diagram: its method `at` computes them from states of the plant. Blocks of

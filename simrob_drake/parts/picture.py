@@ -58,4 +58,5 @@ class PictureLabels:
 
     def draw_nothing(self, *names: str) -> None:
         """Declare systems as wiring, which is drawn as a part of the arrows."""
+        # None for each name: the picture draws lines through such systems, and no blocks.
         self.drawn.update(dict.fromkeys(names))

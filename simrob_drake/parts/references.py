@@ -59,7 +59,8 @@ class ReferenceSection(Strict, ABC):
 
     def caption(self, model: RobotModel) -> str:
         """Describe the reference of a robot in words, for the block picture."""
-        start = getattr(self, "start", 0.0)  # not all kinds have a start time
+        # Not all kinds have a start time: a sine or a table begins with the run.
+        start = getattr(self, "start", 0.0)
         words = self._words(model)
         if not start:
             return words
@@ -77,6 +78,7 @@ class ReferenceSection(Strict, ABC):
 
     def postures(self) -> list[AxisValues]:
         """Postures through which the reference goes, per axis in the user's units."""
+        # None is the initial posture, which the section does not give.
         return [values for values in self.targets_by_axis() if values is not None]
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
@@ -136,6 +138,7 @@ class Hold(ReferenceSection):
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m]."""
+        # Axes that the posture does not name hold their initial position.
         return hold(
             start if self.target_deg is None else si_positions(self.target_deg, robot, start)
         )
@@ -143,7 +146,7 @@ class Hold(ReferenceSection):
     def _words(self, model: RobotModel) -> str:
         """Describe the reference in words, without its start time."""
         if self.target_deg is None:
-            return message("parts.reference_holds_start", "hold the start")
+            return message("parts.reference_holds_start", "hold the initial posture")
         posture = shown_positions(self.target_deg, model)
         return message("parts.reference_holds", "hold {posture}", posture=posture)
 
@@ -174,7 +177,7 @@ class Ramp(ToOnePosture):
             raise ValueError(
                 message(
                     "parts.blend_too_long",
-                    "blend, {blend:g} s, must be less than half of the duration, {duration:g} s",
+                    "blend is {blend:g} s; it must be less than half the duration, {duration:g} s",
                     blend=self.blend,
                     duration=self.duration,
                 )
@@ -211,8 +214,10 @@ class Cruise(ReferenceSection):
             InvalidParameter: an axis that moves has no limit, or a value exceeds the robot's limit.
         """
         target = si_positions(self.target_deg, robot, start)
-        is_moving = target != start  # an axis that does not move needs no limits
+        # An axis that does not move needs no limits, and its URDF may have none.
+        is_moving = target != start
         speeds = _checked_limits("speed_deg", self.speed_deg, robot, robot.speed_limits, is_moving)
+        # URDF itself has no limits of accelerations: they are from Drake's extension of it, or the robot's own file.
         own_accelerations = robot.model.accelerations
         accelerations = _checked_limits(
             "acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving
@@ -230,6 +235,7 @@ class Cruise(ReferenceSection):
         return message(
             "parts.reference_cruises",
             "{kind} to {posture}",
+            # A kind such as `s_curve` is written with a hyphen in words.
             kind=self.kind.replace("_", "-"),
             posture=shown_positions(self.target_deg, model),
         )
@@ -255,8 +261,7 @@ class SCurve(Cruise):
         """
         if self.jerk_deg is None:
             return None
-        # Axes that a mapping does not name have no limit.
-        # an infinite jerk is a jump of the acceleration
+        # Axes that a mapping does not name have no limit. An infinite jerk is a jump of the acceleration.
         unlimited = np.full(len(robot.axes), np.inf)
         return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
@@ -280,7 +285,7 @@ def _checked_limits(
         InvalidParameter: a value exceeds the robot's limit, or an axis that moves has no limit.
     """
     chosen = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
-    # Errors show values in the user's units.
+    # Errors show values in the user's units, as the station file gives them.
     per_time = "s²" if key == "acceleration_deg" else "s"
     for axis, (value, limit) in enumerate(zip(chosen, limits, strict=True)):
         unit = robot.model.user_units[axis]
@@ -309,7 +314,7 @@ def _checked_limits(
                 None,
                 message(
                     "parts.rate_needed",
-                    "given [{per_time}]: the robot's files tell none",
+                    "given [{per_time}], since the robot's files have no such limit",
                     per_time=unit_name,
                 ),
             )
@@ -340,7 +345,7 @@ class Sequence(ReferenceSection):
             raise ValueError(
                 message(
                     "parts.sequence_must_rise",
-                    "the times of a sequence rise from target to target, by {shortest:g} s or more",
+                    "the times of a sequence must increase by {shortest:g} s or more from target to target",
                     shortest=SHORTEST,
                 )
             )
@@ -366,7 +371,7 @@ class Sequence(ReferenceSection):
         """Describe the reference in words, without its start time."""
         return message(
             "parts.reference_sequence",
-            "sequence of {count} postures in {duration:g} s",
+            "sequence of {count} {count:posture|postures} in {duration:g} s",
             count=len(self.targets),
             duration=self.targets[-1].time,
         )
@@ -437,6 +442,7 @@ class Table(ReferenceSection):
         """Create the trajectory, shape (n, 1) [rad or m]. It begins at the first row of the table, not at the start."""
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
+            # `rows` reads the columns of the positions, and then those of the speeds.
             positions, speeds = np.hsplit(np.asarray(values), 2)
             return hermite(times, positions, speeds)
         return interpolate_samples(times, values, linear=self.interpolation == "linear")
@@ -461,20 +467,25 @@ class Table(ReferenceSection):
         # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
-        if len(values) < 2:  # one row is a posture, which has no motion
+        # One row is a posture, which has no motion.
+        if len(values) < 2:
             raise InvalidConfig(
                 self.file,
                 "",
-                message("parts.fewer_than_two_rows", "holds fewer than two rows of values"),
+                message(
+                    "parts.fewer_than_two_rows",
+                    "has fewer than two rows of values; a motion needs at least two",
+                ),
             )
         if values.size > MOST_VALUES:
+            # The bound is on values, since tables of robots with many axes have wider rows.
             most = MOST_VALUES // values.shape[1]
             raise InvalidConfig(
                 self.file,
                 "",
                 message(
                     "parts.too_many_rows",
-                    "holds {count} rows; thin it out to at most {most}",
+                    "has {count} rows; reduce it to at most {most}",
                     count=len(values),
                     most=most,
                 ),
@@ -488,7 +499,7 @@ class Table(ReferenceSection):
             after = times[row + 1]
             text = message(
                 "parts.times_must_rise",
-                "time {after:g} s after {before:g} s; times must rise by {shortest:g} s or more from row to row",
+                "time {after:g} s follows {before:g} s; times must increase by {shortest:g} s or more from row to row",
                 after=after,
                 before=before,
                 shortest=SHORTEST,

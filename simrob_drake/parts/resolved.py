@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.renaming import former_names_of
@@ -49,11 +49,10 @@ def name_or_only(
     if len(known) == 1:
         return known[0]
     if not known:
-        thing = kind.partition(" for ")[0]
-        raise InvalidParameter(
+        raise Unsuitable(
             key,
-            None,
-            message("parts.a_thing_and_there_is_none", "a {thing}, and there is none", thing=thing),
+            message("parts.there_is_none", "there is no {kind}", kind=kind),
+            message("parts.add_one", "add one"),
         )
     raise InvalidParameter(
         key, None, message("parts.one_of", "one of {known}", known=", ".join(known))
@@ -67,9 +66,8 @@ class ResolvedRobot:
     name: str  # its key in the station
     prefix: str  # text before the names of its ports, such as "left."; empty for the only robot
     model: RobotModel
-    base: (
-        RigidTransform  # pose of its root link in the world; only at the start if the robot floats
-    )
+    # pose of its root link in the world; only at the start if the robot floats
+    base: RigidTransform
     floats: bool  # whether nothing holds its root link
     gains: ServoGains  # gains and limits of its servos
     # stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m]
@@ -125,6 +123,7 @@ class ResolvedRobot:
         It is the no-load speed of the axis's motor, at which its torque has fallen to zero. Without a motor, it is the
         limit in the robot's URDF.
         """
+        # A copy: the limits of the model are those of the URDF, whatever motors a station gives it.
         limits = np.array(self.model.speed_limits, dtype=float)
         for index, motor in enumerate(self.motors):
             if motor is not None:
@@ -135,6 +134,7 @@ class ResolvedRobot:
     @property
     def tool_names(self) -> list[str]:
         """Names of the tools and of the carried pieces. With an offset, ``tcp`` is one of them."""
+        # Without an offset, the tool centre point is the origin of the tool's own frame, which has a name already.
         has_offset = self.tcp != "" and self.tcp_offset is not None
         return [*self.tool_frames, TCP] if has_offset else [*self.tool_frames]
 

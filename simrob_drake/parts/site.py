@@ -73,6 +73,7 @@ class Site:
             UnknownName: there is no such robot.
             InvalidParameter: the name is None, and there are several robots, or none.
         """
+        # Sections have been checked, so the default words of the error do not matter.
         return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
     if not TYPE_CHECKING:  # the type checker must not accept the former names
@@ -83,7 +84,7 @@ class Site:
             owner = _FORMER_ATTRIBUTES.get(name)
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            # The level of the warning counts the functions from `_warn` up, so it must be called from here.
+            # The level of the warning counts the functions from `_warn` up, so `_warn` must be called from here.
             _warn(
                 message(
                     "parts.site_renamed",
@@ -127,7 +128,9 @@ def _warn(renaming: str) -> None:
     # Level 1 is this function, 2 the lookup of the former name, 3 the code that used it.
     warnings.warn(
         message(
-            "parts.former_name_goes", "{renaming}; the former name goes in 0.2", renaming=renaming
+            "parts.former_name_goes",
+            "{renaming}; version 0.2 removes the former name",
+            renaming=renaming,
         ),
         DeprecationWarning,
         stacklevel=3,

@@ -44,6 +44,7 @@ class StationRobot(ResolvedRobot):
     @cached_property
     def axis_map(self) -> AxisMap:
         """Map between the robot's axes and the positions and velocities of the plant, which must be finalized."""
+        # An axis may count opposite to its joint: q_axis = sign q_joint.
         signs = [axis.sign for axis in self.model.axes.values()]
         return AxisMap.of_joints(self.plant, self.joints, signs)
 
@@ -82,14 +83,12 @@ class StationPlant:
     # pairs of shapes between which the contact points touch; a collision filter lets the two shapes themselves pass
     # through each other
     replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
-    stand_in: PlantBlock | None = (
-        None  # block of another engine in the diagram; None if the plant itself is stepped
-    )
+    # block of another engine in the diagram; None if the plant itself is stepped
+    stand_in: PlantBlock | None = None
     # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
     holds_constraints: bool = False
-    scope: str = (
-        ""  # text before the names of the station's model instances, see `StationContents.scope`
-    )
+    # text before the names of the station's model instances, see `StationContents.scope`
+    scope: str = ""
     is_shared: bool = False  # whether the plant is one of the user's own, with further bodies in it
 
     @property
@@ -128,6 +127,7 @@ class StationPlant:
         Args:
             root: context of the whole diagram, which stays as it is.
         """
+        # Collision filters are a part of a context, so the filters of the clone do not affect the run.
         clone = root.Clone()
         context = self.scene_graph.GetMyMutableContextFromRoot(clone)
         filters = self.scene_graph.collision_filter_manager(context)
@@ -192,7 +192,8 @@ class StationPlant:
         poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
         builder.AddNamedSystem("geometry_poses", poses)
         source_id = self.plant.get_source_id()
-        assert source_id is not None  # add_plant registers the plant
+        # The function that makes a station's plant registers it, even if the plant stays outside of the diagram.
+        assert source_id is not None
         builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
         return poses.get_input_port()
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pydrake.geometry import GeometryId, Role, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.station_plant import StationPlant
@@ -29,7 +29,7 @@ def piece_of_shape(
     station: StationContents, inspector: SceneGraphInspector, shape: GeometryId
 ) -> str | None:
     """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
-    # The name is <scope><owner>::...::<piece>.<shape> for a piece.
+    # The name is <scope><owner>::...::<piece>.<shape> for a piece. The scope separates stations that share one plant.
     scoped_owner = inspector.GetName(shape).partition("::")[0]
     if not scoped_owner.startswith(station.scope):
         return None  # it belongs to something else in a plant that the station shares
@@ -115,10 +115,10 @@ def check_body(station: StationContents, key: str, name: str) -> None:
     """
     # The word is always known, so a station without a floor gets an error of its own instead of "unknown name".
     if name == FLOOR and not station.ground.has_floor:
-        raise InvalidParameter(
+        raise Unsuitable(
             key,
-            name,
-            message("parts.no_floor", "something that the station has; it has no floor: section"),
+            message("parts.no_floor", "the station has no floor"),
+            message("parts.add_floor", "add a section floor, or name another body"),
         )
     one_of(
         message("parts.body_or_shape_for", "body or shape for {key}", key=key),
@@ -145,9 +145,9 @@ def shapes_of(plant: StationPlant, station: StationContents, name: str) -> list[
     found = list(_find_shapes(plant, station, name))
     if not found:
         raise InvalidParameter(
-            "sensor",
-            message("parts.at_body", "at {name}", name=name),
-            message("parts.body_that_collides", "a body with shapes that collide"),
+            message("parts.body_of_sensor", "the body of a sensor"),
+            name,
+            message("parts.body_that_collides", "a body with collision shapes"),
         )
     return found
 
@@ -165,6 +165,7 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
             return robot.tools[own]
         if plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
+    # What is neither the world nor of a robot is a piece. Its frame is the one at its tool centre point.
     return plant.piece_frame(name, f"{name}_tcp")
 
 

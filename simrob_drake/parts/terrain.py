@@ -113,14 +113,15 @@ class Terrain(Strict):
         if self.kind == "grid" and self.file is None:
             raise ValueError(
                 message(
-                    "parts.grid_without_file", "file is missing, which has the heights of a grid"
+                    "parts.grid_without_file",
+                    "kind: grid needs a file with the heights of its tiles",
                 )
             )
         if self.kind != "grid" and self.file is not None:
             raise ValueError(
                 message(
                     "parts.file_of_grid_only",
-                    "file goes with kind grid alone, not with {kind}",
+                    "file is for kind: grid only, not for kind: {kind}",
                     kind=self.kind,
                 )
             )
@@ -128,7 +129,7 @@ class Terrain(Strict):
             raise ValueError(
                 message(
                     "parts.gap_leaves_nothing",
-                    "gap ({gap:g} m) leaves nothing to stand on between gaps every {size:g} m (size)",
+                    "gap is {gap:g} m; it must be less than size, {size:g} m, the distance from gap to gap",
                     gap=self.gap,
                     size=self.size,
                 )
@@ -142,16 +143,17 @@ class Terrain(Strict):
             raise ValueError(
                 message(
                     "parts.size_not_below",
-                    "size ({size:g} m) is not more than length and width",
+                    "size is {size:g} m; it must not exceed length or width",
                     size=self.size,
                 )
             )
         if along * across > MOST_BOXES:
+            # With the size s, the field has length width / s² tiles.
             least = np.sqrt(self.length * self.width / MOST_BOXES)
             raise ValueError(
                 message(
                     "parts.too_many_boxes",
-                    "a size of {size:g} m makes more than {most} boxes; take {least:.2g} m or more",
+                    "a size of {size:g} m needs more than {most} boxes; choose {least:.2g} m or more",
                     size=self.size,
                     most=MOST_BOXES,
                     least=least,
@@ -162,6 +164,7 @@ class Terrain(Strict):
     @property
     def depth(self) -> float:
         """Depth of the floor's plane below the level ground around the field [m]."""
+        # The boxes of a grid may be lower than the ground around them, as far as its file says.
         lowest = self.heights().min() if self.kind == "grid" else -self.height
         return _BELOW + max(self.height, -float(lowest))
 
@@ -183,7 +186,7 @@ class Terrain(Strict):
                 if picture.width * picture.height > _MOST_PIXELS:
                     problem = message(
                         "parts.too_many_pixels",
-                        "has {width} x {height} pixels, more than {most}; make it smaller",
+                        "has {width} x {height} pixels, more than {most}; use a smaller image",
                         width=picture.width,
                         height=picture.height,
                         most=_MOST_PIXELS,
@@ -196,7 +199,7 @@ class Terrain(Strict):
                 return np.asarray(self.height / white * pixels, dtype=float)
         except OSError as error:
             problem = message(
-                "parts.no_picture", "cannot be read as a picture ({problem})", problem=error
+                "parts.no_picture", "cannot be read as an image ({problem})", problem=error
             )
             raise InvalidConfig(self.file, "", problem) from error
 
@@ -217,6 +220,7 @@ class Terrain(Strict):
         indices = np.stack(grid, axis=-1).reshape(-1, 2)
         corner = (self.start, -side)  # near and right
         middles = np.asarray((indices + 0.5) * self.size + corner)
+        # One generator for the whole field: the order of the draws is a part of the ground.
         random = np.random.default_rng(self.seed)
         makers = {
             "steps": self._steps,
@@ -312,11 +316,13 @@ class Terrain(Strict):
         thickness = self.height
         half = np.array([np.hypot(self.size, self.height) / 2, side, thickness / 2])
         positions = np.unique(middles[:, 0])
-        whole_ridges = len(positions) // 2  # an odd row at the end stays level: a ridge needs two
+        # A ridge needs two rows, one up and one down: an odd row at the end stays level.
+        whole_ridges = len(positions) // 2
         boxes = []
         for index, x in enumerate(positions[: 2 * whole_ridges]):
             falls = index % 2 == 1
-            pitch = angle if falls else -angle  # a positive pitch lowers the far end
+            # A positive pitch lowers the far end.
+            pitch = angle if falls else -angle
             rotation = RollPitchYaw(0.0, pitch, 0.0).ToRotationMatrix()
             # The middle of the upper face is at half of the height.
             middle_of_face = np.array([x, 0.0, self.height / 2])
@@ -392,6 +398,7 @@ class Terrain(Strict):
         Raises:
             InvalidConfig: the file cannot be read, or gives too many boxes.
         """
+        # Fewer boxes make contact faster, and bodies slide over no edges within a level part of a row.
         boxes = []
         for row, heights in enumerate(self.heights()):
             begin = self.start + row * self.size
@@ -407,7 +414,7 @@ class Terrain(Strict):
                 "",
                 message(
                     "parts.grid_of_too_many_boxes",
-                    "makes {count} boxes, and at most {most} can be; thin it out",
+                    "needs {count} boxes, more than {most}; use a coarser grid",
                     count=len(boxes),
                     most=MOST_BOXES,
                 ),

@@ -424,9 +424,13 @@ def _check_legs(feet: Sequence[Frame], legs: Sequence[Sequence[int]]) -> None:
     for frame, leg in zip(feet, legs, strict=True):
         if len(leg) not in _CONTROLLED or len(leg) != len(legs[0]):
             raise InvalidParameter(
-                message("walking.leg_of", "leg of {frame}", frame=frame.name()),
-                message("walking.count_of_joints", "{count} joints", count=len(leg)),
-                message("walking.three_to_seven", "three to seven, all alike, to walk"),
+                message(
+                    "walking.joints_of_leg",
+                    "the number of joints in the leg of {frame}",
+                    frame=frame.name(),
+                ),
+                len(leg),
+                message("walking.three_to_seven", "from 3 to 7, and the same for all legs"),
             )
 
 

@@ -77,7 +77,7 @@ class Waypoints(Strict):
                 raise ValueError(
                     message(
                         "walking.same_points",
-                        "points {first} and {second} of the path are the same",
+                        "points {first} and {second} of the path are the same; leave one of them out",
                         first=number,
                         second=number + 1,
                     )

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Length, Number, Strict, validated
@@ -24,11 +24,13 @@ class RisingPosture(Strict):
     """A posture on the way up, and the lean of the trunk that is expected at its end."""
 
     time: Duration
-    """To take it [s]."""
+    """Duration of the motion to the posture [s]."""
     target_deg: dict[str, Number] = Field(default_factory=dict)
-    """Where axes go; `knee` is both `right_knee` and `left_knee`. Others stay, and are 0 at first."""
+    """Positions of axes; `knee` is both `right_knee` and `left_knee`. Axes that are not named keep their position,
+    which is 0 at first."""
     lean_deg: tuple[Number, Number] = (-180.0, 180.0)
-    """How far ahead the trunk then leans, at least and at most; where it does not, the robot begins anew."""
+    """Least and largest lean of the trunk ahead after the motion; outside of them, the robot tries again from the
+    start."""
 
 
 Way = Annotated[tuple[RisingPosture, ...], Field(min_length=1)]
@@ -38,33 +40,32 @@ class GettingUp(Strict):
     """Sequences of postures with which a robot gets up."""
 
     height: Length
-    """Of its root over the ground from which it stands [m]."""
+    """Height of the root over the ground above which the robot stands [m]."""
     front: Way
-    """From its belly."""
+    """Postures from lying on the front."""
     back: Way
-    """From its back."""
+    """Postures from lying on the back."""
 
 
 def load_getting_up(model: RobotModel) -> GettingUp:
     """Load the postures with which a robot gets up.
 
     Raises:
-        InvalidParameter: the robot's ``gaits.yaml`` has no section for it.
+        Unsuitable: the robot's ``gaits.yaml`` has no section for it.
         SimrobError: the section has an invalid entry.
     """
     gaits = gaits_file(model)
     section = gaits.section(GETTING_UP)
     if not section:
-        expected = message(
-            "walking.robot_with_getting_up",
-            "one whose {file} has postures for it, a section {section}",
-            file=GAITS_FILE,
-            section=GETTING_UP,
-        )
-        raise InvalidParameter(
+        raise Unsuitable(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("walking.cannot_get_up", "one that cannot get up"),
-            expected,
+            message(
+                "walking.cannot_get_up",
+                "its {file} has no section {section} with the postures for getting up",
+                file=GAITS_FILE,
+                section=GETTING_UP,
+            ),
+            message("walking.add_section", "add the section, or choose another robot"),
         )
     return validated(GettingUp, dict(section), f"{gaits.file}: {GETTING_UP}")
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import (
     Duration,
@@ -221,7 +221,7 @@ class WalkingParameters(Renamed):
             raise ValueError(
                 message(
                     "walking.foothold_order",
-                    "foothold.outer, {outer:g} m, must be beyond foothold.inner, {inner:g} m",
+                    "foothold.outer is {outer:g} m; it must be larger than foothold.inner, {inner:g} m",
                     outer=self.foothold.outer,
                     inner=self.foothold.inner,
                 )
@@ -239,22 +239,21 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
             ("0", "1" ...) that a section names.
 
     Raises:
-        InvalidParameter: the robot's ``gaits.yaml`` has no such section.
+        Unsuitable: the robot's ``gaits.yaml`` has no such section.
         InvalidConfig: a parameter is invalid.
     """
     gaits = gaits_file(model)
     section = gaits.section(REACTING)
     if not section:
-        expected = message(
-            "walking.robot_with_reacting_walk",
-            "one whose {file} has a section {section}",
-            file=GAITS_FILE,
-            section=REACTING,
-        )
-        raise InvalidParameter(
+        raise Unsuitable(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("walking.no_walk_by_commands", "one that has no walk by commands"),
-            expected,
+            message(
+                "walking.no_walk_by_commands",
+                "its {file} has no section {section} with the parameters of a walk",
+                file=GAITS_FILE,
+                section=REACTING,
+            ),
+            message("walking.add_section", "add the section, or choose another robot"),
         )
     parameters = _apply_changes(section, changes or {})
     return validated(WalkingParameters, parameters, f"{gaits.file}: {REACTING}")

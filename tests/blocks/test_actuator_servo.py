@@ -79,7 +79,8 @@ def servo_simulator(
 def motion(simulator: Simulator, duration: float) -> np.ndarray:
     """Return position, velocity and torque after ``duration`` [s]."""
     simulator.AdvanceTo(duration)
-    system, context = simulator.get_system(), simulator.get_context()
+    system = simulator.get_system()
+    context = simulator.get_context()
     plant = system.GetSubsystemByName("plant")
     state = plant.get_state_output_port().Eval(plant.GetMyContextFromRoot(context))
     return np.concatenate([state, system.GetOutputPort("torque").Eval(context)])
@@ -148,7 +149,8 @@ def first_torque(add_pendulum: AddPendulum, scheme: str, *, time_step: float = 0
 
 # At rest the law asks for 100 * 0.2 + 50 * 1 = 70 N m, and with the wrong sign for 20 - 50 = -30 N m. Within the
 # millisecond the damper takes up to kd h / M = 20 % off.
-RIGHT, DAMPED = 70.0, 0.2
+RIGHT = 70.0
+DAMPED = 0.2
 
 
 @pytest.mark.parametrize(

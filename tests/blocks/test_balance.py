@@ -1,13 +1,17 @@
-"""How a robot stands on its feet, and what balance makes of it, against bodies summed up by hand."""
+"""Balance of a robot on its feet: kinematics against sums over its bodies, strategies and steps against equations."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.controllers.balance import (
     Answer,
     CaptureStep,
@@ -17,6 +21,7 @@ from simrob_drake.parts.controllers.balance import (
     Strategy,
 )
 from simrob_drake.parts.controllers.support import BalanceState, Support
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
 
@@ -25,95 +30,150 @@ G = 9.80665
 FLAT = np.zeros(2)  # no foot is lifted
 
 
-@pytest.fixture(params=FACING, name="stood")
-def _stood(request):
-    """Return a robot in a plant, where it looks, and its support."""
+class Standing(NamedTuple):
+    """A robot in its plant, whose posture at the start has all axes at 0.
+
+    Attributes:
+        plant: the plant.
+        robot: the robot.
+        facing: direction in which the robot looks, from the world's x axis [rad].
+        support: kinematics that are tested.
+    """
+
+    plant: MultibodyPlant
+    robot: StationRobot
+    facing: float
+    support: Support
+
+    @property
+    def zeros(self) -> Vector:
+        """Zero for each axis, shape (n,)."""
+        return np.zeros(len(self.robot.axes))
+
+    def bodies(self, position: Vector, rotation: RotationMatrix) -> "Bodies":
+        """Compute the robot body by body, for positions of its axes (n,) [rad] and a rotation of its root."""
+        plant = self.plant
+        robot = self.robot
+        context = plant.CreateDefaultContext()
+        positions = robot.axis_map.spread_positions(position, plant.GetPositions(context))
+        start = robot.root.body().floating_positions_start()
+        positions[start : start + 7] = [*rotation.ToQuaternion().wxyz(), 0.0, 0.0, 0.0]
+        plant.SetPositions(context, positions)
+
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
+        masses = np.array([body.default_mass() for body in bodies])
+        centres = np.array([body.EvalPoseInWorld(context) @ body.default_com() for body in bodies])
+        soles = []
+        for link in robot.feet.links:
+            pose = plant.GetBodyByName(link, robot.instance).EvalPoseInWorld(context)
+            soles.append((pose @ robot.feet.support_points(link).T).T)
+        return Bodies(com=masses @ centres / masses.sum(), soles=soles)
+
+
+class Bodies(NamedTuple):
+    """Centre of mass and feet of a robot whose root link is at the world's origin.
+
+    Attributes:
+        com: centre of mass, shape (3,) [m].
+        soles: contact points of each foot, shape (k, 3) each [m].
+    """
+
+    com: Vector
+    soles: list[Vector]
+
+    @property
+    def points(self) -> Vector:
+        """Contact points of all feet, shape (k, 3) [m]."""
+        return np.vstack(self.soles)
+
+    @property
+    def floor(self) -> float:
+        """Height of the lowest contact point [m]."""
+        return float(self.points[:, 2].min())
+
+
+@pytest.fixture(params=FACING, name="standing")
+def _standing(request):
     ports = compose(DiagramBuilder(), resolve(load_station(f"{request.param}_dynamic")))
-    robot, facing = ports.plant.robots["robot"], math.radians(FACING[request.param])
-    return ports.plant.plant, robot, facing, Support(robot, facing)
+    robot = ports.plant.robots["robot"]
+    facing = math.radians(FACING[request.param])
+    return Standing(
+        plant=ports.plant.plant, robot=robot, facing=facing, support=Support(robot, facing)
+    )
 
 
-def by_hand(plant, robot, position, turned, lifted=(0.0, 0.0, 0.0)):
-    """Return the centre of mass and the lowest points of the feet in the world, body by body."""
-    context = plant.CreateDefaultContext()
-    positions = robot.axis_map.spread_positions(position, plant.GetPositions(context))
-    start = robot.root.body().floating_positions_start()
-    positions[start : start + 7] = [*turned.ToQuaternion().wxyz(), *lifted]
-    plant.SetPositions(context, positions)
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
-    mass = np.array([body.default_mass() for body in bodies])
-    centres = np.array([body.EvalPoseInWorld(context) @ body.default_com() for body in bodies])
-    links = [(plant.GetBodyByName(link, robot.instance), link) for link in robot.feet.links]
-    points = [
-        (body.EvalPoseInWorld(context) @ robot.feet.support_points(link).T).T
-        for body, link in links
-    ]
-    return mass @ centres / mass.sum(), np.vstack(points)
+def to_heading(facing):
+    """Rotation of level vectors from the world's axes to ahead and left, shape (2, 2)."""
+    cos = math.cos(facing)
+    sin = math.sin(facing)
+    return np.array([[cos, sin], [-sin, cos]])
 
 
-def heading(facing):
-    return np.array([[math.cos(facing), math.sin(facing)], [-math.sin(facing), math.cos(facing)]])
+def posture_with_moved_arms(robot):
+    """Positions of the axes (n,) [rad]: random for the arms, 0 for the legs."""
+    is_leg = [any(part in axis for part in ("hip", "knee", "ankle")) for axis in robot.axes]
+    random = np.random.default_rng(1)
+    return np.where(is_leg, 0.0, 0.5 * random.normal(size=len(robot.axes)))
 
 
-def arms_moved(robot):
-    """Return a posture whose legs are as at the start."""
-    legs = [any(part in axis for part in ("hip", "knee", "ankle")) for axis in robot.axes]
-    return np.where(legs, 0.0, 0.5 * np.random.default_rng(1).normal(size=len(robot.axes)))
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_the_centre_of_mass_is_that_of_all_bodies(standing, yaw):
+    """The directions ahead and left turn with the robot."""
+    position = posture_with_moved_arms(standing.robot)
+    rotation = RotationMatrix.MakeZRotation(yaw)
+
+    state = standing.support.observe(position, standing.zeros, rotation, np.zeros(3))
+
+    start = standing.bodies(standing.zeros, RotationMatrix())
+    bodies = standing.bodies(position, rotation)
+    expected = to_heading(standing.facing + yaw) @ (bodies.com - rotation @ start.com)[:2]
+    assert np.linalg.norm(expected) > 1e-3
+    np.testing.assert_allclose(state.com, expected, atol=1e-9)
+    # At rest the capture point is at the centre of mass.
+    np.testing.assert_allclose(state.capture_point, expected, atol=1e-9)
+    assert state.omega == pytest.approx(math.sqrt(G / (bodies.com[2] - bodies.floor)))
 
 
-def test_the_centre_of_mass_lies_where_the_bodies_put_it(stood):
-    plant, robot, facing, support = stood
-    still, none = np.zeros(len(robot.axes)), np.zeros(3)
-    begins, _ = by_hand(plant, robot, still, RotationMatrix())
-    for yaw in (0.0, 0.7):  # the robot's own directions turn with it
-        turned, position = RotationMatrix.MakeZRotation(yaw), arms_moved(robot)
-        com, points = by_hand(plant, robot, position, turned)
-        found = support.observe(position, still, turned, none)
-        expected = heading(facing + yaw) @ (com - turned @ begins)[:2]
-        assert np.linalg.norm(expected) > 1e-3
-        np.testing.assert_allclose(found.com, expected, atol=1e-9)
-        np.testing.assert_allclose(found.capture_point, expected, atol=1e-9)
-        assert found.omega == pytest.approx(math.sqrt(G / (com[2] - points[:, 2].min())))
+@pytest.mark.parametrize(("ahead", "left"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_a_robot_that_tips_turns_about_the_edge_on_which_it_stands(standing, ahead, left):
+    """A robot that leans by 0.2 rad in a direction and turns further at 1.5 rad/s."""
+    rate = 1.5
+    facing = to_heading(standing.facing)
+    direction = facing.T @ np.array([ahead, left])
+    turn_axis = np.array([-direction[1], direction[0], 0.0])
+    rotation = RotationMatrix(AngleAxis(0.2, turn_axis))
+
+    state = standing.support.observe(standing.zeros, standing.zeros, rotation, rate * turn_axis)
+
+    start = standing.bodies(standing.zeros, RotationMatrix())
+    below_com = np.array([*start.com[:2], start.floor])
+    expected = facing @ (rotation @ (start.com - below_com))[:2]
+    np.testing.assert_allclose(state.com, expected, atol=1e-6)
+    # The foremost points of the feet in the direction are the edge.
+    edge = start.points[np.argmax(start.points[:, :2] @ direction)]
+    velocity = rate * np.cross(turn_axis, rotation @ (start.com - edge))[:2]
+    # Other points, a little higher than the edge, have a small weight.
+    assert state.speed @ [ahead, left] == pytest.approx(velocity @ direction, abs=3e-3)
+    assert state.speed @ [-left, ahead] == pytest.approx(0, abs=1e-6)
 
 
-def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
-    plant, robot, facing, support = stood
-    still, angle, rate = np.zeros(len(robot.axes)), 0.2, 1.5
-    com, points = by_hand(plant, robot, still, RotationMatrix())
-    under = np.array([*com[:2], points[:, 2].min()])
-    for ahead, left in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        down = heading(facing).T @ np.array([ahead, left])  # the way it falls
-        axis = np.array([-down[1], down[0], 0.0])
-        c, s = math.cos(angle), math.sin(angle)
-        cross = np.array([[0, 0, axis[1]], [0, 0, -axis[0]], [-axis[1], axis[0], 0]])
-        turned = RotationMatrix(np.eye(3) + s * cross + (1 - c) * cross @ cross)  # Rodrigues
-        edge = points[np.argmax(points[:, :2] @ down)]
-        found = support.observe(still, still, turned, rate * axis)
-        expected = heading(facing) @ (turned @ (com - under))[:2]
-        np.testing.assert_allclose(found.com, expected, atol=1e-6)
-        swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
-        # the next row counts a little
-        assert found.speed @ [ahead, left] == pytest.approx(swung, abs=3e-3)
-        assert found.speed @ [-left, ahead] == pytest.approx(0, abs=1e-6)
-
-
-def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
-    plant, robot, facing, support = stood
-    position, step = arms_moved(robot), 1e-5
+def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(standing):
+    position = posture_with_moved_arms(standing.robot)
     rates = 3 * position
-    after, before = (
-        by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0]
-        for sign in (1, -1)
-    )
-    found = support.observe(position, rates, RotationMatrix(), np.zeros(3))
-    np.testing.assert_allclose(
-        found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7
-    )
+
+    state = standing.support.observe(position, rates, RotationMatrix(), np.zeros(3))
+
+    step = 1e-5  # s
+    after = standing.bodies(position + step * rates, RotationMatrix()).com
+    before = standing.bodies(position - step * rates, RotationMatrix()).com
+    velocity = (after - before) / (2 * step)
+    expected = to_heading(standing.facing) @ velocity[:2]
+    np.testing.assert_allclose(state.speed, expected, atol=1e-7)
 
 
-def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
-    plant, robot, _, support = stood
-    still, bent = np.zeros(len(robot.axes)), np.zeros(len(robot.axes))
+def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(standing):
+    robot = standing.robot
+    bent = standing.zeros
     for axis, angle in {
         "right_hip_pitch": 0.4,
         "right_knee": 0.8,
@@ -121,15 +181,15 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     }.items():
         bent[robot.axes.index(axis)] = angle
 
-    found = support.observe(bent, still, RotationMatrix(), np.zeros(3)).lifted
+    state = standing.support.observe(bent, standing.zeros, RotationMatrix(), np.zeros(3))
 
-    _, points = by_hand(plant, robot, bent, RotationMatrix())
-    sizes = np.cumsum([len(robot.feet.support_points(link)) for link in robot.feet.links])[:-1]
-    lowest = np.array([foot[:, 2].min() for foot in np.split(points, sizes)])
-    np.testing.assert_allclose(found, lowest - lowest.min(), atol=1e-9)
-    assert sorted(
-        link[0] for link, height in zip(robot.feet.links, found, strict=True) if height > 2e-3
-    ) == ["r"]
+    soles = standing.bodies(bent, RotationMatrix()).soles
+    lowest = np.array([sole[:, 2].min() for sole in soles])
+    np.testing.assert_allclose(state.lifted, lowest - lowest.min(), atol=1e-9)
+    is_lifted = state.lifted > 2e-3
+    lifted_feet = [link for link, lifted in zip(robot.feet.links, is_lifted, strict=True) if lifted]
+    assert len(lifted_feet) == 1
+    assert lifted_feet[0].startswith("r")
 
 
 OMEGA = 5.0  # 1/s: the capture point is ahead of the centre of mass by its speed over OMEGA
@@ -289,7 +349,7 @@ def test_a_foot_that_touches_after_half_of_the_step_is_down():
 
 
 def test_strategies_rest_once_the_robot_steps():
-    """It steps beyond 0.05 m. Then the strategy, which acts at once, gives no offset any more."""
+    """The robot steps beyond 0.05 m. Then the strategy, which acts at once, gives no offset any more."""
     still_step = stepping(lift=[0.0, 0.0], reach=[0.0, 0.0])
     robot = FakeRobot(answers=[answer(rise=0, release=0)], steps=[still_step])
 

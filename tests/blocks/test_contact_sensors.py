@@ -28,10 +28,8 @@ from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.outlines import lowest_points
 
-STIFFNESS, DEPTH = (
-    2000.0,
-    0.003,
-)  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]
+STIFFNESS = 2000.0  # N/m, of a contact
+DEPTH = 0.003  # m, of the cube's corner balls in the floor
 CORNERS = np.array([[x, y, -0.1] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])  # m
 RADIUS = 0.01  # m
 BODY_IN_WORLD = RigidTransform(np.array([0.3, -0.2, 0.1 + RADIUS - DEPTH]))
@@ -151,7 +149,8 @@ def test_normals_of_points_and_surfaces_push_the_first_shape_away_from_the_secon
 
 
 def test_several_sensors_read_the_contacts_once(monkeypatch):
-    read, of = [], Contacts.of
+    read = []
+    of = Contacts.of
     monkeypatch.setattr(Contacts, "of", lambda results: read.append(None) or of(results))
     sensors = {
         name: {"kind": "force", "body": "ball", "other": "floor"}
@@ -238,7 +237,7 @@ def test_the_distance_to_the_floor_is_that_of_the_lowest_point(shape):
 
 
 def test_the_lowest_point_of_a_tilted_cylinder_is_exact():
-    """With the vertical u in its frame, the lowest point is r |u_xy| + l / 2 |u_z| below the cylinder's centre."""
+    """The lowest point is r |u_xy| + l / 2 |u_z| below the centre, with the vertical u in the cylinder's frame."""
     radius = 0.1
     length = 0.3
     up = TILTED.rotation().matrix()[2]
@@ -285,7 +284,9 @@ def test_shapes_of_one_body_have_no_distance():
     for place in (np.zeros(3), np.array([0.5, 0, 0])):
         bench.add(Sphere(RADIUS), place)
     bench.plant.Finalize()
-    with pytest.raises(InvalidParameter, match="two things that can touch"):
+    with pytest.raises(
+        InvalidParameter, match=r"collisions of .* are filtered out; name two other bodies"
+    ):
         DistanceSensor(
             body=bench.shapes[:1],
             other=bench.shapes[1:],
@@ -315,7 +316,8 @@ class TestMomentumObserver:
         _builder, observer = self.observer(add_pendulum, gain=gain, period=period)
 
         memory = np.full(3, np.inf)  # no sample was taken yet
-        angle, speed = 0.4, -1.0
+        angle = 0.4
+        speed = -1.0
         estimates = []
         for _ in range(60):
             memory = observer.next_state(memory, np.array([angle, speed]), np.array([servo_torque]))

@@ -84,7 +84,7 @@ def test_an_s_curve_takes_its_jerk_time_longer() -> None:
 def test_what_is_not_reached_on_a_short_way(
     length: float, speed: float, push: float, jerk: float, duration: float | None
 ) -> None:
-    """The duration follows from the limits that are reached; None stands for the equation of the first case."""
+    """The duration follows from the limits that are reached. If it is None, it is that of the first case's equation."""
     law = cruise(length, speed, push, jerk)
 
     if duration is None:
@@ -204,24 +204,31 @@ def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
 
 def test_an_s_curve_of_axes_keeps_their_jerks() -> None:
     reference = cruise_to(START, TARGET, SPEEDS, PUSHES, np.array([30.0, 20.0, 1.0]))
+
     times = np.linspace(0, reference.end_time(), 2000)
     jerks = np.abs(reference.MakeDerivative(3).vector_values(times)).max(axis=1)
     assert (jerks <= [30.0 + 1e-6, 20.0 + 1e-6, 1e-12]).all()
     assert np.isclose(jerks[:2], [30.0, 20.0]).any()
 
 
-def test_no_way_takes_no_time_and_no_limit_no_time_that_cannot_be_told() -> None:
-    assert cruise_to(START, START, SPEEDS, PUSHES).value(3.0).ravel() == pytest.approx(START)
-    for jerk in (np.inf, None, 1e300):
-        law = cruise(1.0, 1e300, 1e300, jerk)
-        assert 1e-4 < law.duration < 1e-3
-        np.testing.assert_allclose(ends(law, 0)[[0, -1], [0, 1]], [0, 1], atol=1e-9)
-        np.testing.assert_allclose(
-            ends(law, 1)[[0, -1], [0, 1]], 0, atol=1e-9 * np.abs(ends(law, 1)).max()
-        )
+def test_a_motion_to_the_start_stays_there() -> None:
+    reference = cruise_to(START, START, SPEEDS, PUSHES)
+
+    assert reference.value(3.0).ravel() == pytest.approx(START)
+
+
+@pytest.mark.parametrize("jerk", [np.inf, None, 1e300])
+def test_enormous_limits_still_give_a_duration_that_can_be_computed_with(jerk) -> None:
+    law = cruise(1.0, 1e300, 1e300, jerk)
+
+    assert 1e-4 < law.duration < 1e-3
+    np.testing.assert_allclose(outer_ends(law, 0), [0, 1], atol=1e-9)
+    np.testing.assert_allclose(outer_ends(law, 1), 0, atol=1e-9 * largest(law, 1))
 
 
 @pytest.mark.parametrize("limits", [(1e-300, 1.0, 1.0), (1.0, 1e-300, None), (1.0, 1.0, 1e-300)])
-def test_what_would_take_for_ever_is_refused(limits) -> None:
-    with pytest.raises(InvalidParameter, match=r"the time of the motion is .*limits are too low"):
+def test_a_motion_that_would_take_too_long_is_refused(limits) -> None:
+    message = r"the time of the motion is .*; the limits of its speed, .* are too low"
+
+    with pytest.raises(InvalidParameter, match=message):
         cruise(1.0, *limits)

@@ -84,7 +84,7 @@ def test_it_is_slow_until_it_touches_fast_afterwards_and_does_not_wind_up_at_its
 
 
 def test_the_tool_goes_along_the_direction_and_nowhere_else(arm):
-    """Without a force it moves down by 0.1 mm a sample, and does not turn."""
+    """The tool moves down by 0.1 mm in each sample without a force, and does not turn."""
     driven = Driven(pressing(arm))
     begin = tool_pose(arm, POSTURE)
     for number in range(1, 101):

@@ -35,7 +35,8 @@ def pose(block: FramePoses, name: str, state: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None:
-    block, frame = block_of(plant), plant.GetFrameByName(name)
+    block = block_of(plant)
+    frame = plant.GetFrameByName(name)
     random = np.random.default_rng(7)
     for q in random.uniform(
         plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits(), (20, 6)
@@ -76,7 +77,8 @@ def test_all_ports_follow_a_change_of_the_state_in_any_order(plant: MultibodyPla
 
 
 def test_recorded_states_give_what_the_ports_give(plant: MultibodyPlant) -> None:
-    block, states = block_of(plant), np.random.default_rng(3).normal(size=(5, 12))
+    block = block_of(plant)
+    states = np.random.default_rng(3).normal(size=(5, 12))
     for name in FRAMES:
         np.testing.assert_array_equal(
             block.at(name, states), [pose(block, name, state) for state in states]

@@ -13,7 +13,8 @@ from simrob_drake.blocks.passive_joints import add_joint_stops
 AddPendulum = Callable[..., MultibodyPlant]
 
 # The joints of the Simulink models: 1e4 N m/deg and 10 N m s/deg.
-STIFFNESS, DAMPING = 1e4 * 180 / np.pi, 10 * 180 / np.pi
+STIFFNESS = 1e4 * 180 / np.pi
+DAMPING = 10 * 180 / np.pi
 
 
 def with_stops(builder: DiagramBuilder, plant: MultibodyPlant) -> Diagram:
@@ -50,7 +51,8 @@ def arm(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> tuple[Multibo
 
 def test_inside_of_its_range_a_joint_feels_nothing(arm: tuple[MultibodyPlant, Diagram]) -> None:
     plant, diagram = arm
-    lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+    lower = plant.GetPositionLowerLimits()
+    upper = plant.GetPositionUpperLimits()
     random = np.random.default_rng(11)
     for _ in range(20):
         v = random.uniform(-5, 5, 6)
@@ -62,12 +64,14 @@ def test_inside_of_its_range_a_joint_feels_nothing(arm: tuple[MultibodyPlant, Di
 
 def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Diagram]) -> None:
     plant, diagram = arm
-    lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+    lower = plant.GetPositionLowerLimits()
+    upper = plant.GetPositionUpperLimits()
     random = np.random.default_rng(12)
     pushed = 0
     for _ in range(50):
         side = random.choice([lower, upper])
-        q, v = side + random.normal(scale=0.01, size=6), random.normal(scale=5.0, size=6)
+        q = side + random.normal(scale=0.01, size=6)
+        v = random.normal(scale=5.0, size=6)
         expected = law(q, v, lower, upper)
         np.testing.assert_allclose(stop_force(plant, diagram, q, v), expected, rtol=1e-9, atol=1e-6)
         pushed += int((expected != 0).sum())
@@ -80,12 +84,14 @@ def test_each_joint_may_have_figures_of_its_own(
     builder = DiagramBuilder()
     plant = add_irb120(builder)
     plant.Finalize()
-    stiffness, damping = np.geomspace(1e2, 1e5, 6), np.linspace(50.0, 0.0, 6)
+    stiffness = np.geomspace(1e2, 1e5, 6)
+    damping = np.linspace(50.0, 0.0, 6)
     stops = add_joint_stops(builder, plant, stiffness=stiffness, damping=damping)
     if stops is not None:
         builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     diagram = builder.Build()
-    q, v = plant.GetPositionUpperLimits() + 0.1, np.full(6, 0.2)
+    q = plant.GetPositionUpperLimits() + 0.1
+    v = np.full(6, 0.2)
     np.testing.assert_allclose(stop_force(plant, diagram, q, v), -stiffness * 0.1 - damping * 0.2)
 
 
@@ -136,7 +142,8 @@ def test_a_falling_pendulum_stops_shortly_behind_its_limit_and_gains_no_energy(
     mine = plant.GetMyMutableContextFromRoot(context)
     diagram.GetInputPort("actuation").FixValue(context, [0.0])
     plant.SetPositionsAndVelocities(mine, [-1.5, speed])
-    positions, energies = [], []
+    positions = []
+    energies = []
 
     def record(_: object) -> None:
         position = plant.GetPositions(mine)[0]

@@ -103,7 +103,7 @@ class TestCellSequence:
         ],
     )
     def test_the_next_cell_begins_once_all_axes_are_near_and_slow(self, position, speed, cell):
-        """Without a timeout, a cell that is not reached lasts for ever."""
+        """A cell that is not reached lasts for ever if there is no timeout."""
         driven = self.after_first_ramp()
 
         for _ in range(20):
@@ -149,7 +149,7 @@ class TestTimeoutOfACell:
         """The knee has no target in this cell, so only the hip is late."""
         loop = two_cells(timeout=1.0)
 
-        with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
+        with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s; late: hip"):
             loop.sample(LATE_MEMORY, AT_ZERO)
 
     def test_it_begins_the_next_cell_if_the_section_asks_for_that(self):
@@ -163,7 +163,7 @@ class TestTimeoutOfACell:
         """The first sample after the last cell ends the run."""
         done = {**LATE_MEMORY, "done": np.ones(1)}
 
-        with pytest.raises(RunEnds, match="the last of 2 cells is done"):
+        with pytest.raises(RunEnds, match="the last of 2 cells is reached"):
             two_cells(ends=True).sample(done, AT_ZERO)
 
 
@@ -209,7 +209,7 @@ class TestFallGuard:
         assert outputs["active"] == acts
 
     def test_it_ramps_from_the_reference_to_the_posture_and_stays_there(self):
-        """It goes on although the base is high again: only a reset ends it."""
+        """The ramp continues although the base is high again: only a reset ends it."""
         driven = Driven(guard())
 
         first = driven.sample(base_pose=LOW, reference=self.REFERENCE)

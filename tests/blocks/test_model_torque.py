@@ -124,7 +124,7 @@ def some_motion() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("moving", [True, False])
 def test_the_feedforward_is_the_closed_form_of_what_is_asked_for(moving: bool) -> None:
-    """Without a desired velocity and acceleration, the feedforward is that of a robot at rest."""
+    """The feedforward without a desired velocity and acceleration is that of a robot at rest."""
     plant, axes = two_links()
     builder = DiagramBuilder()
     values = some_motion()

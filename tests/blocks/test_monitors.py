@@ -54,7 +54,7 @@ def monitor(kind: str, *options: Any, **keys: Any) -> Monitor:
 def watched(
     block: Monitor, duration: float = 2.0, **signals: Trajectory
 ) -> tuple[bool, float, str]:
-    """Play signals to a monitor in steps of 10 ms; tell whether it ended the run, when and why."""
+    """Play signals to a monitor in steps of 10 ms. Returns whether it ended the run, when and why."""
     builder = DiagramBuilder()
     builder.AddNamedSystem("monitor", block)
     builder.AddSystem(SteadySteps(STEP))
@@ -142,7 +142,10 @@ def test_a_value_that_is_no_number_counts_as_a_violation(bad: float) -> None:
     for kind in ("joint_limit", "divergence", "torque_limit"):
         assert condition(kind).excess(np.array([0.0, bad])) == np.inf
     fast = condition("divergence")
-    assert fast.why(np.array([bad, 0.0])) == "joint_1 ran away: inf rad/s, above 100 rad/s"
+    assert (
+        fast.why(np.array([bad, 0.0]))
+        == "joint_1 diverged: its speed is inf rad/s, above 100 rad/s"
+    )
 
 
 def test_a_robot_whose_speed_is_no_number_does_not_stand_still() -> None:
@@ -157,7 +160,8 @@ def test_the_excess_port_tells_by_how_much() -> None:
 
 
 def test_what_slides_is_told_in_metres_and_newtons() -> None:
-    belt, still = "irb120_on_belt", np.zeros(6)
+    belt = "irb120_on_belt"
+    still = np.zeros(6)
     limits = condition("joint_limit", belt, margin_m=0.1)
     position = np.array([1.45, *still])
     assert limits.excess(position) == pytest.approx(0.05)
@@ -168,7 +172,7 @@ def test_what_slides_is_told_in_metres_and_newtons() -> None:
         == "belt stayed at its torque limit of 500 N for 0.1 s"
     )
     fast = condition("divergence", belt, speed_limit=10)
-    assert fast.why(np.array([20.0, *still])) == "belt ran away: 20 m/s, above 10 m/s"
+    assert fast.why(np.array([20.0, *still])) == "belt diverged: its speed is 20 m/s, above 10 m/s"
 
 
 @pytest.mark.parametrize(
@@ -240,7 +244,8 @@ def test_a_robot_that_moves_slowly_in_one_joint_is_not_settled() -> None:
     ("error", "settled"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)]
 )
 def test_a_robot_at_rest_is_settled_only_near_its_reference(error: float, settled: bool) -> None:
-    block, off = monitor("settled", error_deg=1.0, hold=0.2), 1 + np.deg2rad(error)
+    block = monitor("settled", error_deg=1.0, hold=0.2)
+    off = 1 + np.deg2rad(error)
     still = {"velocity": line((0, 0, 0), (9, 0, 0)), "position": line((0, 1, 1), (9, 1, 1))}
     assert watched(block, **still, reference=line((0, 1, off), (9, 1, off)))[0] is settled
 
@@ -251,7 +256,7 @@ def test_a_joint_that_runs_away_ends_the_run(direction: int) -> None:
     stopped, time, message = watched(block, velocity=line((0, 0, 0), (2, 0, 20 * direction)))
     assert stopped
     assert time == pytest.approx(1.0, abs=STEP + 1e-9)
-    assert "joint_2 ran away: 10" in message
+    assert "joint_2 diverged: its speed is 10" in message
     assert "above 10 rad/s" in message
 
 

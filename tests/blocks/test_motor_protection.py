@@ -1,4 +1,4 @@
-"""The loop that protects motors, alone: heat against its closed form, what gives way, what stops and lets go."""
+"""Motor protection as a block: heat against its closed form, giving way, stopping and releasing the robot."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def begun_memory(**changed):
 
 
 def test_heat_follows_its_differential_equation_and_the_sign_of_a_torque_is_of_no_effect():
-    """At a constant torque the heat approaches (torque / nominal)² exponentially, and 0 afterwards."""
+    """The heat approaches (torque / nominal)² exponentially at a constant torque, and 0 without a torque."""
     driven = Driven(motors(limit=UNWATCHED))
     torques = [16.0] * 50 + [-16.0] * 50
 
@@ -119,7 +119,7 @@ def test_a_motor_that_is_too_warm_warns_and_may_give_no_more_than_forever():
 
 
 def test_it_stops_when_it_has_given_way_for_too_long_and_holds_where_it_was():
-    """It gives way after 0.02 s and stops after 0.1 s more, with the position of that sample as target."""
+    """The loop gives way after 0.02 s and stops after 0.1 s more, with the position of that sample as target."""
     driven = Driven(motors())
 
     outputs = [sample(driven, 60.0, position=(0.1 + 0.001 * number, 0.2)) for number in range(30)]
@@ -159,7 +159,7 @@ def test_a_force_stops_it_at_once_and_can_end_the_run():
 
 
 def test_the_reason_names_the_axis_and_its_limit():
-    """It has given way for 0.1 s, the patience of the loop, and one sample more."""
+    """The axis has given way for 0.1 s, the patience of the loop, and one sample more."""
     loop = motors(then="end")
     memory = begun_memory(stage=np.array([float(GIVES_WAY)]), lasts=np.array([0.1]))
     read = {"torque": np.array([60.0, 0.0]), "position": np.zeros(2)}

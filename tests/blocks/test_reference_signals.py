@@ -21,7 +21,8 @@ from simrob_drake.blocks.references import (
 )
 from simrob_drake.results.files import save_result
 
-START, TARGET = np.array([0.1, -0.2]), np.array([1.1, 0.3])
+START = np.array([0.1, -0.2])
+TARGET = np.array([1.1, 0.3])
 SINE = SineReference(centre=START, amplitude=TARGET, frequency=0.7, phase=np.array([0.1, 0.2]))
 MOVE = move(START, TARGET, duration=2.0)
 SPLINE = hermite([0.0, 0.4, 2.0], [START, TARGET, START], np.ones((3, 2)))

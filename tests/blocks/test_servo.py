@@ -28,7 +28,8 @@ INPUTS = {"reference": COUNT, "state": 2 * COUNT, "reference_velocity": COUNT, "
 
 def servo_diagram(gains: ServoGains, *, per_joint: bool, optional: tuple[str, ...] = ()) -> Diagram:
     """Build servos whose inputs are the diagram's."""
-    builder, ports = DiagramBuilder(), {}
+    builder = DiagramBuilder()
+    ports = {}
     for name, size in INPUTS.items():
         if name in ("reference", "state", *optional):
             through = builder.AddNamedSystem(f"{name}_in", PassThrough(size))
@@ -56,7 +57,8 @@ def law(
     nothing = np.zeros(COUNT)
     velocity = values["reference_velocity"] if "reference_velocity" in optional else nothing
     feedforward = values["feedforward"] if "feedforward" in optional else nothing
-    q, v = values["state"][:COUNT], values["state"][COUNT:]
+    q = values["state"][:COUNT]
+    v = values["state"][COUNT:]
     command = gains.kp * (values["reference"] - q) - gains.kd * (v - velocity) + feedforward
     command += np.clip(integral, -gains.integral_limit, gains.integral_limit)
     return np.clip(command, -gains.torque_limit, gains.torque_limit)
@@ -215,7 +217,10 @@ def torque_at(simulator: Simulator, time: float) -> float:
 
 
 def test_the_integral_is_that_of_scipy() -> None:
-    ki, limit, amplitude, frequency = 40.0, 2.0, 0.5, 3.0
+    ki = 40.0
+    limit = 2.0
+    amplitude = 0.5
+    frequency = 3.0
     sine = Sine(amplitude=amplitude, frequency=frequency, phase=0.0, size=1)
     simulator = integral_simulator(integral_gains(ki, limit), sine, events=[])
 

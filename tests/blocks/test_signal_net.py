@@ -16,7 +16,9 @@ from simrob_drake.blocks.signal_net import SignalNet, signal_net
 from simrob_drake.blocks.written_net import WiredBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
-ONE, TIME, U = 0, 1, 2
+ONE = 0
+TIME = 1
+U = 2
 FIRST = 3
 """Index of the first block's output among the values."""
 PHASE = 0.3
@@ -117,12 +119,10 @@ def test_a_transfer_function_is_that_of_scipy():
 
 
 def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
-    a, b, c, d = (
-        [[0, 1], [-4, -1]],
-        [[0, 1], [1, 0]],
-        [[1, 0], [0, 1], [1, 1]],
-        [[0, 0], [0, 0], [1, 0]],
-    )
+    a = [[0, 1], [-4, -1]]
+    b = [[0, 1], [1, 0]]
+    c = [[1, 0], [0, 1], [1, 1]]
+    d = [[0, 0], [0, 0], [1, 0]]
     dense = np.linspace(0, 2, 20001)
     inputs = np.column_stack([np.sin(3 * dense + 0.3), dense])
     _, wanted, _ = signal.lsim(
@@ -135,8 +135,10 @@ def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
 
 def test_a_sampled_transfer_function_behind_another_is_that_of_scipy():
     """Both sample together: the second takes what the first gives at that very time, and all is held in between."""
-    first_numerator, first_denominator = [0.3, 0.1], [1.0, -0.5]
-    second_numerator, second_denominator = [1.0, 0.2], [1.0, 0.1, 0.2]
+    first_numerator = [0.3, 0.1]
+    first_denominator = [1.0, -0.5]
+    second_numerator = [1.0, 0.2]
+    second_denominator = [1.0, 0.1, 0.2]
     first = block(
         "transfer_function", numerator=first_numerator, denominator=first_denominator, period=0.02
     )
@@ -266,7 +268,7 @@ def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
     np.testing.assert_allclose(y, np.exp(-2 * times), atol=1e-6)
     with pytest.raises(CycleError):
         run({"J": (block("sum"), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])})
-    with pytest.raises(ValueError, match=r"periods of 0\.02, 0\.0200002 s"):
+    with pytest.raises(ValueError, match=r"the periods 0\.02, 0\.0200002 s have no common step"):
         run(
             {
                 name: (block("hold", period=float(name)), [[(U, 1.0)]])
@@ -284,7 +286,8 @@ def test_periods_share_a_common_step():
 
 def test_a_fast_block_takes_what_a_slow_one_holds():
     """And not what the slow one would give if it took a sample then."""
-    slow, fast = block("hold", period=0.06), block("hold", period=0.02)
+    slow = block("hold", period=0.06)
+    fast = block("hold", period=0.02)
     _, u, (held, taken) = run(
         {"slow": (slow, [[(U, 1.0)]]), "fast": (fast, [[(FIRST, 1.0)]])}, rows=101
     )
@@ -369,7 +372,9 @@ def test_a_pid_stops_integrating_at_its_bounds(mode):
 )
 def test_a_sampled_pid_integrates_by_its_method(weight, upper, lower):
     """1/s is T/(z-1), T z/(z-1) or T/2 (z+1)/(z-1), in the integral and in the filter of the derivative alike."""
-    p, i, d = 0.5, 2, 0.1
+    p = 0.5
+    i = 2
+    d = 0.1
     filter_rate = 20.0  # [1/s]
     period = 0.01  # [s]
     given = block(

@@ -201,7 +201,7 @@ def test_the_energy_error_of_a_pole_fades_as_the_law_says() -> None:
 
 
 def test_a_robot_that_hangs_still_is_set_in_motion() -> None:
-    """At rest below, the motor pushes, although the law times the speed zero would not."""
+    """The motor pushes a robot at rest below, although the law itself is zero at zero speed."""
     robot = cart_pole()
     read = {"position": np.zeros(2), "velocity": np.zeros(2)}
 

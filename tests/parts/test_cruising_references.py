@@ -12,57 +12,64 @@ from simrob_drake.robots.urdf import DRAKE, joint_value
 
 
 def run(reference, **overrides):
-    return simulate(
-        load_station("irb120_kinematic", {"reference": reference, **overrides}), progress=False
-    )
+    """Run a kinematic arm with a reference."""
+    config = load_station("irb120_kinematic", {"reference": reference, **overrides})
+    return simulate(config, progress=False)
 
 
 @pytest.mark.parametrize("kind", ["trapezoid", "s_curve"])
-def test_the_robot_s_own_limits_hold_unless_told(kind):
+def test_by_default_a_motion_reaches_the_robots_own_limits(kind):
+    """A trapezoid of length d takes d / v + v / a with the limits v and a. An s_curve has ramps 1.5 times as long."""
     robot = load_robot("irb120")
-    result = run(
-        {"kind": kind, "target_deg": {"joint_1": 120, "joint_5": 20}, "start": 0.3},
-        sample_rate=1000,
-    )
-    speed = np.abs(result.axes("v")).max(axis=0)
-    push = np.abs(np.diff(result.axes("v"), axis=0)).max(axis=0) * 1000
-    assert speed[0] == pytest.approx(robot.speed_limits[0], rel=1e-6)
-    assert push[0] == pytest.approx(robot.accelerations[0], rel=1e-2)
-    assert (speed <= robot.speed_limits + 1e-9).all()
+    target = {"joint_1": 120, "joint_5": 20}
+
+    result = run({"kind": kind, "target_deg": target, "start": 0.3}, sample_rate=1000)
+
+    velocities = result.axes("v")
+    speeds = np.abs(velocities).max(axis=0)
+    accelerations = np.abs(np.diff(velocities, axis=0)).max(axis=0) * 1000
+    speed_limit = robot.speed_limits[0]
+    acceleration_limit = robot.accelerations[0]
+    assert speeds[0] == pytest.approx(speed_limit, rel=1e-6)
+    assert accelerations[0] == pytest.approx(acceleration_limit, rel=1e-2)
+    assert (speeds <= robot.speed_limits + 1e-9).all()
     np.testing.assert_allclose(result.axes("q")[-1], np.deg2rad([120, 0, 0, 0, 20, 0]), atol=1e-12)
-    way, top, most = np.deg2rad(120), robot.speed_limits[0], robot.accelerations[0]
-    duration = way / top + top / most * (1.0 if kind == "trapezoid" else 1.5)
-    moving = np.flatnonzero(np.abs(result["v.joint_1"]) > 1e-6)
-    assert np.ptp(result.times[moving]) == pytest.approx(duration, abs=3e-3)
-    assert result.times[moving[0]] == pytest.approx(0.3, abs=3e-3)
+
+    ramp_factor = 1.0 if kind == "trapezoid" else 1.5
+    duration = np.deg2rad(120) / speed_limit + speed_limit / acceleration_limit * ramp_factor
+    times = result.times[np.abs(result["v.joint_1"]) > 1e-6]
+    assert np.ptp(times) == pytest.approx(duration, abs=3e-3)
+    assert times[0] == pytest.approx(0.3, abs=3e-3)
 
 
-def test_a_user_s_limits_hold_too():
-    told = {"speed_deg": 40, "acceleration_deg": {"joint_1": 100}, "jerk_deg": 800}
-    result = run({"kind": "s_curve", "target_deg": {"joint_1": 60}, **told}, sample_rate=1000)
-    v = np.rad2deg(result["v.joint_1"])
-    assert v.max() == pytest.approx(40)
-    assert np.abs(np.diff(v)).max() * 1000 == pytest.approx(100, rel=1e-3)
-    assert np.abs(np.diff(v, n=2)).max() * 1e6 == pytest.approx(800, rel=1e-2)
+def test_a_motion_reaches_the_limits_of_the_user():
+    limits = {"speed_deg": 40, "acceleration_deg": {"joint_1": 100}, "jerk_deg": 800}
+
+    result = run({"kind": "s_curve", "target_deg": {"joint_1": 60}, **limits}, sample_rate=1000)
+
+    velocity = np.rad2deg(result["v.joint_1"])
+    assert velocity.max() == pytest.approx(40)
+    assert np.abs(np.diff(velocity)).max() * 1000 == pytest.approx(100, rel=1e-3)
+    assert np.abs(np.diff(velocity, n=2)).max() * 1e6 == pytest.approx(800, rel=1e-2)
 
 
-def test_limits_come_from_the_urdf_where_the_robot_s_file_tells_none():
+def test_limits_of_a_joint_are_read_from_the_urdf():
     namespace = 'xmlns:drake="http://drake.mit.edu"'
-    joint = ET.fromstring(
-        f'<joint {namespace}><limit velocity="2" drake:acceleration="7"/></joint>'
-    )
-    assert (joint_value(joint, "velocity"), joint_value(joint, f"{DRAKE}acceleration")) == (
-        2.0,
-        7.0,
-    )
-    assert (
-        joint_value(ET.fromstring('<joint><limit velocity="0"/></joint>'), f"{DRAKE}acceleration")
-        == 0.0
-    )
-    assert joint_value(ET.fromstring("<joint/>"), "velocity") == 0.0
-    np.testing.assert_allclose(
-        np.rad2deg(load_robot("irb120").accelerations), [2000] * 3 + [3000] * 3
-    )
+    limit = '<limit velocity="2" drake:acceleration="7"/>'
+    with_both = ET.fromstring(f"<joint {namespace}>{limit}</joint>")
+    without_acceleration = ET.fromstring('<joint><limit velocity="0"/></joint>')
+    without_limits = ET.fromstring("<joint/>")
+
+    assert joint_value(with_both, "velocity") == 2.0
+    assert joint_value(with_both, f"{DRAKE}acceleration") == 7.0
+    assert joint_value(without_acceleration, f"{DRAKE}acceleration") == 0.0
+    assert joint_value(without_limits, "velocity") == 0.0
+
+
+def test_accelerations_of_a_robot_are_those_of_its_file():
+    accelerations = load_robot("irb120").accelerations
+
+    np.testing.assert_allclose(np.rad2deg(accelerations), [2000] * 3 + [3000] * 3)
 
 
 @pytest.mark.parametrize(
@@ -81,16 +88,19 @@ def test_limits_come_from_the_urdf_where_the_robot_s_file_tells_none():
         ({"jerk_deg": 100}, "jerk_deg: unknown key"),
     ],
 )
-def test_limits_that_cannot_be(reference, message):
+def test_invalid_limits_are_refused_with_their_cause(reference, message):
     with pytest.raises(SimrobError, match=message):
         run({"kind": "trapezoid", "target_deg": 10, **reference})
 
 
-def test_a_robot_without_figures_must_be_told():
-    change = {"reference": {"kind": "trapezoid", "target_deg": [70, 60]}}
+def test_a_robot_without_limits_needs_those_of_the_reference():
+    reference = {"kind": "trapezoid", "target_deg": [70, 60]}
+    limited = {**reference, "speed_deg": 20, "acceleration_deg": 20}
+
     with pytest.raises(
         SimrobError, match=r"reference\.\w+_deg of joint_1 is None; it must be given \[deg/s²?\]"
     ):
-        simulate(load_station("double_pendulum", change), progress=False)
-    change["reference"] |= {"speed_deg": 20, "acceleration_deg": 20}
-    assert simulate(load_station("double_pendulum", change), progress=False).ending == "completed"
+        simulate(load_station("double_pendulum", {"reference": reference}), progress=False)
+    result = simulate(load_station("double_pendulum", {"reference": limited}), progress=False)
+
+    assert result.ending == "completed"

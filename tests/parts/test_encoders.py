@@ -1,4 +1,4 @@
-"""Encoders: against what they are told to get wrong, and no more."""
+"""Encoders: resolution, noise, delay and smoothing of their values."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from simrob_drake.base.errors import SimrobError
 RATE = 100
 
 
-def moved(duration=1.0, **encoders):
-    """Move the arm's joint 1 by 30 degrees while encoders look at it."""
+def measure(duration=1.0, **encoders):
+    """Run an arm whose joint 1 moves by 30 degrees, with encoders."""
     config = load_station(
         "irb120_dynamic",
         {
@@ -22,46 +22,59 @@ def moved(duration=1.0, **encoders):
     return simulate(config, duration=duration, progress=False)
 
 
-def test_without_errors_they_tell_the_truth_and_its_differences():
-    result = moved()
-    true, told = result["q.joint_1"], result["position.encoders.joint_1"]
-    assert told == pytest.approx(true, abs=1e-12)
+def test_without_errors_they_measure_the_positions_and_their_differences():
+    result = measure()
+
+    true = result["q.joint_1"]
+    assert result["position.encoders.joint_1"] == pytest.approx(true, abs=1e-12)
     assert result["velocity.encoders.joint_1"][1:] == pytest.approx(np.diff(true) * RATE, abs=1e-9)
 
 
-def test_they_round_to_their_resolution():
-    result = moved(resolution_deg=0.5)
-    true, told = np.rad2deg(result["q.joint_1"]), np.rad2deg(result["position.encoders.joint_1"])
-    assert told == pytest.approx(np.round(told / 0.5) * 0.5, abs=1e-9)
-    assert abs(told - true).max() == pytest.approx(0.25, abs=0.05)
+def test_positions_are_rounded_to_the_resolution():
+    result = measure(resolution_deg=0.5)
+
+    true = np.rad2deg(result["q.joint_1"])
+    measured = np.rad2deg(result["position.encoders.joint_1"])
+    assert measured == pytest.approx(np.round(measured / 0.5) * 0.5, abs=1e-9)
+    assert abs(measured - true).max() == pytest.approx(0.25, abs=0.05)
 
 
-def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
-    one, other = moved(noise_deg=0.1, seed=1), moved(noise_deg=0.1, seed=2)
+def test_noise_has_the_given_size_and_is_the_same_for_a_seed():
+    result = measure(noise_deg=0.1, seed=1)
+    again = measure(noise_deg=0.1, seed=1)
+    other = measure(noise_deg=0.1, seed=2)
+
+    joints = [f"joint_{number}" for number in range(1, 7)]
     errors = np.rad2deg(
-        [one[f"position.encoders.joint_{k}"] - one[f"q.joint_{k}"] for k in range(1, 7)]
+        [result[f"position.encoders.{name}"] - result[f"q.{name}"] for name in joints]
     )
-    assert errors.std() == pytest.approx(0.1, rel=0.1)  # 606 figures: 3 % of one sigma
-    assert (moved(noise_deg=0.1, seed=1).values == one.values).all()
-    assert (other["position.encoders.joint_1"] != one["position.encoders.joint_1"]).all()
+    # The standard deviation of 606 values has itself one of 3 %.
+    assert errors.std() == pytest.approx(0.1, rel=0.1)
+    assert (again.values == result.values).all()
+    assert (other["position.encoders.joint_1"] != result["position.encoders.joint_1"]).all()
 
 
 @pytest.mark.parametrize("in_loop", [False, True])
-def test_a_delay_tells_what_was(in_loop):
-    result = moved(delay=0.03, in_loop=in_loop)
-    true, told = result["q.joint_1"], result["position.encoders.joint_1"]
-    # in a run's sample at the time of an encoder's, the encoder's last one stands
+def test_a_delay_gives_positions_of_earlier_samples(in_loop):
+    result = measure(delay=0.03, in_loop=in_loop)
+
+    true = result["q.joint_1"]
+    measured = result["position.encoders.joint_1"]
+    # A block in the loop is recorded before it takes the sample of the same time.
     lag = 3 + in_loop
-    assert told[10:] == pytest.approx(true[10 - lag : len(true) - lag], abs=1e-12)
-    assert told[:3] == pytest.approx(np.zeros(3), abs=1e-12)
+    assert measured[10:] == pytest.approx(true[10 - lag : len(true) - lag], abs=1e-12)
+    assert measured[:3] == pytest.approx(np.zeros(3), abs=1e-12)
 
 
-def test_smoothing_is_a_low_pass_of_its_time_constant():
-    result = moved(smoothing=0.09)
-    raw, share = np.diff(result["q.joint_1"]) * RATE, 0.01 / 0.1
-    expected = np.zeros(len(raw) + 1)
-    for k, speed in enumerate(raw):
-        expected[k + 1] = expected[k] + share * (speed - expected[k])
+def test_smoothing_is_a_low_pass_filter_of_its_time_constant():
+    """With the period T and the time constant T_s, each sample adds T / (T + T_s) of the remaining difference."""
+    result = measure(smoothing=0.09)
+
+    speeds = np.diff(result["q.joint_1"]) * RATE
+    share = 0.01 / (0.01 + 0.09)
+    expected = np.zeros(len(speeds) + 1)
+    for index, speed in enumerate(speeds):
+        expected[index + 1] = expected[index] + share * (speed - expected[index])
     assert result["velocity.encoders.joint_1"] == pytest.approx(expected, abs=1e-9)
 
 
@@ -76,19 +89,27 @@ def test_a_loop_makes_its_sensor_sample_while_stepping():
         "cells": cells,
         "reads": {"position": "encoders", "velocity": "encoders"},
     }
-    config = load_station(
-        "irb120_dynamic", {"sensors": {"encoders": {"delay": 0.05}}, "controllers": {"s": loop}}
-    )
-    late = simulate(config, duration=1.5, progress=False)
-    true = load_station("irb120_dynamic", {"controllers": {"s": {**loop, "reads": {}}}})
-    at_once = simulate(true, duration=1.5, progress=False)
-    ends = [result.times[np.argmax(result["s.done"] > 0)] for result in (late, at_once)]
-    assert 0.05 < ends[0] - ends[1] < 0.2
+    delayed = {"sensors": {"encoders": {"delay": 0.05}}, "controllers": {"s": loop}}
+    true_state = {"controllers": {"s": {**loop, "reads": {}}}}
+
+    with_delay = simulate(load_station("irb120_dynamic", delayed), duration=1.5, progress=False)
+    without = simulate(load_station("irb120_dynamic", true_state), duration=1.5, progress=False)
+
+    # The sequencer waits at each of its two cells for the delayed measurement.
+    end_with_delay = with_delay.times[np.argmax(with_delay["s.done"] > 0)]
+    end_without = without.times[np.argmax(without["s.done"] > 0)]
+    assert 0.05 < end_with_delay - end_without < 0.2
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"resolution_deg": -1}, {"delay": -0.1}, {"robot": "left"}, {"noise": 1}]
+    ("encoders", "message"),
+    [
+        ({"resolution_deg": -1}, "resolution_deg"),
+        ({"delay": -0.1}, "delay"),
+        ({"robot": "left"}, "left"),
+        ({"noise": 1}, "noise"),
+    ],
 )
-def test_what_cannot_be_is_refused(wrong):
-    with pytest.raises(SimrobError, match=next(iter(wrong)) if "robot" not in wrong else "left"):
-        moved(**wrong)
+def test_an_invalid_section_is_refused_with_its_cause(encoders, message):
+    with pytest.raises(SimrobError, match=message):
+        measure(**encoders)

@@ -1,10 +1,13 @@
-"""Force sensors that are no better than real ones: against what they are told to get wrong, and no more."""
+"""Errors of force sensors: resolution, noise and delay."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from simrob_drake import load_station, simulate
+from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import Vector
 
 RATE = 100
 TIPPING = {
@@ -13,43 +16,71 @@ TIPPING = {
 }
 
 
-def felt(duration=1.0, **sensor):
-    """Let a box rock on its corners; return the run, and what the two sensors tell of it, both as Drake computes it."""
-    floor = {"kind": "force", "body": "box", "rate": RATE, **sensor}
-    overrides = {**TIPPING, "sensors.floor": floor, "sample_rate": RATE, "duration": duration}
-    overrides["sensors.true"] = {**TIPPING["sensors.true"], "rate": RATE}
+class Measured(NamedTuple):
+    """Run of a box that rocks on its corners, with wrenches (m, 6) [N, N·m] of two sensors.
+
+    Attributes:
+        result: the run.
+        wrench: wrench of the sensor with errors.
+        true_wrench: wrench of a sensor without errors.
+    """
+
+    result: SimulationResult
+    wrench: Vector
+    true_wrench: Vector
+
+
+def measure(duration=1.0, **errors):
+    """Run the box, with errors of the first sensor by their keys."""
+    overrides = {
+        **TIPPING,
+        "sensors.floor": {"kind": "force", "body": "box", "rate": RATE, **errors},
+        "sensors.true": {**TIPPING["sensors.true"], "rate": RATE},
+        "sample_rate": RATE,
+        "duration": duration,
+    }
     result = simulate(load_station("box_on_floor", overrides), progress=False)
-    return result, *(
-        np.hstack([result.vector(f"{part}.{name}") for part in ("force", "moment")])
-        for name in ("floor", "true")
-    )
+
+    def wrench_of(sensor):
+        return np.hstack([result.vector(f"force.{sensor}"), result.vector(f"moment.{sensor}")])
+
+    return Measured(result=result, wrench=wrench_of("floor"), true_wrench=wrench_of("true"))
 
 
-def test_they_round_to_their_resolutions():
-    _, told, true = felt(resolution=2.0, moment_resolution=0.05)
+def test_values_are_rounded_to_the_resolutions():
+    measured = measure(resolution=2.0, moment_resolution=0.05)
+
     steps = np.repeat([2.0, 0.05], 3)
-    assert told == pytest.approx(np.round(true / steps) * steps, abs=1e-9)
-    assert np.ptp(true[:, 2]) > 10
+    rounded = np.round(measured.true_wrench / steps) * steps
+    assert measured.wrench == pytest.approx(rounded, abs=1e-9)
+    assert np.ptp(measured.true_wrench[:, 2]) > 10
 
 
-def test_noise_is_as_large_as_asked_and_the_same_for_a_seed():
-    one, told, true = felt(noise=0.5, moment_noise=0.01, seed=1)
-    errors = told - true
-    assert errors[:, :3].std() == pytest.approx(0.5, rel=0.15)  # 303 figures: 4 % of one sigma
+def test_noise_has_the_given_size_and_is_the_same_for_a_seed():
+    noise = {"noise": 0.5, "moment_noise": 0.01}
+
+    measured = measure(**noise, seed=1)
+    again = measure(**noise, seed=1)
+    other = measure(**noise, seed=2)
+
+    errors = measured.wrench - measured.true_wrench
+    # The standard deviation of 303 values has itself one of 4 %, the mean of 101 values one of 0.1 sigma.
+    assert errors[:, :3].std() == pytest.approx(0.5, rel=0.15)
     assert errors[:, 3:].std() == pytest.approx(0.01, rel=0.15)
-    # 101 figures: 0.1 of one sigma
     assert abs(errors.mean(axis=0) / np.repeat([0.5, 0.01], 3)).max() < 0.35
-    assert (felt(noise=0.5, moment_noise=0.01, seed=1)[0].values == one.values).all()
-    assert (felt(noise=0.5, moment_noise=0.01, seed=2)[1] != told).all()
+    assert (again.result.values == measured.result.values).all()
+    assert (other.wrench != measured.wrench).all()
 
 
-def test_a_delay_tells_what_was():
-    _, told, true = felt(delay=0.03)
-    assert told[10:] == pytest.approx(true[7:-3], abs=1e-12)
-    assert told[:3] == pytest.approx(np.tile(true[0], (3, 1)), abs=1e-12)
+def test_a_delay_gives_values_of_earlier_samples():
+    measured = measure(delay=0.03)
+
+    first_value = measured.true_wrench[0]
+    assert measured.wrench[10:] == pytest.approx(measured.true_wrench[7:-3], abs=1e-12)
+    assert measured.wrench[:3] == pytest.approx(np.tile(first_value, (3, 1)), abs=1e-12)
 
 
-def test_what_errs_needs_a_rate():
+def test_a_sensor_with_errors_needs_a_rate():
     with pytest.raises(SimrobError, match="needs a rate"):
         load_station("box_on_floor", {"sensors.floor.noise": 1})
     with pytest.raises(SimrobError, match=r"sensors\.floor\.delay"):

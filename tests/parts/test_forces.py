@@ -1,4 +1,4 @@
-"""Forces of a station: a body gets their impulse, whatever the solver's steps, and what can't act is refused."""
+"""Forces of a station: their impulses, for any steps of the solver, and errors of their sections."""
 
 from typing import Any
 
@@ -41,14 +41,15 @@ def ball(
 
 
 def velocity(result: SimulationResult) -> np.ndarray:
+    """Velocity of the ball at the end, shape (3,) [m/s]."""
     return np.array([result[f"piece.ball.v{axis}"][-1] for axis in "xyz"])
 
 
 @pytest.mark.parametrize(
     "scheme", ["cenic", "radau3", "runge_kutta3", "runge_kutta2", "radau1", "implicit_euler"]
 )
-def test_the_impulse_of_a_push_arrives(scheme: str) -> None:
-    """Schemes that evaluate the force at a step's end, where it is gone, would lose 5 % with steps of a tenth of it."""
+def test_a_body_gets_the_whole_impulse_of_a_push(scheme: str) -> None:
+    """A scheme that evaluates the force at the end of a step would lose 5 % if no step ended at the edges."""
     force = np.array([3.0, -10.0, 1.0])  # N
     duration = 0.1  # s
 
@@ -72,12 +73,13 @@ def test_pushes_add_up_where_they_overlap() -> None:
 
 
 def test_before_a_push_nothing_moves() -> None:
-    pushed = ball({"push": {"start": 0.5, "force": [1, 1, 1]}}, until=0.5)
-    np.testing.assert_array_equal(velocity(pushed), np.zeros(3))
+    result = ball({"push": {"start": 0.5, "force": [1, 1, 1]}}, until=0.5)
+
+    np.testing.assert_array_equal(velocity(result), np.zeros(3))
 
 
 def test_a_sine_swings_as_its_integral_says() -> None:
-    r"""From rest, :math:`m v = a (1 - \cos\omega t) / \omega`."""
+    r"""The velocity from rest is :math:`v = a (1 - \cos\omega t) / (m \omega)`."""
     amplitude = 2.0  # N
     frequency = 1.5  # Hz
 
@@ -97,15 +99,14 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default
     """A push without ``at`` is the same as one at the robot, and another one than at its head."""
     push = {"start": 0, "duration": 0.05, "force": [0, -30, 0]}
 
-    def pushed(forces: dict[str, Any]) -> SimulationResult:
-        return simulate(
-            load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False
-        )
+    def run(forces: dict[str, Any]) -> SimulationResult:
+        config = load_station("humanoid_dynamic", {"forces": forces})
+        return simulate(config, duration=0.05, progress=False)
 
-    at_rest = pushed({})
-    by_default = pushed({"push": push})
-    at_robot = pushed({"push": {**push, "at": "robot"}})
-    at_head = pushed({"push": {**push, "at": "head"}})
+    at_rest = run({})
+    by_default = run({"push": push})
+    at_robot = run({"push": {**push, "at": "robot"}})
+    at_head = run({"push": {**push, "at": "head"}})
 
     assert by_default["base.y"][-1] < at_rest["base.y"][-1] - 1e-3
     np.testing.assert_array_equal(by_default.values, at_robot.values)
@@ -113,7 +114,7 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default
 
 
 @pytest.mark.parametrize(
-    ("figures", "message"),
+    ("section", "message"),
     [
         ({"kind": "push", "start": -0.1, "force": [1, 1, 1]}, r"forces\.f\.start: .*at least 0"),
         (
@@ -136,12 +137,14 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_by_default
         ),
     ],
 )
-def test_figures_that_make_no_force_are_refused(figures: dict[str, Any], message: str) -> None:
+def test_an_invalid_section_is_refused_with_its_cause(
+    section: dict[str, Any], message: str
+) -> None:
     with pytest.raises(SimrobError, match=message):
-        load_station("irb120_dynamic", {"forces.f": figures})
+        load_station("irb120_dynamic", {"forces.f": section})
 
 
-def test_of_several_robots_one_is_named() -> None:
+def test_a_force_in_a_station_of_several_robots_names_one() -> None:
     with pytest.raises(
         SimrobError, match=r"forces\.push\.at is None; it must be one of left, right"
     ):
@@ -151,6 +154,6 @@ def test_of_several_robots_one_is_named() -> None:
 @pytest.mark.parametrize(
     ("key", "value"), [("external_force", {"kind": "sine"}), ("robot.pushes", [{"start": 1}])]
 )
-def test_keys_that_moved_say_where(key: str, value: Any) -> None:
+def test_errors_of_former_keys_name_the_new_key(key: str, value: Any) -> None:
     with pytest.raises(SimrobError, match=f"{key}.*is now .*forces: "):
         load_station("irb120_dynamic", {key: value})

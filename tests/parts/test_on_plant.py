@@ -1,4 +1,6 @@
-"""Servos, motors, monitors, contact sensors and IMUs on a plant without any station, against their equations."""
+"""Servos, motors, monitors, contact sensors and IMUs on a plant without a station, against their equations."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from simrob_drake import (
     add_monitor,
 )
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.on_plant import _effort_limits
 from simrob_drake.robots.motors import Motor
 
@@ -53,8 +56,20 @@ def links(*driven, time_step=0.0):
     return builder, plant
 
 
+class Torques(NamedTuple):
+    """Torques in a state [N·m].
+
+    Attributes:
+        servos: torques that the servos report, shape (n,).
+        actuators: torques that the actuators of the plant apply, shape (m,).
+    """
+
+    servos: Vector
+    actuators: Vector
+
+
 def torques_at(builder, plant, servos, state, **inputs):
-    """Evaluate the torques of servos, shape (n,), in a state (nq + nv,) with inputs by name."""
+    """Evaluate the torques of servos in a state (nq + nv,) with inputs by name."""
     for name in inputs:
         builder.ExportInput(getattr(servos, name), name)
     diagram = builder.Build()
@@ -63,9 +78,10 @@ def torques_at(builder, plant, servos, state, **inputs):
     for name, values in inputs.items():
         diagram.GetInputPort(name).FixValue(context, values)
     system = servos.torque.get_system()
-    torque = servos.torque.Eval(system.GetMyContextFromRoot(context))
-    generalized = plant.get_net_actuation_output_port().Eval(plant.GetMyContextFromRoot(context))
-    return torque, generalized
+    return Torques(
+        servos=servos.torque.Eval(system.GetMyContextFromRoot(context)),
+        actuators=plant.get_net_actuation_output_port().Eval(plant.GetMyContextFromRoot(context)),
+    )
 
 
 STATE = np.array([0.3, -0.4, 1.2, -0.7])  # rad, rad, rad/s, rad/s
@@ -73,77 +89,83 @@ STATE = np.array([0.3, -0.4, 1.2, -0.7])  # rad, rad, rad/s, rad/s
 
 @pytest.mark.parametrize("order", [["shoulder", "elbow"], ["elbow", "shoulder"]])
 def test_the_law_of_the_servos(order):
+    """The torque is kp (reference - q) - kd (v - reference velocity) + feedforward, within the limit."""
     builder, plant = links("shoulder", "elbow")
+    kp = {"shoulder": 20.0, "elbow": 30.0}
+    kd = {"shoulder": 2.0, "elbow": 3.0}
     servos = add_joint_servos(
         builder,
         plant,
         order,
-        kp={"shoulder": 20.0, "elbow": 30.0},
-        kd={"shoulder": 2.0, "elbow": 3.0},
+        kp=kp,
+        kd=kd,
         torque_limit={"shoulder": 50.0},
         with_reference_velocity=True,
         with_feedforward=True,
     )
-    places = {"shoulder": 0, "elbow": 1}
-    kp, kd, most = (
-        {"shoulder": 20.0, "elbow": 30.0},
-        {"shoulder": 2.0, "elbow": 3.0},
-        {"shoulder": 50.0, "elbow": 8.0},
-    )
-    desired, speed, extra = np.array([1.0, 0.5]), np.array([0.2, -0.1]), np.array([0.4, -0.6])
-    torque, _ = torques_at(
+    reference = np.array([1.0, 0.5])
+    reference_velocity = np.array([0.2, -0.1])
+    feedforward = np.array([0.4, -0.6])
+
+    torques = torques_at(
         builder,
         plant,
         servos,
         STATE,
-        reference=desired,
-        reference_velocity=speed,
-        feedforward=extra,
-    )
+        reference=reference,
+        reference_velocity=reference_velocity,
+        feedforward=feedforward,
+    ).servos
+
+    # The limit of the elbow is the effort limit of the file.
+    limits = {"shoulder": 50.0, "elbow": 8.0}
+    positions = {"shoulder": STATE[0], "elbow": STATE[1]}
+    velocities = {"shoulder": STATE[2], "elbow": STATE[3]}
     for index, joint in enumerate(order):
-        position, velocity = STATE[places[joint]], STATE[2 + places[joint]]
-        command = (
-            kp[joint] * (desired[index] - position)
-            - kd[joint] * (velocity - speed[index])
-            + extra[index]
-        )
-        assert torque[index] == pytest.approx(
-            np.clip(command, -most[joint], most[joint]), abs=1e-12
-        )
-    # the effort limit of the file saturates it
-    assert torque[order.index("elbow")] == pytest.approx(8.0)
+        position_part = kp[joint] * (reference[index] - positions[joint])
+        velocity_part = kd[joint] * (velocities[joint] - reference_velocity[index])
+        command = position_part - velocity_part + feedforward[index]
+        expected = np.clip(command, -limits[joint], limits[joint])
+        assert torques[index] == pytest.approx(expected, abs=1e-12)
+    assert torques[order.index("elbow")] == pytest.approx(8.0)
     assert servos.passive == []
 
 
 def test_a_joint_without_an_actuator_is_passive():
     builder, plant = links("elbow")
+
     servos = add_joint_servos(builder, plant, kp=5.0, kd=1.0)
+    torques = torques_at(builder, plant, servos, STATE, reference=np.ones(2))
+
     assert servos.joints == ["shoulder", "elbow"]
     assert servos.passive == ["shoulder"]
-    torque, net = torques_at(builder, plant, servos, STATE, reference=np.ones(2))
-    expected = 5.0 * (1.0 - STATE[1]) - 1.0 * STATE[3]
-    np.testing.assert_allclose(torque, [0.0, expected], atol=1e-12)
-    np.testing.assert_allclose(net, [expected], atol=1e-12)
+    elbow_torque = 5.0 * (1.0 - STATE[1]) - 1.0 * STATE[3]
+    np.testing.assert_allclose(torques.servos, [0.0, elbow_torque], atol=1e-12)
+    np.testing.assert_allclose(torques.actuators, [elbow_torque], atol=1e-12)
 
 
-def test_a_plant_without_actuators_has_no_servos_to_connect():
+def test_servos_of_a_plant_without_actuators_have_no_torque():
     builder, plant = links()
+
     servos = add_joint_servos(builder, plant, kp=5.0, kd=1.0)
-    torque, _ = torques_at(builder, plant, servos, STATE, reference=np.ones(2))
-    np.testing.assert_array_equal(torque, np.zeros(2))
+
+    torques = torques_at(builder, plant, servos, STATE, reference=np.ones(2))
+    np.testing.assert_array_equal(torques.servos, np.zeros(2))
 
 
 @pytest.mark.parametrize("speed", [-4.0, 0.0, 2.0, 6.0, 9.0])
 def test_a_motor_has_less_torque_the_faster_it_turns(speed):
-    """With its whole voltage it gives stall (1 - v / v_0) in the direction of the command."""
+    """The largest torque in the direction of the command is stall (1 - v / v_0)."""
     builder, plant = links("shoulder", "elbow")
     motor = Motor(stall_torque=6.0, no_load_speed=8.0)
     servos = add_joint_servos(
         builder, plant, kp=1000.0, kd=0.0, torque_limit=100.0, motor={"elbow": motor}
     )
     state = np.array([0.0, 0.0, 0.0, speed])
-    torque, _ = torques_at(builder, plant, servos, state, reference=np.array([0.0, 1.0]))
-    assert torque[1] == pytest.approx(6.0 * (1 - speed / 8.0), abs=1e-12)
+
+    torques = torques_at(builder, plant, servos, state, reference=np.array([0.0, 1.0]))
+
+    assert torques.servos[1] == pytest.approx(6.0 * (1 - speed / 8.0), abs=1e-12)
 
 
 def test_servos_hold_the_links_against_gravity():
@@ -153,7 +175,10 @@ def test_servos_hold_the_links_against_gravity():
     diagram = builder.Build()
     simulator = Simulator(diagram)
     diagram.GetInputPort("reference").FixValue(simulator.get_mutable_context(), [0.5, 0.5])
+
     simulator.AdvanceTo(3.0)
+
+    # At rest the servos carry the weight: kp (reference - q) = -gravity.
     context = plant.GetMyContextFromRoot(simulator.get_context())
     gravity = plant.CalcGravityGeneralizedForces(context)
     np.testing.assert_allclose(plant.GetPositions(context), 0.5 + gravity / 500.0, atol=1e-3)
@@ -165,13 +190,17 @@ def test_a_monitor_of_joint_limits_ends_the_run():
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     plant.SetVelocities(context, [0.0, 12.0])
+
     status = simulator.AdvanceTo(2.0)
+
+    # The limit is at 1.5 rad, and the margin 0.1 rad.
     assert status.reason() == status.ReturnReason.kReachedTerminationCondition
-    assert "elbow is at 1.4" in status.message()
+    assert "elbow reached a joint limit at 1.4" in status.message()
     assert plant.GetPositions(context)[1] >= 1.4
 
 
-def test_a_monitor_of_ones_own_waits():
+def test_a_monitor_ends_the_run_when_its_condition_has_lasted():
+    """The condition holds from the start, is watched after 0.1 s, and must last for 0.2 s."""
     builder, plant = links()
     ports = {"state": plant.get_state_output_port()}
     add_monitor(
@@ -184,10 +213,11 @@ def test_a_monitor_of_ones_own_waits():
     )
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_maximum_step_size(0.01)
-    plant.SetPositions(
-        plant.GetMyMutableContextFromRoot(simulator.get_mutable_context()), [0.5, 0.0]
-    )
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositions(context, [0.5, 0.0])
+
     status = simulator.AdvanceTo(2.0)
+
     assert status.message().endswith("positive")
     assert simulator.get_context().get_time() == pytest.approx(0.3, abs=0.02)
 
@@ -213,45 +243,53 @@ def test_contact_sensors_measure_the_weight():
     on_ball = add_contact_sensor(builder, plant, "ball", other="world")
     on_table = add_contact_sensor(builder, plant, "world", name="table")
     diagram = builder.Build()
-    assert sum(name.get_name() == "plant.contacts" for name in diagram.GetSystems()) == 1
     simulator = Simulator(diagram)
+
     simulator.AdvanceTo(1.0)
+
+    def measured_force(port):
+        return port.Eval(port.get_system().GetMyContextFromRoot(simulator.get_context()))[:3]
+
     weight = 2.0 * 9.81
-    for port, sign in ((on_ball, 1.0), (on_table, -1.0)):
-        force = port.Eval(port.get_system().GetMyContextFromRoot(simulator.get_context()))[:3]
-        np.testing.assert_allclose(force, [0, 0, sign * weight], atol=0.05)
+    np.testing.assert_allclose(measured_force(on_ball), [0, 0, weight], atol=0.05)
+    np.testing.assert_allclose(measured_force(on_table), [0, 0, -weight], atol=0.05)
+    # Both sensors share the block that reads the contacts.
+    names = [system.get_name() for system in diagram.GetSystems()]
+    assert names.count("plant.contacts") == 1
 
 
-@pytest.mark.parametrize(("falls", "expected"), [(False, 9.81), (True, 0.0)])
-def test_an_imu_feels_its_weight_but_not_in_free_fall(falls, expected):
+@pytest.mark.parametrize(
+    ("height", "expected"), [(0.101, 9.81), (50.0, 0.0)], ids=["at rest", "in free fall"]
+)
+def test_an_imu_measures_gravity_at_rest_and_zero_in_free_fall(height, expected):
     builder, plant = ball_on_table()
     imu = add_imu(builder, plant, "ball", rate=100.0)
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
-    if falls:
-        body = plant.GetBodyByName("ball")
-        plant.SetFreeBodyPose(
-            plant.GetMyMutableContextFromRoot(context), body, RigidTransform([0, 0, 50])
-        )
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    pose = RigidTransform([0, 0, height])
+    plant.SetFreeBodyPose(plant_context, plant.GetBodyByName("ball"), pose)
+
     simulator.AdvanceTo(1.0)
+
     force = imu.GetOutputPort("specific_force").Eval(imu.GetMyContextFromRoot(context))
     np.testing.assert_allclose(force, [0, 0, expected], atol=0.02)
 
 
 class TestErrors:
-    """Each error is one line that says what would be right."""
+    """Invalid arguments are refused, each with a message that names what would be right."""
 
     @pytest.mark.parametrize(
         ("arguments", "match"),
         [
             ({"joints": ["sholder"]}, "shoulder"),
-            ({"joints": "elbow"}, "a list of names of joints"),
+            ({"joints": "elbow"}, "a list of joint names"),
             ({"joints": []}, "at least one"),
-            ({"joints": ["elbow", "elbow"]}, "different joints"),
+            ({"joints": ["elbow", "elbow"]}, "different joint names"),
             ({"kp": [1.0, 2.0, 3.0]}, "one number, or 2"),
-            ({"kp": {"knee": 1.0}}, "joint in kp"),
+            ({"kp": {"knee": 1.0}}, "joint for kp"),
             ({"kp": -1.0}, "kp"),
-            ({"kp": np.nan}, "finite numbers"),
+            ({"kp": np.nan}, "must be finite"),
             ({"kp": {"shoulder": 3.0}}, "has no actuator"),
             ({"motor": "perpetuum"}, "motor"),
             ({"motor": Motor()}, "stall_torque"),
@@ -259,6 +297,7 @@ class TestErrors:
     )
     def test_arguments(self, arguments, match):
         builder, plant = links("elbow")
+
         with pytest.raises(SimrobError, match=match):
             add_joint_servos(builder, plant, **{"kp": 1.0, "kd": 1.0, **arguments})
 
@@ -266,19 +305,19 @@ class TestErrors:
         builder, plant = links("elbow", time_step=0.01)
         mass = plant.CalcMassMatrix(plant.CreateDefaultContext())
         largest = 2 / np.linalg.inv(mass)[1, 1] / 0.01
-        with pytest.raises(
-            SimrobError, match=rf"kd\['elbow'\].*at most {largest:.3g} at steps of 0.01 s"
-        ):
+        message = rf"kd\['elbow'\].*at most {largest:.3g} at steps of 0.01 s"
+
+        with pytest.raises(SimrobError, match=message):
             add_joint_servos(builder, plant, kp=1.0, kd=1.01 * largest)
-        assert add_joint_servos(builder, plant, kp=1.0, kd=0.99 * largest).joints == [
-            "shoulder",
-            "elbow",
-        ]
+        servos = add_joint_servos(builder, plant, kp=1.0, kd=0.99 * largest)
+
+        assert servos.joints == ["shoulder", "elbow"]
 
     def test_actuators_are_connected_once(self):
         builder, plant = links("elbow")
         add_joint_servos(builder, plant, kp=1.0, kd=1.0)
-        with pytest.raises(SimrobError, match="actuators of links are connected already"):
+
+        with pytest.raises(SimrobError, match="actuators of links are already connected"):
             add_joint_servos(builder, plant, kp=1.0, kd=1.0, name="again")
 
     def test_the_plant(self):
@@ -294,9 +333,10 @@ class TestErrors:
 
     def test_names_of_bodies_and_frames(self):
         builder, plant = links("elbow")
+
         with pytest.raises(SimrobError, match="lower"):
             add_contact_sensor(builder, plant, "lowr")
-        with pytest.raises(SimrobError, match="shapes that collide"):
+        with pytest.raises(SimrobError, match="a body with collision shapes"):
             add_contact_sensor(builder, plant, "lower")
         with pytest.raises(SimrobError, match="upper"):
             add_imu(builder, plant, "uper")

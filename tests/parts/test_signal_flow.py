@@ -6,6 +6,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from simrob_drake import add_station, load_station, simulate
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import in_language
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
@@ -131,7 +132,7 @@ def test_a_stop_ends_the_run():
     result = simulate(arm(law, **OFF), duration=2, progress=False)
 
     assert result.ending == "monitor"
-    assert result.message.startswith("Enough is on")
+    assert result.message.startswith("the stop Enough is active")
     assert 0.1 < result["q.joint_1"][-1] < 0.2
 
 
@@ -140,17 +141,18 @@ def test_a_stop_ends_the_run():
     [
         ({"torque": {"joint_9": "Limit"}}, "axis of .* for controllers.law.torque"),
         ({"torque": {"joint_1": "Limits"}}, "controllers.law.blocks.torque.of .*Limit"),
-        ({"torque": {"joint_1": "tau.joint_1"}}, "measured while stepping"),
+        ({"torque": {"joint_1": "tau.joint_1"}}, "measured during the run"),
         ({"torque": {"joint_1": "Limit.1"}}, "Limit"),
         ({"blocks": {"A": {"kind": "sum", "of": "B"}, "B": {"kind": "sum", "of": "A"}}, "torque": {}}, "algebraic"),
-        ({"blocks": {"A": {"kind": "switch", "of": ["one"]}}, "torque": {}}, "blocks.A.of.*3 inputs"),
+        ({"blocks": {"A": {"kind": "switch", "of": ["one"]}}, "torque": {}}, r"blocks\.A\.of is 1; it must be 3"),
         ({"blocks": {"one": {"kind": "sum", "of": "time"}}, "torque": {}}, "another name"),
-        ({"blocks": {"A": {"kind": "saturation", "lower": 1, "upper": 0, "of": "one"}}}, "above upper"),
+        ({"blocks": {"A": {"kind": "saturation", "lower": 1, "upper": 0, "of": "one"}}}, "it must be at most upper, 0"),
         ({"blocks": {"A": {"kind": "transfer_function", "numerator": [1, 0], "denominator": [1], "of": "one"}}},
-         "higher power"),
+         "higher degree"),
         ({"blocks": {"A": {"kind": "state_space", "A": [[0]], "B": [[1, 1]], "C": [[1]], "D": [[0]], "of": "one"}}},
-         "must be 1 × 1, for 1 inputs"),
-        ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}}, "points must rise"),
+         "must be 1 × 1, for 1 input and 1 state"),
+        ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}},
+         "points must increase"),
         ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}
                      for name, period in (("A", 0.02), ("B", 0.020002))}, "torque": {}}, "multiples of a common step"),
         ({"blocks": {"A": {"kind": "pid", "d": 1, "of": "time"}}, "torque": {}}, "blocks.A.filter .*cut-off"),
@@ -163,8 +165,21 @@ def test_a_wrong_law_is_refused_with_the_reason(changed, reason):
         simulate(arm(LAW | changed), duration=0.01, progress=False)
 
 
+def test_the_reason_is_translated_with_all_of_its_parts():
+    blocks = {
+        name: {"kind": "delay", "period": period, "of": "one"}
+        for name, period in (("A", 0.02), ("B", 0.020002))
+    }
+
+    with pytest.raises(SimrobError) as raised:
+        simulate(arm(LAW | {"blocks": blocks, "torque": {}}), duration=0.01, progress=False)
+
+    spanish = in_language(raised.value.message, "es")
+    assert "los periodos 0.02, 0.020002 s no tienen un paso común" in spanish
+
+
 def test_a_block_that_cannot_compute_fails_the_run():
-    """From 0.05 s on, the root is that of a negative number."""
+    """The block computes the root of a negative number from 0.05 s on."""
     root = {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}
     law = {"kind": "signal_flow", "blocks": {"Root": root}, "torque": {"joint_1": "Root"}}
 
@@ -220,7 +235,7 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
                     "period": 0.01,
                 },
             },
-            "the block S cannot be computed of [-1.0]",
+            "the block S cannot be computed from [-1.0]",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""A site wires; outputs are in a registry, labels in the picture. Former names still work."""
+"""The site of a station: its registry of outputs, its labels of the picture, and its former names."""
 
 import dataclasses
 import importlib
@@ -8,9 +8,12 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import add_station
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import in_language, message
 from simrob_drake.base.signals import Signal
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.picture import PictureLabels
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.site import Site
 
 
@@ -96,3 +99,15 @@ def test_a_part_of_another_package_in_the_former_way_still_works(site):
         ports.picture.draw("sensor.again", "sensor", "Again", robot)
     assert ports.outputs["again"] is port
     assert ports.picture.drawn["sensor.again"].label == "Again"
+
+
+def test_the_error_that_there_is_nothing_to_choose_is_translated():
+    kind = message("parts.sensor_for", "{kind} sensor for {key}", kind="force", key="monitors.stop")
+
+    with pytest.raises(InvalidParameter) as raised:
+        name_or_only(None, [], kind=kind, key="monitors.stop.sensor")
+
+    english = "monitors.stop.sensor: there is no force sensor for monitors.stop; add one"
+    assert raised.value.message == english
+    spanish = in_language(raised.value.message, "es")
+    assert spanish == "monitors.stop.sensor: no hay sensor force para monitors.stop; añada uno"

@@ -1,4 +1,4 @@
-"""Uneven ground: its boxes against Drake's own distances, its seed, and what is soft of it."""
+"""Uneven ground: its boxes against Drake's distances, its seed, and its soft patch."""
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ SMALL = {"length": 1.0, "width": 0.8, "height": 0.03}
 
 
 def station(**terrain):
+    """Load the quadruped on a small field, with keys of the terrain."""
     return load_station("yobotics_terrain", {**PLAIN, "floor.terrain": {**SMALL, **terrain}})
 
 
@@ -30,82 +31,102 @@ def test_heights_are_where_drake_has_the_surfaces(kind, incline):
             "floor.terrain": {"kind": kind, "heading_deg": 20, **SMALL},
         },
     )
-    ground, posed = resolve(config).ground, PosedStation(config)
-    rng = np.random.default_rng(5)
-    points = np.column_stack([rng.uniform((0.0, -0.8), (1.8, 0.8), (60, 2)), np.full(60, 2.0)])
+    ground = resolve(config).ground
+    posed = PosedStation(config)
+    random = np.random.default_rng(5)
+    points = np.column_stack([random.uniform((0.0, -0.8), (1.8, 0.8), (60, 2)), np.full(60, 2.0)])
+
     heights = ground.beneath(points)
-    rough = heights - ground.floor_heights(points)
-    assert rough.max() > 0.005
-    assert -0.031 < rough.min() < (-0.005 if kind == "steps" else 1e-9)
-    assert rough.max() < 0.035
+
+    over_floor = heights - ground.floor_heights(points)
+    assert 0.005 < over_floor.max() < 0.035
+    # Only tiles of steps may be lower than the ground around the field.
+    assert -0.031 < over_floor.min() < (-0.005 if kind == "steps" else 1e-9)
     for point, height in zip(points, heights, strict=True):
-        on = np.array([*point[:2], height])
-        near = posed.query().ComputeSignedDistanceToPoint(on, threshold=1e-9)
-        assert min(abs(found.distance) for found in near) < 1e-9
-        assert (
-            posed.query().ComputeSignedDistanceToPoint(on + np.array([0, 0, 1e-4]), threshold=0.0)
-            == []
-        )
+        on_surface = np.array([*point[:2], height])
+        touching = posed.query().ComputeSignedDistanceToPoint(on_surface, threshold=1e-9)
+        assert min(abs(found.distance) for found in touching) < 1e-9
+        above = on_surface + np.array([0, 0, 1e-4])
+        assert posed.query().ComputeSignedDistanceToPoint(above, threshold=0.0) == []
 
 
 @pytest.fixture
 def grids(tmp_path):
-    """Two files of the same grid: the far left tile high, the near right one low."""
+    """Two files of the same grid, by their kind: the far left tile is the highest, the near right one the lowest."""
     (tmp_path / "grid.csv").write_text("0.02,0\n0.04,0.02\n")
     Image.fromarray(np.array([[255, 128], [128, 0]], np.uint8)).save(tmp_path / "grid.png")
     return {kind: tmp_path / f"grid.{kind}" for kind in ("csv", "png")}
 
 
-def known(grids):
-    """Fields whose heights are told, with points [m] and their heights."""
+def assert_heights(field, heights):
+    """Check the heights [m] of a field at points (x, y) [m], and that Drake has surfaces there."""
+    config = load_station("yobotics_terrain", {**PLAIN, "floor.terrain": {"width": 0.8, **field}})
+    ground = resolve(config).ground
+    posed = PosedStation(config)
+    points = np.array([(*place, 2.0) for place in heights])
+
+    tops = ground.beneath(points)
+
+    # A pixel of the value 128 of 255 is not quite at half of the height.
+    np.testing.assert_allclose(tops, [*heights.values()], atol=2e-4)
+    for point, top in zip(points, tops, strict=True):
+        on_surface = np.array([*point[:2], top])
+        touching = posed.query().ComputeSignedDistanceToPoint(on_surface, threshold=1e-9)
+        assert min(abs(found.distance) for found in touching) < 1e-9
+
+
+def test_stairs_rise_up_to_the_middle_and_fall_again():
     stairs = {"kind": "stairs", "height": 0.03, "size": 0.2, "length": 1.0}
+
+    assert_heights(
+        stairs,
+        {
+            (0.3, 0.0): 0.0,
+            (0.5, 0.3): 0.03,
+            (0.7, 0.3): 0.06,
+            (0.9, 0.3): 0.09,
+            (1.1, 0.3): 0.06,
+            (1.3, 0.3): 0.03,
+        },
+    )
+
+
+def test_gaps_are_in_the_middle_of_each_row():
     gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "length": 1.0, "gap": 0.06}
-    tiles = {
-        (0.5, -0.1): 0.0,
-        (0.5, 0.1): 0.02,
-        (0.7, -0.1): 0.02,
-        (0.7, 0.1): 0.04,
-        (0.9, 0.1): 0.0,
-        (0.5, 0.3): 0.0,
-    }
-    return [
-        (
-            stairs,
-            {(0.3, 0.0): 0.0, **{(0.5 + 0.2 * n, 0.3): 0.03 * min(n + 1, 5 - n) for n in range(5)}},
-        ),
-        (
-            gaps,
-            {
-                (0.49, 0.0): 0.0,
-                (0.5, 0.0): -0.1,
-                (0.55, 0.0): -0.1,
-                (0.56, 0.0): 0.0,
-                (1.275, 0.0): -0.1,
-            },
-        ),
-        ({"kind": "grid", "size": 0.2, "file": str(grids["csv"])}, tiles),
-        ({"kind": "grid", "size": 0.2, "height": 0.04, "file": str(grids["png"])}, tiles),
-    ]
+
+    assert_heights(
+        gaps,
+        {
+            (0.49, 0.0): 0.0,
+            (0.5, 0.0): -0.1,
+            (0.55, 0.0): -0.1,
+            (0.56, 0.0): 0.0,
+            (1.275, 0.0): -0.1,
+        },
+    )
 
 
-def test_stairs_gaps_and_grids_are_where_they_are_told(grids):
-    for field, heights in known(grids):
-        config = load_station(
-            "yobotics_terrain", {**PLAIN, "floor.terrain": {"width": 0.8, **field}}
-        )
-        ground, posed = resolve(config).ground, PosedStation(config)
-        points = np.array([(*place, 2.0) for place in heights])
-        tops = ground.beneath(points)
-        np.testing.assert_allclose(tops, [*heights.values()], atol=2e-4)  # 128 of 255 is no half
-        for point, top in zip(points, tops, strict=True):
-            near = posed.query().ComputeSignedDistanceToPoint(
-                np.array([*point[:2], top]), threshold=1e-9
-            )
-            assert min(abs(found.distance) for found in near) < 1e-9
+@pytest.mark.parametrize("kind", ["csv", "png"])
+def test_a_grid_has_the_heights_of_its_file(grids, kind):
+    grid = {"kind": "grid", "size": 0.2, "file": str(grids[kind])}
+    # The heights of a picture are parts of the key `height`.
+    field = {**grid, "height": 0.04} if kind == "png" else grid
+
+    assert_heights(
+        field,
+        {
+            (0.5, -0.1): 0.0,
+            (0.5, 0.1): 0.02,
+            (0.7, -0.1): 0.02,
+            (0.7, 0.1): 0.04,
+            (0.9, 0.1): 0.0,
+            (0.5, 0.3): 0.0,
+        },
+    )
 
 
 @pytest.mark.long
-def test_what_is_no_grid_is_refused(tmp_path, grids):
+def test_an_invalid_file_of_a_grid_is_refused(tmp_path, grids):
     (tmp_path / "words.csv").write_text("0.1,high\n")
     (tmp_path / "empty.png").write_text("")
     (tmp_path / "ragged.csv").write_text("0.1,0.2\n0.1\n")
@@ -113,13 +134,14 @@ def test_what_is_no_grid_is_refused(tmp_path, grids):
     Image.fromarray((np.arange(2000) % 251).astype(np.uint8).reshape(40, 50)).save(
         tmp_path / "rough.png"
     )
+
     messages = {
         "words.csv": "line 1: contains a value that is not a number",
         "ragged.csv": "line 2: has 1 cells, but the first line has 2",
         "no.csv": "cannot be read",
-        "empty.png": "cannot be read as a picture",
+        "empty.png": "cannot be read as an image",
         "large.png": "more than 100000",
-        "rough.png": "makes 2000 boxes",
+        "rough.png": "needs 2000 boxes",
     }
     for file, message in messages.items():
         field = {"kind": "grid", "file": str(tmp_path / file)}
@@ -127,18 +149,22 @@ def test_what_is_no_grid_is_refused(tmp_path, grids):
             resolve(load_station("yobotics_terrain", {**PLAIN, "floor.terrain": field}))
 
 
-def test_the_seed_alone_makes_the_field_and_the_floor_s_size_does_not():
-    field = Terrain(kind="rubble", seed=3)
+def test_a_field_depends_on_its_seed_and_not_on_the_size_of_the_floor():
+    def stones(seed, floor):
+        """Poses of the stones, which follow five boxes of level ground, on a floor of a size [m]."""
+        boxes = Terrain(kind="rubble", seed=seed).blocks(floor)
+        return np.array([box.pose.GetAsMatrix34() for box in boxes[5:]])
 
-    def stones(terrain, size):
-        return np.array([block.pose.GetAsMatrix34() for block in terrain.blocks(size)][5:])
+    small_floor = stones(seed=3, floor=3.0)
+    large_floor = stones(seed=3, floor=30.0)
+    other_seed = stones(seed=4, floor=3.0)
 
-    np.testing.assert_array_equal(stones(field, 3.0), stones(Terrain(kind="rubble", seed=3), 30.0))
-    assert abs(stones(field, 3.0) - stones(Terrain(kind="rubble", seed=4), 3.0)).max() > 0.01
+    np.testing.assert_array_equal(small_floor, large_floor)
+    assert abs(small_floor - other_seed).max() > 0.01
 
 
-def test_no_half_space_stands_among_many_boxes():
-    """Drake 1.58 crashes now and then when it copies one among a hundred."""
+def test_the_floor_of_a_field_is_no_half_space():
+    """Drake 1.58 sometimes crashes when it copies a half space among a hundred boxes."""
     posed = PosedStation(station(kind="steps"))
     inspector = posed.station.scene_graph.model_inspector()
     shapes = [inspector.GetShape(shape) for shape in inspector.GetAllGeometryIds(Role.kProximity)]
@@ -160,45 +186,55 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
         },
         "contact.hydroelastic_modulus": 1e8,  # of all else
     }
-    depths = []
-    for x in (-1.0, 0.7):
-        made = load_station("yobotics_terrain", {**config, "robot.base": [x, 0, 0.31546, 0, 0, 0]})
-        result = simulate(made, duration=1.0, progress=False)
-        plant, robot = result.plant.plant, result.plant.robots["robot"]
+
+    def stand_at(x):
+        """Run the robot at a position along x [m]. Returns the run."""
+        pose = [x, 0, 0.31546, 0, 0, 0]
+        changes = {**config, "robot.base": pose}
+        return simulate(load_station("yobotics_terrain", changes), duration=1.0, progress=False)
+
+    def depth_of_feet(result):
+        """Mean depth of the lowest points of the feet below z = 0 at the end [m]."""
+        plant = result.plant.plant
+        robot = result.plant.robots["robot"]
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, result.positions_at(np.array([1.0]))[0])
-        links = {foot: plant.GetFrameByName(foot, robot.instance) for foot in robot.feet.links}
-        poses = {
-            foot: link.CalcPoseInWorld(context).GetAsMatrix4()[np.newaxis]
-            for foot, link in links.items()
-        }
-        depths.append(
-            -np.mean(
-                [robot.feet.lowest_points(foot, pose)[0, 0, 2] for foot, pose in poses.items()]
-            )
-        )
-    weight = plant.CalcTotalMass(context, [robot.instance]) * made.gravity / 4
-    # the ball is a mesh of edges of 12.5 mm, which lie up to 0.8 mm inside of it
-    assert depths[0] < 1e-3
-    assert depths[1] == pytest.approx(np.sqrt(weight * 0.07 / (np.pi * 1e6 * 0.025)), rel=0.15)
+        heights = []
+        for foot in robot.feet.links:
+            pose = plant.GetFrameByName(foot, robot.instance).CalcPoseInWorld(context)
+            lowest = robot.feet.lowest_points(foot, pose.GetAsMatrix4()[np.newaxis])
+            heights.append(lowest[0, 0, 2])
+        return -np.mean(heights)
+
+    on_hard_ground = stand_at(-1.0)
+    on_soft_patch = stand_at(0.7)
+
+    plant = on_soft_patch.plant.plant
+    robot = on_soft_patch.plant.robots["robot"]
+    mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance])
+    force = mass * np.linalg.norm(plant.gravity_field().gravity_vector()) / 4
+    depth = np.sqrt(force * 0.07 / (np.pi * 1e6 * 0.025))
+    # The ball is a mesh with edges of 12.5 mm, which are up to 0.8 mm inside of the ball.
+    assert depth_of_feet(on_hard_ground) < 1e-3
+    assert depth_of_feet(on_soft_patch) == pytest.approx(depth, rel=0.15)
 
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
         ({"floor.terrain.size": 0.001}, "more than 1000 boxes"),
-        ({"floor.terrain.size": 5}, "is not more than length and width"),
+        ({"floor.terrain.size": 5}, "must not exceed length or width"),
         ({"floor.terrain.kind": "hills"}, "rubble"),
         ({"floor.terrain.seed": -1}, "seed"),
-        ({"floor.terrain.kind": "grid"}, "file is missing"),
-        ({"floor.terrain.file": "heights.csv"}, "file goes with kind grid alone"),
+        ({"floor.terrain.kind": "grid"}, "grid needs a file"),
+        ({"floor.terrain.file": "heights.csv"}, "file is for kind: grid only"),
         (
             {"floor.terrain": {"kind": "gaps", "gap": 0.2, "size": 0.2}},
-            "leaves nothing to stand on",
+            "it must be less than size, 0.2 m",
         ),
         ({"contact.model": "point"}, "floor.terrain.soft"),
     ],
 )
-def test_what_cannot_be_is_refused(overrides, message):
+def test_an_invalid_terrain_is_refused_with_its_cause(overrides, message):
     with pytest.raises(SimrobError, match=message):
         resolve(load_station("yobotics_terrain", overrides))

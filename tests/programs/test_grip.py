@@ -156,7 +156,7 @@ def test_what_fingers_cannot_do_is_said():
         arm.grip(force=200)
     with pytest.raises(SimrobError, match=r"a robot with a gripper in its robot\.yaml"):
         Arm("irb120_dynamic").grip()
-    with pytest.raises(SimrobError, match="one with a gripper"):
+    with pytest.raises(SimrobError, match="a robot with a gripper"):
         load_station("irb120_dynamic", {"monitors": {"dropped": {"kind": "empty_grip"}}})
 
 

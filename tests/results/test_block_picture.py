@@ -386,7 +386,7 @@ def test_a_station_as_one_box_shows_its_open_inputs() -> None:
 @pytest.mark.parametrize(
     ("reference", "text"),
     [
-        ({"kind": "hold"}, "hold the start"),
+        ({"kind": "hold"}, "hold the initial posture"),
         (
             {"kind": "ramp", "target_deg": 30, "duration": 2, "start": 1},
             "ramp to 30 deg in 2 s,\nfrom 1 s",
@@ -395,7 +395,7 @@ def test_a_station_as_one_box_shows_its_open_inputs() -> None:
         ({"kind": "sine", "amplitude_deg": 5, "frequency": 0.5}, "sine ±5 deg, 0.5 Hz"),
         (
             {"kind": "sequence", "targets": [{"time": 2, "target_deg": 10}]},
-            "sequence of 1 postures in\n2 s",
+            "sequence of 1 posture in 2\ns",
         ),
     ],
 )

@@ -49,7 +49,7 @@ def test_a_picture_in_spanish_has_no_english_words(name):
     [
         ("irb120_dynamic", "ramp a 30 deg en 1 s"),
         ("irb120_force_control", r"ramp a joint_1 9,5 deg en\n3 s, desde 2,5 s"),
-        ("irb120_workcell", "mantiene el inicio"),
+        ("irb120_workcell", "postura inicial"),
         ("humanoid_balance", r"Fuerza 'push'\n30 N a los 1 s\nen robot"),
         (
             "irb120_motor_protection",
@@ -96,5 +96,5 @@ def test_couplings_are_described_in_spanish():
     assert rod.caption() == "a rod of 0.25 m from left to right"
     assert in_language(rod.caption(), "es") == "una varilla de 0,25 m de left a right"
     assert in_language(spring.caption(), "es") == "un muelle de 1,5 N/m de left a right"
-    assert gear.caption() == "a gear: 1 a + -0.5 b stays as it is"
-    assert in_language(gear.caption(), "es") == "un engranaje: 1 a + -0,5 b no cambia"
+    assert gear.caption() == "a gear: 1 a + -0.5 b is constant"
+    assert in_language(gear.caption(), "es") == "un engranaje: 1 a + -0,5 b es constante"

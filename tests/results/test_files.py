@@ -179,12 +179,12 @@ def test_a_robot_is_named_where_there_is_not_just_one(result):
     for signal in (lambda: both.axes("q"), lambda: both.pose("tcp")):
         with pytest.raises(InvalidParameter, match="robot is None; it must be one of left, right"):
             signal()
-    with pytest.raises(InvalidParameter, match="legged robot, and there is none"):
+    with pytest.raises(InvalidParameter, match="there is no legged robot"):
         locomotion(both)
     with pytest.raises(UnknownName, match="no legged robot 'left'"):
         locomotion(both, "left")
     ball = simulate(load_station("bouncing_ball"), duration=0.02)
-    with pytest.raises(InvalidParameter, match="a robot, and there is none"):
+    with pytest.raises(InvalidParameter, match="there is no robot"):
         ball.axes("q")
 
 

@@ -65,7 +65,7 @@ def test_a_program_with_a_walk_is_saved_and_run(tmp_path):
     (remark,) = result.summary()["remarks"]
     assert "go: {ahead: 0.5, turn_deg: 10.0, duration: 1.2}" in file.read_text()
     assert (result.did, result.ending) == ("go", "completed")
-    assert "walk is asked for more than its legs can follow" in remark
+    assert "walk clips commands that are beyond the speed limits of the legs" in remark
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_robot_without_a_walk_is_refused():
     robot = LeggedRobot("irb120_dynamic")
 
     with pytest.raises(
-        SimrobError, match=r"walk of robot.*of a robot that stands on feet of its own|no walk"
+        SimrobError, match=r"robot has no feet, or its base is fixed|no section reacting"
     ):
         robot.go(ahead=0.1)
 

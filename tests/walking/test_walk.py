@@ -402,9 +402,9 @@ def test_a_resumed_walk_is_equal_to_the_last_bit() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"controllers.walk.commands": [{"time": 2}, {"time": 1}]}, "must rise"),
+        ({"controllers.walk.commands": [{"time": 2}, {"time": 1}]}, "must not decrease"),
         ({"controllers.walk.gait": {"step_tyme": 0.3}}, "step_time"),
-        ({"controllers.walk.gait": {"foothold": {"inner": 0.3}}}, "beyond foothold.inner"),
+        ({"controllers.walk.gait": {"foothold": {"inner": 0.3}}}, "larger than foothold.inner"),
         ({"controllers.walk.gait": {"groups": [["right_foot"], ["left_fot"]]}}, "left_foot"),
         (
             {
@@ -413,7 +413,7 @@ def test_a_resumed_walk_is_equal_to_the_last_bit() -> None:
                 "robot.initial_deg": 0,
                 "servo.motor": None,
             },
-            "feet of its own",
+            "stands on its own feet",
         ),
     ],
 )

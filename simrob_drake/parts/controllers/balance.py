@@ -161,11 +161,12 @@ class StepChooser:
             return np.array(new_state), offset + approach * (goal - offset)
 
         time = min(before.time + self._period / step.section.duration, 1.0)
-        # the reach may still grow with the error, but never shrinks
+        # The reach may still grow with the error. It never shrinks, or the foot would be pulled back in the air.
         part = max(before.part, step.part(balance))
         new_offset = step.offsets(time, part)
+        # The foot is down early: what is still lifted settles slowly, or the leg would kick.
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
-            time = 1.0  # the foot is down early: what is still lifted settles slowly, or the leg would kick
+            time = 1.0
         new_state = StepState(step=number, time=time, part=part)
         return np.array(new_state), new_offset
 
@@ -209,14 +210,17 @@ class Strategy(Strict):
             raise ValueError(
                 message(
                     "parts.full_beyond",
-                    "full, {full:g} m, must be beyond the {beyond:g} m that are let be",
+                    "full is {full:g} m; it must be larger than beyond, {beyond:g} m",
                     full=self.full,
                     beyond=self.beyond,
                 )
             )
         if not any(self.moves_deg.values()):
             raise ValueError(
-                message("parts.moves_all_zero", "moves_deg are all zero: no axis would move")
+                message(
+                    "parts.moves_all_zero",
+                    "all moves_deg are 0; at least one axis must have an offset",
+                )
             )
         return self
 
@@ -228,7 +232,7 @@ class Balance(LoopSection):
     stages: ClassVar[tuple[str, ...]] = (
         message("parts.stage_capture_point", "Capture point"),
         message("parts.stage_strategies", "Strategies\nankles, hips, arms"),
-        message("parts.stage_step", "Step\nif they fail"),
+        message("parts.stage_step", "Capture step\nfor large errors"),
     )
 
     kind: Literal["balance"]
@@ -246,7 +250,7 @@ class Balance(LoopSection):
             raise ValueError(
                 message(
                     "parts.nothing_would_move",
-                    "balance needs strategies or steps: nothing would move",
+                    "balance has neither strategies nor steps; it needs at least one of them",
                 )
             )
         return self
@@ -258,7 +262,8 @@ class Balance(LoopSection):
             "lift_deg": [step.lift_deg for step in self.steps.values()],
             "reach_deg": [step.reach_deg for step in self.steps.values()],
         }
-        indices = dict[int, None]()  # each axis once, in the order in which the section names them
+        # The keys are each axis once, in the order in which the section names them.
+        indices = dict[int, None]()
         for key, all_moves in moves_by_key.items():
             for moves in all_moves:
                 for axis in moves:
@@ -277,7 +282,7 @@ class Balance(LoopSection):
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
-        assert robot.feet is not None  # on_feet() has asked
+        assert robot.feet is not None  # on_feet() has checked it
         for name, step in self.steps.items():
             one_of(
                 message(
@@ -391,6 +396,7 @@ class Answer:
         Returns:
             The new part.
         """
+        # An offset that grows answers a push; one that shrinks only returns, and has a time of its own.
         duration = self.section.rise if abs(desired) > abs(before) else self.section.release
         step = period / duration if duration > 0 else math.inf
         return min(max(desired, before - step), before + step)
@@ -432,7 +438,7 @@ class StandingBalance(SampledBlock):
         self._answers = answers
         self._gyroscope = gyroscope
         self._stepper = StepChooser(steps, period)
-        # sizes of the inputs
+        # Sizes of the inputs.
         reads = {
             "position": size,
             "velocity": size,

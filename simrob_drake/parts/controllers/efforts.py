@@ -32,7 +32,7 @@ from simrob_drake.robots.axis_map import AxisMap, AxisValues
 # Squared damping of the least squares for the joint offsets, per row (rad² and m²). Near a singularity it keeps joint
 # motions small; elsewhere its effect is negligible.
 _DAMPING = 1e-6 * np.eye(6)
-# Largest error of the force at which the integral part acts, as a part of the desired force [1].
+# Largest error of the force at which the integral part changes, as a part of the desired force [1].
 _INTEGRAL_RANGE = 0.2
 
 
@@ -44,9 +44,7 @@ def _unit(direction: Triple) -> Triple:
     """
     length = float(np.linalg.norm(direction))
     if length == 0:
-        raise ValueError(
-            message("parts.zero_direction", "a direction of length zero points nowhere")
-        )
+        raise ValueError(message("parts.zero_direction", "a direction must not be the zero vector"))
     x, y, z = direction
     return x / length, y / length, z / length
 
@@ -60,8 +58,8 @@ class ForceControl(LoopSection):
 
     label: ClassVar[str] = message("parts.loop_force_control", "force control")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_force_error", "Error of the force"),
-        message("parts.stage_law_of_path", "PI law\npath of the tool"),
+        message("parts.stage_force_error", "Force error"),
+        message("parts.stage_law_of_path", "PI law\ntool path"),
         message("parts.stage_jacobian", "Jacobian\njoint offsets"),
     )
 
@@ -93,11 +91,16 @@ class ForceControl(LoopSection):
         """
         super().check(key, station)
         check_force_is_read(self, key)
-        if not station.robot(self.robot, key).tcp:
-            raise InvalidParameter(
+        robot = station.robot(self.robot, key)
+        if not robot.tcp:
+            raise Unsuitable(
                 key,
-                message("parts.robot_without_tool", "for a robot without a tool"),
-                message("parts.robot_that_presses", "for one that presses with a tool or a piece"),
+                message(
+                    "parts.robot_without_tool",
+                    "{robot} has no tool or piece to press with",
+                    robot=robot.name,
+                ),
+                message("parts.robot_that_presses", "give the robot a tool, or name another robot"),
             )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
@@ -170,14 +173,14 @@ class PressingTool(SampledBlock):
             memory={**outputs, "drift": zero},
             gives=list(outputs),
         )
-        # the station owns the plant: a block must not keep it in memory
+        # The station owns the plant: a block must not keep it in memory. Frames refer to the plant, indices do not.
         self._plant = weakref.proxy(plant)
         self._axes = axes
-        self._tool = tool.index()  # frames refer to the plant, indices do not
+        self._tool = tool.index()
         self._sensor = sensor.index()
-        # work space: every evaluation sets its positions anew
+        # Work space: every evaluation sets its positions anew.
         self._scratch = plant.CreateDefaultContext()
-        # positions of the joints that are no axes, shape (nq,)
+        # Positions of the joints that are no axes, shape (nq,).
         self._rest = plant.GetPositions(self._scratch)
         self._section = section
         self._direction = np.array(section.direction)
@@ -279,9 +282,9 @@ class MotorProtection(LoopSection):
 
     label: ClassVar[str] = message("parts.loop_motor_protection", "motor protection")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_heat", "Heat of the motors"),
+        message("parts.stage_heat", "Motor heat"),
         message("parts.stage_stage_of_protection", "Stage\nwatch, give way, stop"),
-        message("parts.stage_joint_offsets", "Offsets of the joints"),
+        message("parts.stage_joint_offsets", "Joint offsets"),
     )
 
     kind: Literal["motor_protection"]
@@ -302,7 +305,7 @@ class MotorProtection(LoopSection):
     force: Positive | str | None = None
     """Force that stops the robot [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
     then: Literal["hold", "end"] = "hold"
-    """What to do when the robot stops: hold the posture of that moment, or end the run."""
+    """Action when the robot stops: hold the posture of that moment, or end the run."""
     reset_after: Positive | None = None
     """Time without overload after which the robot moves on [s]; if it is left out, the robot stays stopped."""
 
@@ -322,16 +325,17 @@ class MotorProtection(LoopSection):
         if self.weight is not None:
             raise Unsuitable(
                 f"{key}.weight",
-                message(
-                    "parts.protection_unweighted", "what protects the robot cannot be weighted"
-                ),
+                message("parts.protection_unweighted", "motor protection always acts in full"),
             )
         limit, nominal = self._limits(key, robot)
         if self.force is None and not np.isfinite([limit, nominal]).any():
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
-                message("parts.nothing_to_watch", "without a limit, a nominal torque and a force"),
-                message("parts.one_to_watch", "given one of them to watch"),
+                message(
+                    "parts.nothing_to_watch",
+                    "it has neither a limit nor a nominal torque nor a force to watch",
+                ),
+                message("parts.one_to_watch", "give at least one of limit, nominal and force"),
             )
         for axis in range(len(robot.axes)):
             self._check_axis(key, robot, axis, limit=limit[axis], nominal=nominal[axis])
@@ -357,27 +361,32 @@ class MotorProtection(LoopSection):
         name = robot.axes[axis]
         unit = robot.model.units[axis].effort
         servo_limit = robot.gains.torque_limit[axis]
+        limit_key = message("parts.limit_of_axis", "{key}.limit of {name}", key=key, name=name)
+        nominal_key = message(
+            "parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name
+        )
         watched = min(limit, nominal)
         if not watched > 0:
             raise InvalidParameter(
-                message("parts.key_of_axis", "{key}, of {name},", key=key, name=name),
+                nominal_key if nominal < limit else limit_key,
                 compound("{watched:g} {unit}", watched=watched, unit=unit),
-                "positive",
+                message("parts.positive", "positive"),
             )
+        # The servo limits its torque itself, so a larger limit would never be exceeded.
         if math.isfinite(limit) and not limit < servo_limit:
             raise InvalidParameter(
-                message("parts.limit_of_axis", "{key}.limit of {name}", key=key, name=name),
+                limit_key,
                 compound("{limit:g} {unit}", limit=limit, unit=unit),
                 message(
                     "parts.less_than_servo",
-                    "less than the servo gives at most, {limit:g} {unit}: it is never above",
+                    "less than the torque limit of the servo, {limit:g} {unit}",
                     limit=servo_limit,
                     unit=unit,
                 ),
             )
         if math.isfinite(nominal) and nominal > limit:
             raise InvalidParameter(
-                message("parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name),
+                nominal_key,
                 compound("{nominal:g} {unit}", nominal=nominal, unit=unit),
                 message(
                     "parts.at_most_its_limit",
@@ -393,7 +402,7 @@ class MotorProtection(LoopSection):
                 "0",
                 message(
                     "parts.positive_to_give_way",
-                    "positive, so that {key} can make it give way",
+                    "positive, so that {key} can make the axis give way",
                     key=key,
                 ),
             )
@@ -422,7 +431,7 @@ class MotorProtection(LoopSection):
         limit, nominal = self._limits(key, robot)
         # Servos without an integral part sag by torque / kp. An integral part removes the sag.
         is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
-        # 1 instead of 0, by which NumPy would divide
+        # NumPy divides in both branches below, so an axis without sag gets 1 instead of 0.
         kp = np.where(is_sagging, robot.gains.kp, 1.0)
         compliance = np.where(is_sagging, 1 / kp, 0.0)
         # On a floating robot, the torques against the weight depend on the forces at its feet, which are not known.
@@ -457,6 +466,7 @@ class _ArmWeight:
 
     def compensation(self, position: Vector) -> Vector:
         """Compute the offset of the reference, shape (n,) [rad], with which the axes stay at a position (n,) [rad]."""
+        # At rest: without velocities, gravity alone loads the joints.
         self._axes.set_positions(self._plant, self._scratch, position)
         # Torques against the weight. The servos give them at a distance of torque / kp from the reference.
         weight = -self._axes.efforts(self._plant.CalcGravityGeneralizedForces(self._scratch))
@@ -545,7 +555,7 @@ class GuardedMotors(SampledBlock):
         last_heat = memory["heat"]
         # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque.
         heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
-        # back to 0 if below the limit
+        # The product is the time so far, or 0 for an axis whose torque is within its limit.
         above = (memory["above"] + self.period) * (abs(torque) > self._limit)
         changes: dict[str, Vector | float] = {"heat": heat, "above": above}
         pressed = 0.0
@@ -598,7 +608,11 @@ class GuardedMotors(SampledBlock):
         if lasts > self._section.patience:
             # The reason names the first of the axes at their limits.
             axis = int(np.argmax(is_at_limit))
-            hot = message("parts.too_warm", " for it is too warm") if heat[axis] >= 1 else ""
+            hot = (
+                message("parts.too_warm", ", since its motor is too warm")
+                if heat[axis] >= 1
+                else ""
+            )
             reason = message(
                 "parts.torque_held",
                 "{axis} was held at {allowed:g} {unit} for {lasts:g} s{hot}",

@@ -117,6 +117,7 @@ class FlowBlock(Strict, NetBlock):
     @property
     def inputs(self) -> tuple[Sum, ...]:
         """Inputs of the block in order. A block with one input may give it without a list."""
+        # A sum is a text or a mapping, so a tuple can only be the list of all inputs.
         return self.of if isinstance(self.of, tuple) else (self.of,)
 
     @property
@@ -140,12 +141,22 @@ class FlowBlock(Strict, NetBlock):
         """
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
-            if fewest == most:
-                expected = message("parts.count_of_inputs", "{fewest} inputs", fewest=fewest)
-            else:
-                expected = message("parts.inputs_or_more", "{fewest} inputs or more", fewest=fewest)
-            count = message("parts.given_inputs", "{count} inputs", count=len(self.inputs))
-            raise InvalidParameter(f"{key}.of", count, expected)
+            # The largest counts of blocks with several inputs only exclude mistakes: they need not be named.
+            expected = (
+                str(fewest)
+                if fewest == most
+                else message("parts.inputs_or_more", "{fewest} or more", fewest=fewest)
+            )
+            raise InvalidParameter(count_of_inputs(key), len(self.inputs), expected)
+
+
+def count_of_inputs(key: str) -> str:
+    """Words for the count of a block's inputs, for errors.
+
+    Args:
+        key: key of the block.
+    """
+    return message("parts.count_of_inputs", "the number of inputs in {key}.of", key=key)
 
 
 class Bounded(Strict):
@@ -163,7 +174,7 @@ class Bounded(Strict):
             raise ValueError(
                 message(
                     "parts.lower_above_upper",
-                    "lower ({lower:g}) is above upper ({upper:g})",
+                    "lower is {lower:g}; it must be at most upper, {upper:g}",
                     lower=self.lower,
                     upper=self.upper,
                 )
@@ -231,7 +242,8 @@ class DeadZone(Bounded, FlowBlock):
     kind: Literal["dead_zone"]
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (u[0] - self.clip(u[0]),)  # clip(u) is u itself between the bounds
+        # clip(u) is u itself between the bounds, and the bound beyond it.
+        return (u[0] - self.clip(u[0]),)
 
 
 class Lookup(FlowBlock):
@@ -251,7 +263,10 @@ class Lookup(FlowBlock):
         # Two points at the same u would divide by zero.
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError(
-                message("parts.points_must_rise", "points must rise, and values be as many")
+                message(
+                    "parts.points_must_rise",
+                    "points must increase, and values must have an entry for each point",
+                )
             )
         return self
 
@@ -375,11 +390,11 @@ class MathFunction(FlowBlock):
         count = len(self.inputs)
         if count != needed:
             raise InvalidParameter(
-                f"{key}.of",
-                message("parts.given_inputs", "{count} inputs", count=count),
+                count_of_inputs(key),
+                count,
                 message(
                     "parts.as_function_takes",
-                    "{count}, as {function} takes",
+                    "{count} for the function {function}",
                     count=needed,
                     function=self.function,
                 ),

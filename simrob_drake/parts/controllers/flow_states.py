@@ -23,6 +23,7 @@ from simrob_drake.parts.controllers.flow_blocks import (
     FlowBlock,
     Row,
     choose,
+    count_of_inputs,
     maximum,
     minimum,
 )
@@ -93,7 +94,8 @@ class StateSpace(FlowBlock):
                 raise ValueError(
                     message(
                         "parts.matrix_size",
-                        "{name} must be {rows} × {columns}, for {inputs} inputs and {states} states",
+                        "{name} must be {rows} × {columns}, for {inputs} {inputs:input|inputs} "
+                        "and {states} {states:state|states}",
                         name=name,
                         rows=rows,
                         columns=columns,
@@ -101,11 +103,12 @@ class StateSpace(FlowBlock):
                         states=states,
                     )
                 )
+        # An initial state that is left out is an empty one, and means zeros.
         if len(self.initial) not in (0, states):
             raise ValueError(
                 message(
                     "parts.initial_size",
-                    "initial must be {states} numbers, one for each state",
+                    "initial must contain {states} {states:number|numbers}, one for each state",
                     states=states,
                 )
             )
@@ -159,7 +162,7 @@ class TransferFunction(FlowBlock):
             raise ValueError(
                 message(
                     "parts.denominator_begins_with_zero",
-                    "denominator begins with 0: its first coefficient is that of the highest power",
+                    "denominator begins with 0; the coefficient of its highest power must not be 0",
                 )
             )
         # Zeros in front of the numerator do not count: they are no higher powers.
@@ -167,7 +170,7 @@ class TransferFunction(FlowBlock):
             raise ValueError(
                 message(
                     "parts.numerator_of_higher_power",
-                    "numerator is of a higher power than denominator, which no system with states has",
+                    "numerator has a higher degree than denominator; a transfer function must be proper",
                 )
             )
         return self
@@ -342,19 +345,23 @@ class Pid(Bounded, FlowBlock):
         """
         if len(self.inputs) == 2:
             raise InvalidParameter(
-                f"{key}.of",
-                message("parts.two_inputs", "2 inputs"),
+                count_of_inputs(key),
+                2,
                 message(
                     "parts.one_or_three_inputs",
-                    "1, or 3: of the proportional, integral and derivative part",
+                    "1, or 3 for the errors of the proportional, integral and derivative part",
                 ),
             )
         super().check(key)
+        # A continuous block cannot differentiate: without a filter, it has no state from which the slope follows.
         if self.d and self.filter is None and not self.period:
             raise InvalidParameter(
                 f"{key}.filter",
                 None,
-                message("parts.filter_cutoff", "the cut-off of the derivative's filter [rad/s]"),
+                message(
+                    "parts.filter_cutoff",
+                    "the cut-off frequency of the derivative's filter [rad/s]",
+                ),
             )
 
     @property

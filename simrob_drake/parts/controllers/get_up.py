@@ -42,9 +42,12 @@ _PATIENCE = 2.0
 _REST_SPEED = 0.2
 
 # Stages of the loop.
-_UP = 0.0  # the robot has not fallen
-_DOWN = 1.0  # the loop waits until the robot lies still
-_FIRST = 2.0  # the first posture; the others have the numbers after it
+# The robot has not fallen.
+_UP = 0.0
+# The loop waits until the robot lies still.
+_DOWN = 1.0
+# The first posture; the others have the numbers after it.
+_FIRST = 2.0
 STANDS = message("parts.stands", "stands")
 """Word in the reason of a run that ends well."""
 Attempts = Annotated[Integer, Field(ge=1, le=100)]
@@ -59,9 +62,9 @@ class GetUp(LoopSection):
 
     label: ClassVar[str] = message("parts.loop_get_up", "get up")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_trunk", "Trunk\nlies, rises, stands"),
-        message("parts.stage_next_posture", "Next posture\nor anew"),
-        message("parts.stage_way_to_posture", "Way to the posture"),
+        message("parts.stage_trunk", "Trunk\nlying, rising, standing"),
+        message("parts.stage_next_posture", "Next posture\nor a new attempt"),
+        message("parts.stage_way_to_posture", "Motion to the posture"),
     )
 
     kind: Literal["get_up"]
@@ -215,7 +218,8 @@ class Rising(SampledBlock):
             return self._lie(memory, elapsed, self._time_well(memory, is_well=is_still), lean.ahead)
 
         sequence = self._sequences[int(memory["sequence"][0])]
-        number = int(stage - _FIRST)  # index of the posture
+        # Index of the posture; after the last one it is their count.
+        number = int(stage - _FIRST)
         if number < len(sequence):
             return self._rise(memory, elapsed, sequence[number], math.degrees(lean.ahead))
         # After the last posture the robot must also stay up.
@@ -227,7 +231,7 @@ class Rising(SampledBlock):
         # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
         ahead = -(x * self._ahead_x + y * self._ahead_y)
-        # rounding may lead beyond 1, of which there is no arc cosine
+        # Rounding may lead beyond 1, of which there is no arc cosine.
         up_within_range = min(max(up, -1.0), 1.0)
         return _Lean(ahead=math.atan2(ahead, up), total=math.acos(up_within_range))
 
@@ -241,6 +245,7 @@ class Rising(SampledBlock):
         Raises:
             RunEnds: the robot stands, and the run is to end then.
         """
+        # The attempts count from the fall: a robot that falls once more has all of them again.
         if has_fallen:
             return {"active": 1.0, "target": asked, "attempt": 0.0, **_begin(_DOWN, asked)}
         if self._section.ends:
@@ -292,6 +297,7 @@ class Rising(SampledBlock):
         }
         if part < 1.0:
             return changes
+        # A robot that has slipped or rolled over is in another posture than planned, and shows it by its lean.
         least, most = goal.posture.lean_deg
         if least <= ahead_deg <= most:
             return {**changes, **_begin(memory["stage"][0] + 1, target)}
@@ -322,7 +328,8 @@ class Rising(SampledBlock):
                     attempt=int(memory["attempt"][0]),
                 )
             )
-        return {"active": 0.0, "stage": _UP}  # other loops drive the robot again
+        # With `active` at 0, other loops drive the robot again.
+        return {"active": 0.0, "stage": _UP}
 
     def _try_again(self, memory: Named, target: Vector) -> Changes:
         """Begin again from lying, with the present target (n,) [rad].
@@ -335,7 +342,7 @@ class Rising(SampledBlock):
             raise RunEnds(
                 message(
                     "parts.lies",
-                    "{name} lies: it did not get up in {tries} attempts",
+                    "{name} did not get up in {tries} {tries:attempt|attempts}",
                     name=self._name,
                     tries=tries,
                 )

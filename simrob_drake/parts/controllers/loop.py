@@ -15,7 +15,7 @@ from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturation
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.renaming import former_names_of, keep_former_attributes
@@ -92,8 +92,8 @@ class LoopSection(ControllerSection):
     rate: Positive = 100.0
     """Samples a second [Hz]."""
     reads: dict[str, str] = Field(default_factory=dict)
-    """What it reads in place of the true state, by input: a sensor (`position: encoders`), or any output of the
-    station or of another controller."""
+    """Sources that the loop reads in place of the true state, by input: a sensor (`position: encoders`), or any output
+    of the station or of another controller."""
     priority: Integer | None = None
     """Order among the loops of a robot: a loop of higher priority is above the others, and its input `asked` contains
     their changes."""
@@ -126,12 +126,13 @@ class LoopSection(ControllerSection):
         """
         robot = station.robot(self.robot, key)
         if not station.engine.moves_by_forces:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
-                message("parts.in_kinematic_station", "in a kinematic station"),
                 message(
-                    "parts.in_dynamic_station", "in a dynamic one: there is nothing to be measured"
+                    "parts.no_loops_in_kinematic_station",
+                    "a kinematic station has no servos, whose reference the loop would change",
                 ),
+                message("parts.leave_out_or_dynamic", "leave it out, or set mode: dynamic"),
             )
         # A discrete solver only sees the state at its own steps, so a loop cannot sample more often.
         time_step = station.engine.time_step
@@ -156,12 +157,14 @@ class LoopSection(ControllerSection):
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
                 message(
-                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                    "parts.not_on_own_feet",
+                    "{robot} has no feet, or its base is fixed",
+                    robot=robot.name,
                 ),
-                message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
+                message("parts.robot_on_own_feet", "name a robot that stands on its own feet"),
             )
         return robot
 
@@ -258,7 +261,10 @@ def check_force_is_read(section: LoopSection, key: str) -> None:
         raise InvalidParameter(
             f"{key}.reads",
             section.reads,
-            message("parts.with_force_sensor", "with a force sensor: reads: {{force: <sensor>}}"),
+            message(
+                "parts.with_force_sensor",
+                "a mapping with a force sensor, {{force: <sensor>}}",
+            ),
         )
 
 
@@ -358,16 +364,15 @@ def _conflict(first: str, second: str, shared: Sequence[str]) -> InvalidParamete
     """Make the error that two loops, given by their names, drive the same axes and nothing sets their order."""
     conflict = message(
         "parts.loops_share_axes",
-        "driving {shared}{more}, as controllers.{other} is",
+        "controllers.{other} also drives {shared}{more}",
         shared=", ".join(shared[:_AXES_LISTED]),
         more=" ..." if len(shared) > _AXES_LISTED else "",
         other=first,
     )
-    expected = message(
-        "parts.alone_on_axes",
-        "alone on its axes, or with a priority (or both with a weight), which says how they mix",
+    remedy = message(
+        "parts.alone_on_axes", "give the two loops different priorities, or give both a weight"
     )
-    return InvalidParameter(f"controllers.{second}", conflict, expected)
+    return Unsuitable(f"controllers.{second}", conflict, remedy)
 
 
 # Limit that an axis without limits is taken to have [rad or m].
@@ -393,7 +398,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         _connect(builder, site, name, section, ports_of[name])
     for robot in site.plant.robots.values():
         own = [name for name, loop in loops.items() if site.robot(loop.robot) is robot]
-        # the lowest layer first; equal ones stay in the file's order
+        # The lowest layer first. Python's sort keeps the order of the file among equal ones.
         own.sort(key=lambda name: loops[name].layer)
         layers = {name: (loops[name], ports_of[name]) for name in own}
         if layers:
@@ -539,14 +544,17 @@ class _LayeredReference:
             share: share of the target for each axis, shape (n,), 0 to 1.
         """
         size = self._size
-        axes = np.flatnonzero(share)  # the other axes need no blend
+        # The other axes need no blend: fewer rows make the block faster.
+        axes = np.flatnonzero(share)
         term_count = len(self._terms)
         all_lower, all_upper = self._limits
         lower = np.clip(all_lower, -_FAR, _FAR)[axes]
         upper = np.clip(all_upper, -_FAR, _FAR)[axes]
-        wide = (upper - lower + 1.0)[:, None]  # W, as a column
+        # W, as a column.
+        wide = (upper - lower + 1.0)[:, None]
         identity = np.eye(size)
-        pick = identity[axes]  # matrix that picks the axes with a share from all axes
+        # Matrix that picks the axes with a share from all axes.
+        pick = identity[axes]
         none = np.zeros((len(axes), size))
 
         # Columns: the terms of r, the target, then active. Rows: r and the target of the axes, then all of r.
@@ -598,7 +606,8 @@ def _drive(
     speeds = list[OutputPort]()
     for name, (section, ports) in layers.items():
         outputs = ports.outputs
-        weight = section.weight or 1.0  # without a weight, all of the loop's changes act
+        # Without a weight, all of the loop's changes act.
+        weight = section.weight or 1.0
         prefix = f"{key}.{name}"
         _draw_layers(site, prefix, robot)
         # The order matters: ``asked`` is the reference before the loop's own changes.

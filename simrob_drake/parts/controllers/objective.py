@@ -17,7 +17,7 @@ from pydrake import symbolic
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import SymbolicVectorSystem
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
@@ -91,9 +91,10 @@ class PiLaw:
         """Compute the memory after a sample of the measured quantity."""
         target_index = memory.target_index
         held = memory.held
-        if len(self.targets) > 1:  # a single target needs no terms for the change to the next one
+        # A single target needs no terms for the change to the next one: shorter expressions are faster.
+        if len(self.targets) > 1:
             is_over = held >= self.hold
-            # the last target stays
+            # The last target stays.
             next_index = minimum(target_index + 1.0, len(self.targets) - 1.0)
             target_index = choose(is_over, next_index, target_index)
             held = choose(is_over, 0.0, held)
@@ -183,9 +184,9 @@ class Objective(LoopSection):
 
     label: ClassVar[str] = message("parts.loop_objective", "objective")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_signal_error", "Error of the signal"),
+        message("parts.stage_signal_error", "Signal error"),
         message("parts.stage_law", "PI law"),
-        message("parts.stage_weights", "Weights of the joints"),
+        message("parts.stage_weights", "Joint weights"),
     )
 
     kind: Literal["objective"]
@@ -223,19 +224,26 @@ class Objective(LoopSection):
         """Check that the section has a target, moves an axis, and has a tolerance for its posture if there is one."""
         if self.target == []:
             raise ValueError(
-                message("parts.empty_target", "target is an empty list: nothing is asked for")
+                message(
+                    "parts.empty_target", "target is an empty list; it needs at least one value"
+                )
             )
         if not any(self.weights.values()):
             raise ValueError(
-                message("parts.weights_all_zero", "weights are all zero: no axis would move")
+                message(
+                    "parts.weights_all_zero",
+                    "all weights are 0; at least one axis must have a weight",
+                )
             )
         if self.kp == 0 and self.ki == 0:
             raise ValueError(
-                message("parts.gains_both_zero", "kp and ki are both zero: nothing would move")
+                message(
+                    "parts.gains_both_zero", "kp and ki are both 0; at least one must be positive"
+                )
             )
         if self.then_deg and self.tolerance is None:
             raise ValueError(
-                message("parts.then_deg_needs_tolerance", "then_deg needs a tolerance")
+                message("parts.then_deg_needs_tolerance", "then_deg needs the key tolerance")
             )
         return self
 
@@ -329,14 +337,16 @@ class Objective(LoopSection):
         if self.then_deg or is_integrated:
             return super().wire(builder, name, robot, site)
 
-        key = f"controllers.{name}"  # of the section in the station's file
-        block_name = f"controller.{name}"  # of the system in the diagram
+        # The key is that of the section in the station's file, the other name that of the system in the diagram.
+        key = f"controllers.{name}"
+        block_name = f"controller.{name}"
         weights = self._weights(key, robot)
         law = self._law(key, robot, weights)
         error_unit = self._error_unit(key, site)
         system = builder.AddNamedSystem(block_name, law.make_system())
         effort_and_error = system.get_output_port()
-        to_offset = np.outer(weights, [1.0, 0.0])  # offset = weights u
+        # The output of the law is (u, e): offset = weights u, and the error is e.
+        to_offset = np.outer(weights, [1.0, 0.0])
         to_error = np.array([[0.0, 1.0]])
         return LoopPorts(
             inputs={"measured": system.get_input_port()},
@@ -385,16 +395,17 @@ class Objective(LoopSection):
             weights: weights of its axes, shape (n,).
 
         Raises:
-            InvalidParameter: some of the axes with weights turn, others slide. The effort has only one unit.
+            Unsuitable: some of the axes with weights turn, others slide. The effort has only one unit.
         """
         user_units = set(robot.model.user_units[weights != 0])
         if len(user_units) > 1:
-            raise InvalidParameter(
+            raise Unsuitable(
                 f"{key}.weights",
-                message("parts.axes_of_both_sorts", "of axes that turn and that slide"),
-                message("parts.axes_of_one_sort", "of axes of one sort"),
+                message("parts.axes_of_both_sorts", "some of the axes turn, others are prismatic"),
+                message("parts.axes_of_one_sort", "give weights to axes of one sort only"),
             )
-        user_unit = float(user_units.pop())  # rad per degree, or 1 for metres
+        # The only unit left: rad per degree, or 1 for metres.
+        user_unit = float(user_units.pop())
         return PiLaw(
             period=1 / self.rate,
             targets=self.target if isinstance(self.target, list) else [self.target],

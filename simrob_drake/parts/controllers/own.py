@@ -24,7 +24,7 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import PassThrough
 
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of, quoted
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.signals import Panel, Signal
@@ -142,7 +142,7 @@ class OwnController(ControllerSection):
     """The class, a LeafSystem of Drake: `module:Class`, or `path/to/file.py:Class`; paths start at the station's
     file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """What its constructor takes."""
+    """Arguments of its constructor, by name."""
 
     def block(self, key: str) -> LeafSystem:
         """Import the class and create the block.
@@ -156,12 +156,17 @@ class OwnController(ControllerSection):
         block_class = self._import_class(key)
         try:
             return block_class(**self.parameters)
-        except Exception as problem:  # the user's code can raise anything
+        # The user's code can raise anything.
+        except Exception as problem:
             cause = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
             raise InvalidParameter(
                 f"{key}.parameters",
                 str(self.parameters),
-                message("parts.arguments_it_takes", "what it takes ({cause})", cause=cause),
+                message(
+                    "parts.arguments_it_takes",
+                    "a mapping of arguments that the class accepts ({cause})",
+                    cause=cause,
+                ),
             ) from problem
 
     def _import_class(self, key: str) -> type[LeafSystem]:
@@ -179,7 +184,8 @@ class OwnController(ControllerSection):
             # The name may have dots, if the class is in another class.
             for part in name.split("."):
                 found = getattr(found, part)
-        except Exception as problem:  # the user's code can raise anything
+        # Importing the user's code runs it, and it can raise anything.
+        except Exception as problem:
             expected = message(
                 "parts.an_importable_class",
                 "a class that can be imported ({problem})",
@@ -236,7 +242,8 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
         pairs = [(_name_of(block), block) for block in blocks]
     else:
         expected = message(
-            "parts.a_list_of_leafsystems", "a list of LeafSystems, or a mapping of names to them"
+            "parts.a_list_of_leafsystems",
+            "a list of LeafSystems, or a mapping of names to LeafSystems",
         )
         raise InvalidParameter("blocks", quoted(blocks), expected)
     accepted: dict[str, LeafSystem] = {}
@@ -261,30 +268,33 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
     if not isinstance(block, LeafSystem):
         expected = message(
             "parts.a_leafsystem",
-            "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
+            "a Drake LeafSystem (to run a Diagram that contains a station, use simulate_diagram())",
         )
         raise InvalidParameter(
             message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected
         )
     # Drake would refuse a system that is added twice, without its name.
     if any(block is other for other in accepted.values()):
-        raise InvalidParameter(
+        raise Unsuitable(
             message("parts.block_called", "blocks: {name}", name=name),
-            message("parts.given_twice", "given twice"),
-            message("parts.own_block", "a block of its own"),
+            message("parts.given_twice", "the same block is given twice"),
+            message("parts.own_block", "create a block for each name"),
         )
     # Dots would be taken as the separators of output names.
     if not (isinstance(name, str) and name.isidentifier()):
         raise InvalidParameter(
             message("parts.name_of_block", "the name of a block"),
             repr(name),
-            message("parts.plain_name", "plain: letters, digits and _, no digit first"),
+            message(
+                "parts.plain_name",
+                "a name of letters, digits and _ that does not begin with a digit",
+            ),
         )
     if name in accepted:
-        raise InvalidParameter(
+        raise Unsuitable(
             "blocks",
-            message("parts.two_called", "two called {name}", name=name),
-            message("parts.different_names", "of different names: block.set_name(...)"),
+            message("parts.two_called", "two blocks have the name {name}", name=name),
+            message("parts.different_names", "give them different names by block.set_name(...)"),
         )
 
 
@@ -309,13 +319,18 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
             # they become signals with the names of their blocks.
             is_drivable = output.rpartition(".")[2] in DRIVABLE
             if owner != name and is_drivable:
-                raise InvalidParameter(
+                raise Unsuitable(
                     message("parts.input_called", "the input {port}", port=output),
-                    message("parts.driven_by", "driven by {name}", name=name),
+                    message(
+                        "parts.driven_by_two",
+                        "the blocks {other} and {name} both drive it",
+                        other=owner,
+                        name=name,
+                    ),
                     message(
                         "parts.driven_by_one",
-                        "driven by one block; {other} drives it, too",
-                        other=owner,
+                        "let only one of them have an output {port}",
+                        port=output,
                     ),
                 )
     return owners
@@ -360,10 +375,12 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
     Raises:
         InvalidParameter: two blocks drive the same input.
     """
-    output_owners(blocks)  # it raises the error
+    # It raises an error if two blocks drive the same input.
+    output_owners(blocks)
     site.blocks.update(blocks)
     for name, block in blocks.items():
-        class_name = type(block).__name__  # it stands for the kind that other controllers have
+        # An own block has no kind as other controllers have: results name its class instead.
+        class_name = type(block).__name__
         builder.AddNamedSystem(f"controller.{name}", block)
         site.outputs.notes[name] = {"kind": class_name}
         site.picture.draw(f"controller.{name}", "own", f"{wrap_label(name)}\n{class_name}")
@@ -418,7 +435,7 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
             message("parts.of_size", "of size {size}", size=port.size()),
             message(
                 "parts.size_of_station_input",
-                "of size {size}, as the station's input",
+                "of size {size}, like the station's input",
                 size=target.size(),
             ),
         )
@@ -435,10 +452,10 @@ def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPo
     # An abstract input can only read images.
     if port.get_data_type() != PortDataType.kVectorValued:
         if input_name not in site.outputs.images:
-            known = ", ".join(site.outputs.images) or "none"
+            known = ", ".join(site.outputs.images) or message("parts.none_known", "none")
             expected = message(
                 "parts.vector_or_image",
-                "a vector, or image.<sensor> of a camera with in_loop ({known})",
+                "a vector, or be named image.<sensor> after a camera with in_loop; known: {known}",
                 known=known,
             )
             raise InvalidParameter(_input_words(name, input_name), "abstract", expected)
@@ -458,7 +475,7 @@ def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPo
             message("parts.of_size", "of size {size}", size=port.size()),
             message(
                 "parts.size_of_station_output",
-                "of size {size}, as the station's output",
+                "of size {size}, like the station's output",
                 size=source.size(),
             ),
         )
@@ -498,6 +515,7 @@ def class_from(text: str, folder: Path) -> str:
     Returns:
         ``<folder>/file.py:Class``, or the text itself if it names a module elsewhere.
     """
+    # Paths in a file are relative to that file, wherever the program is started.
     module, colon, name = text.partition(":")
     is_file_name = module.endswith(".py")
     file = folder / (module if is_file_name else f"{module}.py")
@@ -534,7 +552,7 @@ def _import_module(module: str) -> Any:
     # A name of its own, so that the file does not replace an installed module of the same name.
     spec = importlib.util.spec_from_file_location(f"own_code_{file.stem}", file)
     assert spec is not None
-    assert spec.loader is not None  # a .py file has one
+    assert spec.loader is not None  # a .py file has a loader
     imported = importlib.util.module_from_spec(spec)
     # Python's own import does the same before it runs a module; dataclasses, for example, look for their module there.
     sys.modules[imported.__name__] = imported
@@ -542,6 +560,7 @@ def _import_module(module: str) -> Any:
     try:
         spec.loader.exec_module(imported)
     finally:
+        # Later imports of the program must not find files next to the user's by accident.
         sys.path.remove(str(file.parent))
     return imported
 

@@ -45,13 +45,14 @@ class Pace(Strict):
     """Keys that determine when a cell counts as reached, and what happens if it is not."""
 
     tolerance_deg: Positive = 2.0
-    """How near the measured joints must come to a cell's targets [deg, or m where they slide]."""
+    """Largest distance of the measured joints from the targets of a cell that is reached [deg, or m for prismatic
+    joints]."""
     speed_deg: Positive = 10.0
-    """How slow they must have become there, all axes [deg/s, or m/s]."""
+    """Largest measured speed of any axis at which a cell is reached [deg/s, or m/s]."""
     timeout: Positive | None = None
-    """How long a cell may take [s]; for ever unless given."""
+    """Longest time for a cell [s]; not limited unless given."""
     on_timeout: Literal["stop", "go_on"] = "stop"
-    """What happens then: the run ends with the names of the joints that are late, or the next cell begins."""
+    """Action at the timeout: end the run with the names of the joints that are late, or begin the next cell."""
 
     @model_validator(mode="after")
     def _check_timeout(self) -> Self:
@@ -72,7 +73,7 @@ class Sequencer(Pace, LoopSection):
 
     label: ClassVar[str] = message("parts.loop_sequencer", "sequencer")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_cell", "Cell\nreached, or too late"),
+        message("parts.stage_cell", "Cell\nreached or timed out"),
         message("parts.stage_next_cell", "Ramp to the next cell"),
     )
 
@@ -92,9 +93,10 @@ class Sequencer(Pace, LoopSection):
                 raise ValueError(
                     message(
                         "parts.cell_without_timeout",
-                        "cells[{number}] has a duration of {duration:g} s, which leaves no timeout",
+                        "cells[{number}].duration is {duration:g} s; it must be less than timeout, {timeout:g} s",
                         number=number,
                         duration=cell.duration,
+                        timeout=self.timeout,
                     )
                 )
         return self
@@ -225,14 +227,15 @@ class CellSequence(SampledBlock):
         Raises:
             RunEnds: the last cell is done, or a cell has timed out, and the section asks for the end of the run.
         """
-        if not memory["active"][0]:  # the first sample
+        # At the first sample, the first ramp begins where the reference is.
+        if not memory["active"][0]:
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
         is_done = bool(memory["done"][0])
         if is_done and self._section.ends:
             raise RunEnds(
                 message(
                     "parts.last_cell_done",
-                    "the last of {count} cells is done",
+                    "the last of {count} {count:cell|cells} is reached",
                     count=len(self._targets),
                 )
             )
@@ -248,6 +251,7 @@ class CellSequence(SampledBlock):
         goal = np.where(np.isnan(targets), origin, targets)
         target = origin + progress * (goal - origin)
         changes: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
+        # The robot stays at the last cell, whose time of arrival is kept already.
         if is_done:
             return changes
 
@@ -278,7 +282,8 @@ class CellSequence(SampledBlock):
             read: inputs of the sample.
         """
         has_target = ~np.isnan(targets)
-        is_far = abs(read["position"] - targets) > self._tolerance  # False if the target is nan
+        # The comparison with the target nan is False.
+        is_far = abs(read["position"] - targets) > self._tolerance
         is_fast = abs(read["velocity"]) > self._largest_speed
         return np.asarray(has_target & is_far | is_fast)
 
@@ -292,16 +297,17 @@ class CellSequence(SampledBlock):
         late_names = ", ".join(self._axes[index] for index in np.flatnonzero(late).tolist())
         return message(
             "parts.cell_not_reached",
-            "cell {number} was not reached within {timeout:g} s: {late} is late",
+            "cell {number} was not reached within {timeout:g} s; late: {late}",
             number=number,
             timeout=self._timeout,
-            late=late_names or message("parts.its_ramp", "its ramp"),
+            late=late_names or message("parts.its_ramp", "the ramp to the cell"),
         )
 
 
 # Directions in which the area between the feet is measured: 64 make distances at most 0.13 % too short.
 _ANGLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])  # unit vectors, shape (64, 2)
+# Unit vectors in these directions, shape (64, 2).
+_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 class CapturePoint:
@@ -327,13 +333,14 @@ class CapturePoint:
             raise Unsuitable(
                 key, message("parts.no_feet", "{model} has no feet", model=robot.model.name)
             )
-        # the block in the diagram must not keep the plant in memory
+        # The block in the diagram must not keep the plant in memory.
         self._plant = weakref.proxy(plant)
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
-        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())  # g [m/s²]
-        # work space: every evaluation sets its state anew
+        # g [m/s²].
+        self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
 
     def distance_from_feet(self, state: Vector) -> float:
@@ -378,8 +385,8 @@ class FallGuard(LoopSection):
     label: ClassVar[str] = message("parts.loop_fall_guard", "fall guard")
     stages: ClassVar[tuple[str, ...]] = (
         message("parts.stage_height_or_lean", "Height or lean"),
-        message("parts.stage_guard", "Guard\nfalls, or stands"),
-        message("parts.stage_way_to_posture", "Way to the posture"),
+        message("parts.stage_guard", "Guard\nfalling or standing"),
+        message("parts.stage_way_to_posture", "Motion to the posture"),
     )
 
     kind: Literal["fall_guard"]
@@ -427,7 +434,7 @@ class FallGuard(LoopSection):
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the block of the guard."""
-        # From the world to the base, as it stands at the start.
+        # From the world to the base, as it stands at the start. Directions are fixed to the base: they turn with it.
         to_base = robot.base.rotation().inverse()
         toward = None
         if self.toward_deg is not None:

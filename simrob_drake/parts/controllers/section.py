@@ -84,6 +84,7 @@ class ControllerSection(Strict):
         Returns:
             The limits in the slider's unit, in the order of `command_parts`.
         """
+        # Only a controller with `command_parts` needs it. So do the other methods of commands.
         raise NotImplementedError
 
     def command_at(self, time: float) -> tuple[float, ...]:

@@ -17,9 +17,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, PassThrough
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, message_of
 from simrob_drake.base.sections import Strict, Triple
 from simrob_drake.base.signals import Signal, applied_signal
 from simrob_drake.blocks.block import add_and_connect, add_multiplexer
@@ -129,7 +129,10 @@ class FlowForce(Strict):
             )
             output = _force_output(name)
             self._apply_vector(builder, site, output, ports[output], is_torque=False)
-            site.picture.draw(output, "force", f"Force '{name}'\nat {self.at}")
+            label = message(
+                "parts.block_applied_force", "Force '{name}'\nat {place}", name=name, place=self.at
+            )
+            site.picture.draw(output, "force", label)
             site.outputs.add(output, ports[output], applied_signal(output, "N", title, part=name))
         if self.torque is not None:
             title = message(
@@ -140,7 +143,13 @@ class FlowForce(Strict):
             )
             output = _torque_output(name)
             self._apply_vector(builder, site, output, ports[output], is_torque=True)
-            site.picture.draw(output, "force", f"Torque '{name}'\nat {self.at}")
+            label = message(
+                "parts.block_applied_torque",
+                "Torque '{name}'\nat {place}",
+                name=name,
+                place=self.at,
+            )
+            site.picture.draw(output, "force", label)
             site.outputs.add(output, ports[output], applied_signal(output, "N·m", title, part=name))
 
     def _apply_vector(
@@ -208,6 +217,7 @@ class SignalFlow(ControllerSection):
     @property
     def read_names(self) -> list[str]:
         """Names of all terms that blocks and torques read: blocks of the flow, and columns of the station's results."""
+        # The sums of stops and forces are among the computed blocks, the sum of torques is not.
         sums = list(self.torque.values())
         for block in self._computed_blocks.values():
             sums += block.inputs
@@ -243,12 +253,13 @@ class SignalFlow(ControllerSection):
                 station is kinematic.
         """
         if not station.engine.moves_by_forces:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
-                message("parts.in_kinematic_station", "in a kinematic station"),
                 message(
-                    "parts.torque_in_dynamic_station", "in a dynamic one: its output is a torque"
+                    "parts.no_flows_in_kinematic_station",
+                    "a kinematic station has no torques and forces, which the flow would drive",
                 ),
+                message("parts.leave_out_or_dynamic", "leave it out, or set mode: dynamic"),
             )
         if self.torque or self.robot is not None:
             robot = station.robot(self.robot, key)
@@ -269,7 +280,10 @@ class SignalFlow(ControllerSection):
                 raise InvalidParameter(
                     f"{key}.blocks.{name}",
                     name,
-                    message("parts.name_is_taken", "another name: this one is taken"),
+                    message(
+                        "parts.name_is_taken",
+                        "another name: one, time, torque and the names of stops are taken",
+                    ),
                 )
         for name in self.signals or ():
             one_of(
@@ -308,7 +322,8 @@ class SignalFlow(ControllerSection):
             # One input for each axis of the robot; an empty sum, which is 0, for axes without a torque.
             torques = tuple(self.torque.get(axis, {}) for axis in robot.axes)
             blocks[_TORQUE] = Sums(kind="sum", of=torques)
-        if not blocks:  # as of a flow whose only force adds up no signals
+        # Such a flow has a single force that adds up no signals: it does nothing.
+        if not blocks:
             return None
 
         station_inputs = self._add_station_inputs(builder, site, name)
@@ -321,6 +336,7 @@ class SignalFlow(ControllerSection):
         signals = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
             # Monitors of stops read the outputs of the station, so stops are always among them.
+            # The units of a law are the user's own, so outputs of blocks are declared without one.
             if block in signals or block in self.stops:
                 declare_output(site, name, port, "1", called=block)
             site.edges.extend(blocks[block].edges)
@@ -366,7 +382,7 @@ class SignalFlow(ControllerSection):
         """
         label = message(
             "parts.block_signal_flow",
-            "{name}\nsignal flow, {count} blocks",
+            "{name}\nsignal flow, {count} {count:block|blocks}",
             name=wrap_label(name),
             count=len(self.blocks),
         )
@@ -389,7 +405,7 @@ def _stop_condition(flow: str, stop: str) -> Condition:
 
     def why(value: Vector) -> str:
         """Reason why the run ends."""
-        return message("parts.stop_is_on", "{stop} is on", stop=stop)
+        return message("parts.stop_is_on", "the stop {stop} is active", stop=stop)
 
     return Condition({f"{flow}.{stop}": 1}, excess, why)
 
@@ -417,7 +433,8 @@ def add_flows(
     # If one flow has states, Drake integrates, and asks all flows for derivatives.
     for flow in flows.values():
         integrated |= any(block.law.start for block in flow.blocks.values())
-    torques = dict[str, list[OutputPort]]()  # by the name of the robot
+    # Torques of the flows, by the name of the robot that they drive.
+    torques = dict[str, list[OutputPort]]()
     for name, flow in flows.items():
         torque = flow.add(builder, site, name, monitors=monitors, integrated=integrated)
         if torque is not None:
@@ -520,18 +537,24 @@ class _FlowNet:
             net = signal_net(self._wired_blocks(), measured_count, integrated=integrated)
         except CycleError as problem:
             names_of_loop = problem.args[1]
-            expected = message(
-                "parts.no_algebraic_loop",
-                "no algebraic loop: something that takes time must lie in it, as an integrator",
-            )
-            raise InvalidParameter(
-                f"{self._key}.blocks", " → ".join(names_of_loop), expected
-            ) from None
-        except ValueError as problem:  # a CycleError is one, too: this clause must come second
-            raise InvalidParameter(
+            raise Unsuitable(
                 f"{self._key}.blocks",
-                str(problem),
-                message("parts.multiples_of_step", "multiples of a common step"),
+                message(
+                    "parts.algebraic_loop",
+                    "{blocks} is an algebraic loop",
+                    blocks=" → ".join(names_of_loop),
+                ),
+                message(
+                    "parts.insert_a_state",
+                    "insert a block with a state, such as an integrator or a delay",
+                ),
+            ) from None
+        # A CycleError is a ValueError, too: this clause must come second.
+        except ValueError as problem:
+            raise Unsuitable(
+                f"{self._key}.blocks",
+                message_of(problem),
+                message("parts.multiples_of_step", "choose multiples of a common step"),
             ) from None
 
         if self._site is not None and self._measured_sizes:
@@ -576,7 +599,8 @@ class _FlowNet:
             for element in self._elements_read(name):
                 if element.is_measured:
                     outputs_read[element.owner] = None
-                elif element.owner in self.blocks:  # it is neither the constant nor the time
+                # The constant and the time are drawn as no arrow.
+                elif element.owner in self.blocks:
                     blocks_read[element.owner] = None
             kind = block.kind.replace("_", " ")
             found[name] = InnerBlock(
@@ -615,6 +639,7 @@ class _FlowNet:
         if term.partition(".")[0] in self.blocks:
             return self._find_block_element(key, term)
         for signal in self._readable_signals:
+            # With several robots, a term may leave out the prefix of the flow's own robot, which comes first.
             for column in (f"{self._prefix}{term}", term):
                 if column in signal.names:
                     # A signal may show only some entries of its output, such as those of driven axes.
@@ -628,7 +653,7 @@ class _FlowNet:
         raise UnknownName(
             message(
                 "parts.block_or_signal",
-                "block, or signal that is measured while stepping, for {key}",
+                "block, or signal that is measured during the run, for {key}",
                 key=key,
             ),
             term,
@@ -675,7 +700,8 @@ def _starts(sizes: Mapping[str, int], first: int) -> dict[str, int]:
         first: index of the first value of all.
     """
     ends = accumulate(sizes.values(), initial=first)
-    return dict(zip(sizes, ends, strict=False))  # the last end is the start of no vector
+    # There is one more end than vectors: the last end is the start of no vector.
+    return dict(zip(sizes, ends, strict=False))
 
 
 def _factors(terms: Sum) -> Mapping[str, float]:
@@ -714,6 +740,7 @@ def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector
     # relative error of the states in a step [1]
     simulator.get_mutable_integrator().set_target_accuracy(1e-6)
     context = simulator.get_mutable_context()
+    # The solver goes from time to time, so each value is exact to its accuracy, and not interpolated.
     values_over_time = []
     for time in times:
         simulator.AdvanceTo(time)

@@ -13,7 +13,7 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import former_names_of, keep_former_attributes
@@ -123,7 +123,7 @@ class Support:
         self._plant = weakref.proxy(plant)
         self._axes = robot.axis_map
         self._instance = robot.instance
-        # work space: every evaluation sets its state anew
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
         self._positions = plant.GetPositions(self._scratch)
         self._velocities = np.zeros(plant.num_velocities())
@@ -137,7 +137,7 @@ class Support:
         self._points = [robot.feet.support_points(link) for link in robot.feet.links]
 
         rotation = robot.base.rotation()
-        # in the root link
+        # Direction in which the robot looks, in the axes of the root link.
         self._ahead = rotation.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])
         # The stance at the start. Its positions are relative: the base stays at the default position of the plant.
         at_rest = np.zeros(len(robot.initial))
@@ -222,6 +222,7 @@ class Support:
         self._positions[self._rotation_start : self._rotation_start + 4] = (
             rotation.ToQuaternion().wxyz()
         )
+        # An axis may count opposite to its joint, so its value gets the axis's sign.
         self._positions[self._axes.position_places] = self._axes.signs * position
         self._velocities[self._spin_start : self._spin_start + 3] = spin
         self._velocities[self._axes.velocity_places] = self._axes.signs * velocity
@@ -371,7 +372,7 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
     """Find the limb from a robot's root to a frame.
 
     Raises:
-        InvalidParameter: no joint moves the frame, or a joint on the way slides.
+        Unsuitable: no joint moves the frame, or a joint on the way slides.
     """
     plant = robot.plant
     context = plant.CreateDefaultContext()
@@ -394,10 +395,11 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
     """Find the indices of the axes between a robot's root and a frame, from the root outward.
 
     Raises:
-        InvalidParameter: no joint moves the frame, or a joint on the way slides.
+        Unsuitable: no joint moves the frame, or a joint on the way slides.
     """
     plant = robot.plant
-    joint_of_body = dict[BodyIndex, Joint]()  # joint that moves a body, by the body
+    # Joint that moves a body, by the body: each body of a plant has at most one.
+    joint_of_body = dict[BodyIndex, Joint]()
     for index in plant.GetJointIndices():
         joint = plant.get_joint(index)
         joint_of_body[joint.child_body().index()] = joint
@@ -410,18 +412,22 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
         joint = joint_of_body[body.index()]
         if joint.index() in axis_of_joint:
             if not isinstance(joint, RevoluteJoint):
-                raise InvalidParameter(
+                raise Unsuitable(
                     message("parts.limb_to", "limb to {end}", end=end.name()),
-                    message("parts.with_joint", "with {joint}", joint=joint.name()),
-                    message("parts.of_turning_joints", "of joints that turn"),
+                    message(
+                        "parts.joint_does_not_turn",
+                        "its joint {joint} does not turn",
+                        joint=joint.name(),
+                    ),
+                    message("parts.of_turning_joints", "name a limb whose joints all turn"),
                 )
             axes.insert(0, axis_of_joint[joint.index()])
         body = joint.parent_body()
     if not axes:
-        raise InvalidParameter(
+        raise Unsuitable(
             message("parts.limb_to", "limb to {end}", end=end.name()),
-            message("parts.without_joint", "without a joint"),
-            message("parts.moved_by_joints", "one that joints move"),
+            message("parts.without_joint", "no joint moves it"),
+            message("parts.moved_by_joints", "name a limb that joints move"),
         )
     return axes
 

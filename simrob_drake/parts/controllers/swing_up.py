@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Number, Positive
@@ -27,7 +27,12 @@ class SwingUpController(LoopSection):
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
-    stages: ClassVar[tuple[str, ...]] = ("Energy", "Swing-up\nby acceleration", "Balance\nby LQR")
+    label: ClassVar[str] = message("parts.loop_swing_up", "swing up")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_energy", "Energy"),
+        message("parts.stage_swing_up", "Swing-up\nby acceleration"),
+        message("parts.stage_lqr", "Balance\nby LQR"),
+    )
     remarks: ClassVar[Mapping[str, str]] = {
         "balancing": message("parts.balances_robot", "balances the robot")
     }
@@ -42,11 +47,11 @@ class SwingUpController(LoopSection):
     `passive_axis`, that of the passive axis as seen from the others, as for a pole on a cart, whose own motion does not
     count."""
     energy_gain: NotNegative = 1.0
-    """How strongly the swing-up accelerates the driven axes, for an error of the energy of 1 J."""
+    """Acceleration of the driven axes by the swing-up, for an energy error of 1 J."""
     position_gain: NotNegative = 1.0
-    """How strongly it draws them back to the posture [1/s²]."""
+    """Acceleration back to the posture, for each unit of distance from it [1/s²]."""
     velocity_gain: NotNegative = 1.0
-    """How strongly it slows them down [1/s]."""
+    """Deceleration, for each unit of speed [1/s]."""
     position_weight: NotNegativeAxisValues = 10.0
     """Weight of the squared position errors in the regulator's cost [1/rad² or 1/m²]."""
     velocity_weight: NotNegativeAxisValues = 1.0
@@ -54,7 +59,8 @@ class SwingUpController(LoopSection):
     torque_weight: PositiveAxisValues = 1.0
     """Weight of the squared torques [1/(N·m)² or 1/N²]."""
     catch: Positive = 1.0
-    """When the regulator takes over: at 1 as soon as no motor will reach its limit on the way, by the linear model."""
+    """Cost below which the regulator takes over, as a part of the cost up to which no motor reaches its limit, by the
+    linear model."""
 
     def check(self, key: str, station: StationContents) -> None:
         """Check the robot.
@@ -67,27 +73,25 @@ class SwingUpController(LoopSection):
         # The law of the swing-up is that of one passive axis: the motors accelerate the others, and so move it.
         is_usable = not robot.floats and len(robot.axes) > 1 and int(robot.gains.passive.sum()) == 1
         if not is_usable:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
                 message(
-                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                    "parts.not_underactuated",
+                    "{robot} does not have a fixed base, exactly one passive axis and a motor",
+                    robot=robot.name,
                 ),
-                message(
-                    "parts.robot_with_one_passive_axis",
-                    "of a robot on a fixed base with one passive axis and at least one motor",
-                ),
+                message("parts.robot_with_one_passive_axis", "name a robot that has all three"),
             )
         # The linear model of the regulator has no constraints between axes.
         if robot.model.followers:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
                 message(
-                    "parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name
+                    "parts.robot_with_followers",
+                    "some axes of {robot} follow others (mimic)",
+                    robot=robot.name,
                 ),
-                message(
-                    "parts.robot_without_followers",
-                    "of a robot without axes that follow others (mimic)",
-                ),
+                message("parts.robot_without_followers", "name a robot without such axes"),
             )
         # Limits are checked for a list of postures; here it has one.
         violation = robot.model.limits.find_violation(self._posture(robot)[np.newaxis])
@@ -106,7 +110,7 @@ class SwingUpController(LoopSection):
                     f"{gains.max():g}",
                     message(
                         "parts.gains_beside_swing_up",
-                        "0, since {key} gives the whole torque",
+                        "0, since {key} computes the whole torque",
                         key=key,
                     ),
                 )

@@ -26,9 +26,12 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.urdf import link_of, name_of
 
 # Phases of a leg, as the output `phase` gives them.
-_FOLLOWS = 0.0  # the leg follows the reference
-_TOUCHED = 1.0  # the foot touches, while the reference still has it in the air
-_STANDS = 2.0  # the leg stands, until the reference lifts it
+# The leg follows the reference.
+_FOLLOWS = 0.0
+# The foot touches, while the reference still has it in the air.
+_TOUCHED = 1.0
+# The leg stands, until the reference lifts it.
+_STANDS = 2.0
 
 
 class Touchdown(LoopSection):
@@ -42,9 +45,9 @@ class Touchdown(LoopSection):
 
     label: ClassVar[str] = message("parts.loop_touchdown", "touchdown")
     stages: ClassVar[tuple[str, ...]] = (
-        message("parts.stage_touch", "Touch of each foot"),
+        message("parts.stage_touch", "Contact of each foot"),
         message("parts.stage_phase", "Phase\nfollow, hold, stand"),
-        message("parts.stage_legs_seek_ground", "Legs\nseek the ground"),
+        message("parts.stage_legs_seek_ground", "Legs\nsearch for the ground"),
     )
 
     kind: Literal["touchdown"]
@@ -73,15 +76,17 @@ class Touchdown(LoopSection):
         """
         feet = [foot for foot in self.reads if foot in robot.model.tools]
         if not feet:
-            known = ", ".join(robot.model.tools) or "none"
+            known = ", ".join(robot.model.tools) or message("parts.none_known", "none")
             expected = message(
                 "parts.tools_with_force_sensors",
-                "some of its tools, each with a force sensor: {{<tool>: force.<sensor>}}; tools: {known}",
+                "a mapping of tools to force sensors, {{<tool>: force.<sensor>}}; tools: {known}",
                 known=known,
             )
             raise InvalidParameter(
                 message(
-                    "parts.reads_of_touchdown", "reads of a touchdown of {robot}", robot=robot.name
+                    "parts.reads_of_touchdown",
+                    "reads of the touchdown loop of {robot}",
+                    robot=robot.name,
                 ),
                 f"{list(self.reads)}",
                 expected,
@@ -246,7 +251,8 @@ class UnknownGround(SampledBlock):
             new["sought"][number] = 0.0
             return
         step = min(self._section.search * self.period, self._section.reach - new["sought"][number])
-        motion = [0.0, 0.0, -step]  # straight down
+        # Straight down, along the z axis of the root link.
+        motion = [0.0, 0.0, -step]
         # J dq = motion with the foot's Jacobian J; least squares, since a leg need not have exactly three axes.
         jacobian = limb.rates(plan + new["offset"])
         new["offset"][limb.places] += np.linalg.lstsq(jacobian, motion)[0]
@@ -261,7 +267,7 @@ class UnknownGround(SampledBlock):
         *,
         follows: bool,
     ) -> None:
-        """Let only the torques of the moment of an early touch act on a leg, until it follows the reference again.
+        """Apply only the torques from the moment of an early touch to a leg, until it follows the reference again.
 
         A leg that did not touch early is not changed. The result is written to the new memory. With the reference at
         the measured position, the servos themselves apply nothing but their damping.

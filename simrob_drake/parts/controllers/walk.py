@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean
@@ -78,10 +78,11 @@ class Walk(LoopSection):
     remarks: ClassVar[Mapping[str, str]] = {
         "clipped": message(
             "parts.asked_for_too_much",
-            "is asked for more than its legs can follow, and does what they can",
+            "clips commands that are beyond the speed limits of the legs",
         ),
         "blind": message(
-            "parts.reads_no_number", "reads what is not a number, and goes on as planned"
+            "parts.reads_no_number",
+            "receives values that are not numbers, and continues as planned",
         ),
     }
     camera_follows: ClassVar[bool] = True
@@ -111,7 +112,7 @@ class Walk(LoopSection):
             raise ValueError(
                 message(
                     "parts.times_of_commands",
-                    "the times of commands must rise, and are {times}",
+                    "the times of commands are {times}; they must not decrease",
                     times=times,
                 )
             )
@@ -149,7 +150,7 @@ class Walk(LoopSection):
                 True,
                 message(
                     "parts.false_without_feedback",
-                    "false without gait.feedback, which tells where feet are",
+                    "false without gait.feedback, which measures where the feet are",
                 ),
             )
         self.warnings(key, robot)  # it raises an error in a strict section
@@ -177,18 +178,21 @@ class Walk(LoopSection):
         for foot in feet:
             one_of(what, foot, robot.model.tools)
         measured = [foot for foot in feet if foot in self.reads]
+        # Without force sensors, the estimator finds the feet that stand by their heights.
         if not measured:
             return
         feedback = parameters.feedback
         uses_forces = feedback is not None and feedback.touch_force is not None
         if measured != feet or not uses_forces:
-            expected = message(
+            found = message(
+                "parts.forces_on", "it names force sensors for {read}", read=", ".join(measured)
+            )
+            remedy = message(
                 "parts.force_sensors_of_feet",
-                "with a force sensor for each of {feet}, and gait.feedback.touch_force, or with none",
+                "name a force sensor for each of {feet} and set gait.feedback.touch_force, or name none",
                 feet=", ".join(feet),
             )
-            forces = message("parts.forces_on", "forces on {read}", read=", ".join(measured))
-            raise InvalidParameter(f"{key}.reads", forces, expected)
+            raise Unsuitable(f"{key}.reads", found, remedy)
 
     def _check_path_start(self, key: str, robot: ResolvedRobot, path: Waypoints) -> None:
         """Check that the robot stands near the first point of its path at the start.
@@ -205,21 +209,17 @@ class Walk(LoopSection):
         path_start = complex(*path.points[0])
         robot_start = complex(*robot.base.translation()[:2])
         if abs(path_start - robot_start) > _LARGEST_START_DISTANCE:
-            where = message(
-                "parts.at_place", "at ({x:g}, {y:g}) m", x=path_start.real, y=path_start.imag
-            )
-            near = message(
-                "parts.near_robot",
-                "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
-                near=_LARGEST_START_DISTANCE,
-                robot=robot.name,
-                x=robot_start.real,
-                y=robot_start.imag,
-            )
             raise InvalidParameter(
-                f"{key}.path.points",
-                message("parts.path_from", "a path that starts {where}", where=where),
-                message("parts.path_near", "one that starts {near}", near=near),
+                f"{key}.path.points[0]",
+                compound("({x:g}, {y:g}) m", x=path_start.real, y=path_start.imag),
+                message(
+                    "parts.near_robot",
+                    "a point within {near:g} m of {robot}, which stands at ({x:g}, {y:g}) m",
+                    near=_LARGEST_START_DISTANCE,
+                    robot=robot.name,
+                    x=robot_start.real,
+                    y=robot_start.imag,
+                ),
             )
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
@@ -236,6 +236,7 @@ class Walk(LoopSection):
         commands = {
             f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)
         }
+        # Along a path the robot turns as the path does, so only the speed ahead can be too large.
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
@@ -247,7 +248,7 @@ class Walk(LoopSection):
                     value = compound("{value:g} {unit}", value=part.value, unit=part.unit)
                     expected = message(
                         "parts.speed_of_legs",
-                        "at most {limit:g} {unit}, which the legs of {robot} can follow",
+                        "at most {limit:g} {unit}, the limit of the legs of {robot}",
                         limit=abs(part.limit),
                         unit=part.unit,
                         robot=robot.name,
@@ -472,6 +473,7 @@ class WalkingLoop(SampledBlock):
             context: context of the block, which is changed.
             values: speeds ahead and to the left [m/s], and turn [rad/s].
         """
+        # The 1 in front says that a user commands the walk, see `Commander`.
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -483,9 +485,10 @@ class WalkingLoop(SampledBlock):
         if memory["blind"][0] != is_blind:
             changes["blind"] = float(is_blind)
         if not read[TIME][0]:
-            # a user's command in an earlier run, which this one continues, is over
+            # A user's command in an earlier run, which this one continues, is over.
             changes["hand"] = np.zeros(4)
 
+        # While another loop moves the robot, this one is not active. It begins anew afterwards, from the posture then.
         if self._has_waits_port and read["waits"][0]:
             return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}
         if not memory["active"][0]:
@@ -562,7 +565,8 @@ class WalkingLoop(SampledBlock):
         changes: dict[str, Vector | float] = {}
         if progress != last_progress:
             changes["progress"] = progress
-        if desired is None:  # the path needs the robot's pose, which is not finite
+        # Without a finite pose of the robot a path gives no command: the last one stays.
+        if desired is None:
             return _SelectedCommand(command=command_of(last_values), changes=changes)
 
         command = clip_command(desired, self.engine.max_speed)
@@ -572,7 +576,7 @@ class WalkingLoop(SampledBlock):
             raise RunEnds(
                 message(
                     "parts.command_beyond_legs",
-                    "the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow",
+                    "the command {part}, {value:g} {unit}, is beyond the limit of the legs, {limit:g} {unit}",
                     part=excess.key,
                     value=excess.value,
                     unit=excess.unit,

@@ -32,9 +32,9 @@ class MonitorSection(Strict, ABC):
     robot: str | None = None
     """Robot that it watches; the only robot unless given."""
     after: NotNegative = 0.0
-    """When watching begins [s]."""
+    """Time at which the monitor begins to watch [s]."""
     hold: NotNegative = 0.0
-    """How long the condition must last [s]."""
+    """Time for which the condition must last [s]."""
 
     @property
     def hold_text(self) -> str:
@@ -65,6 +65,7 @@ class MonitorSection(Strict, ABC):
         Raises:
             SimrobError: the section does not fit the station.
         """
+        # Without a robot, the section may watch a piece or a sensor; `condition` finds out.
         if self.robot is not None:
             station.robot(self.robot, f"monitors.{name}")
 
@@ -131,13 +132,14 @@ def add_monitor(
         robot: robot whose part of the block picture contains the block; None if it belongs to none.
     """
     site.outputs.monitors[name] = trigger
+    # The caller evaluates the registered trigger itself, so the diagram needs no block for it.
     if builder is None:
         return
     system_name = f"monitor.{name}"
     block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
     builder.AddNamedSystem(system_name, block)
     label = message("parts.block_monitor", "Monitor\n{name}", name=name)
-    # the block is drawn in its robot's part of the picture
+    # The block is drawn in its robot's part of the picture.
     owner = None if robot is None else site.robot(robot)
     site.picture.draw(system_name, "sensor", label, owner)
     # The block's input ports have the names of the outputs that they read.
@@ -243,9 +245,9 @@ def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
     has_tool = tool in robot.tool_names if tool else robot.tcp != ""
     if not has_tool:
         raise InvalidParameter(
-            f"monitors.{name}",
-            message("parts.at_output", "at {output}", output=output),
-            message("parts.tool_of_robot", "a tool that the robot has"),
+            f"monitors.{name}.tool",
+            tool or None,
+            message("parts.tool_of_robot", "a tool of {robot}", robot=robot.name),
         )
     tool_text = tool or message("parts.the_tool", "the tool")
     subject = compound("{prefix}{tool}", prefix=robot.prefix, tool=tool_text)

@@ -50,9 +50,10 @@ class JointLimit(MonitorSection):
 
     kind: Literal["joint_limit"]
     margin_deg: Number = 0.0
-    """How far before the limit the run ends, for axes that turn; negative: beyond it."""
+    """Distance before the limit at which the run ends, for axes that turn [deg]; negative for a distance beyond the
+    limit."""
     margin_m: Number = 0.0
-    """The same for axes that slide [m]."""
+    """Distance before the limit at which the run ends, for axes that slide [m]."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
         """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m]."""
@@ -95,15 +96,16 @@ class TorqueLimit(MonitorSection):
 
     kind: Literal["torque_limit"]
     hold: NotNegative = 0.5
-    """How long it must stay there [s]."""
+    """Time for which the servo must stay at the limit [s]."""
     limit: AxisValues | None = None
-    """What counts as the limit, per axis [N·m or N]: of the servo unless given, and of a motor whose torque falls with
-    its speed what it gives at that speed. Axes that a mapping leaves out keep the limit of their servo."""
+    """Torque that counts as the limit, per axis [N·m or N]. Unless given, that of the servo, or the torque that its
+    motor can give at the present speed. Axes that a mapping leaves out keep the limit of their servo."""
 
     def check(self, name: str, station: StationContents) -> None:
         """Check that the robot exists, and that the limits are positive."""
         super().check(name, station)
         limits = self._limits(station.robot(self.robot, f"monitors.{name}"))
+        # The excess divides by the limits. A negation, so that it also finds values that are not numbers.
         if not (limits > 0).all():
             raise InvalidParameter(
                 f"monitors.{name}.limit",
@@ -133,6 +135,7 @@ class TorqueLimit(MonitorSection):
     def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
         """Condition on the torque that each motor can give at its speed."""
 
+        # A part of 1 is the whole torque that the motor has at this speed.
         def excesses(torque: Vector, speed: Vector) -> Vector:
             return robot.gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
 
@@ -176,7 +179,7 @@ class Settled(MonitorSection):
 
     kind: Literal["settled"]
     hold: NotNegative = 0.2
-    """How long it must stand [s]."""
+    """Time for which the robot must stand still [s]."""
     speed_deg: Positive = 0.1
     """Speed below which an axis that turns stands still [deg/s]."""
     speed_m: Positive = 1e-3
@@ -200,6 +203,7 @@ class Settled(MonitorSection):
             math.inf if self.error_m is None else self.error_m,
         )
 
+        # Parts of bounds have no unit, so axes that turn can be compared with axes that slide.
         def used_speed(velocity: Vector) -> float:
             """Largest speed as a part of its bound."""
             return float((np.abs(velocity) / speed_bounds).max())
@@ -243,6 +247,7 @@ class Divergence(MonitorSection):
         """Make the condition; its excess is the largest speed minus the limit [rad/s or m/s]."""
         robot = station.robot(self.robot, f"monitors.{name}")
 
+        # The same number serves in rad/s and in m/s: it only has to be far above the speeds of real joints.
         def excesses(velocity: Vector) -> Vector:
             return np.abs(velocity) - self.speed_limit
 
@@ -250,9 +255,10 @@ class Divergence(MonitorSection):
             unit = f"{robot.model.units[index].si}/s"
             return message(
                 "parts.ran_away",
-                "{axis} ran away: {speed:.4g} {unit}, above {limit:g} {unit}",
+                "{axis} diverged: its speed is {speed:.4g} {unit}, above {limit:g} {unit}",
                 axis=robot.axes[index],
-                speed=excess + self.speed_limit,  # the excess is the speed minus the limit
+                # The excess is the speed minus the limit.
+                speed=excess + self.speed_limit,
                 unit=unit,
                 limit=self.speed_limit,
             )
@@ -292,9 +298,10 @@ class EmptyGrip(MonitorSection):
 
     kind: Literal["empty_grip"]
     hold: NotNegative = 0.05
-    """How long they must be [s]."""
+    """Time for which the fingers must be closed [s]."""
     part: Positive = 0.02
-    """How near to closed, or to where their shapes meet before, counts, as a part of the way from closed to open."""
+    """Opening up to which a finger counts as closed, as a part of the way from closed to open, beyond the opening at
+    which the shapes of the fingers meet."""
 
     def check(self, name: str, station: StationContents) -> None:
         """Check that the robot exists and has fingers."""
@@ -303,7 +310,7 @@ class EmptyGrip(MonitorSection):
         if not robot.model.fingers:
             expected = message(
                 "parts.robot_with_gripper",
-                "one with a gripper: in its robot.yaml; {advice}",
+                "a robot with a gripper in its robot.yaml; {advice}",
                 advice=gripper_advice(robot.model),
             )
             raise InvalidParameter(f"monitors.{name}.robot", robot.name, expected)
@@ -314,7 +321,9 @@ class EmptyGrip(MonitorSection):
         The opening of a finger is 0 if it is closed, and 1 if it is open.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
+        # Only the axes of fingers count, by their indices among all axes of the robot.
         indices = list(robot.model.fingers)
+        # Positions of each finger's axis at the two ends of its way.
         closed = np.array([ends[0] for ends in robot.model.fingers.values()])
         opened = np.array([ends[1] for ends in robot.model.fingers.values()])
 
@@ -361,13 +370,14 @@ class Contact(SensorMonitorSection):
             millimetres = 1e3 * self.distance
             reason = message(
                 "parts.nearer_than",
-                "{names} are nearer than {distance:g} mm",
+                "{names} are closer than {distance:g} mm",
                 names=names,
                 distance=millimetres,
             )
         else:
             reason = message("parts.touch", "{names} touch", names=names)
 
+        # The only excess is its own largest; a distance that is not a number then counts as contact.
         def excesses(distance: Vector) -> Vector:
             return self.distance - distance
 
@@ -387,7 +397,7 @@ class ForceLimit(SensorMonitorSection):
         limit = force_limit(self.limit)
         region = ""
         if isinstance(self.limit, str):
-            region = message("parts.of_region", " of {limit}", limit=self.limit.replace("_", " "))
+            region = compound(" ({region})", region=self.limit.replace("_", " "))
         reason = message(
             "parts.force_reached_limit",
             "the force on {body} reached the limit of {limit:g} N{region}{lasting}",
@@ -420,6 +430,7 @@ class _LimitTable(Strict):
 @cache
 def quasi_static_limits() -> dict[str, float]:
     """Read the largest forces [N] on clamped body regions (quasi-static contact), by the name of the region."""
+    # A clamped part of a body cannot move away, so the standard allows lower forces on it than for a short hit.
     file = models_root() / "limits" / "iso_ts_15066.yaml"
     return dict(validated(_LimitTable, read_yaml(file), file).quasi_static_force)
 
@@ -471,7 +482,9 @@ class Fall(PoseMonitorSection):
         """Check that at least one bound is given."""
         if self.height is None and self.tilt_deg is None:
             raise ValueError(
-                message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg")
+                message(
+                    "parts.fall_needs_bound", "a fall monitor needs a bound: height or tilt_deg"
+                )
             )
         return self
 
@@ -502,6 +515,7 @@ class Fall(PoseMonitorSection):
         def excesses(pose: Vector) -> _FallExcess:
             """Excesses of a pose, x y z [m] qw qx qy qz."""
             quaternion = pose.tolist()[3:]
+            # Both are parts of their bounds, so a height in m can be compared with an angle.
             low = -1.0
             if self.height is not None:
                 low = 1 - ground.height(pose) / self.height
@@ -511,7 +525,8 @@ class Fall(PoseMonitorSection):
             return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
-            low, leaning = excesses(pose)  # plain names: this is evaluated at every step
+            # Plain names and comparisons, since this is evaluated at every step.
+            low, leaning = excesses(pose)
             # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.
             if not (math.isfinite(low) and math.isfinite(leaning)):
                 return math.inf
@@ -520,7 +535,11 @@ class Fall(PoseMonitorSection):
         def why(pose: Vector) -> str:
             found = excesses(pose)
             if not found.is_finite:
-                return message("parts.is_nowhere", "{who} is nowhere", who=subject)
+                return message(
+                    "parts.is_nowhere",
+                    "the pose of {who} is not finite: the simulation has diverged",
+                    who=subject,
+                )
             # If both bounds are exceeded, the reason is the one that is exceeded more.
             if found.low >= found.leaning or largest_tilt is None:
                 return message(
@@ -557,7 +576,8 @@ class Workspace(PoseMonitorSection):
             raise ValueError(
                 message(
                     "parts.lower_below_upper",
-                    "lower must be below upper, {upper}",
+                    "lower is {lower}; it must be below upper, {upper}, in x, y and z",
+                    lower=list(self.lower),
                     upper=list(self.upper),
                 )
             )
@@ -575,6 +595,7 @@ class Workspace(PoseMonitorSection):
 
         def why(index: int, _: float) -> str:
             """Reason of the end of the run, by the index of the largest overshoot."""
+            # The first three overshoots are those of the upper bounds.
             is_upper = index < len(_XYZ)
             axis = index % len(_XYZ)
             return message(

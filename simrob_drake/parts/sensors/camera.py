@@ -36,7 +36,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
@@ -97,6 +97,7 @@ class Image:
         Returns:
             The points, shape (m, 3) [m].
         """
+        # A pixel without a depth, too near or with nothing behind it, has no point.
         is_used = self.has_depth
         if where is not None:
             is_used = is_used & where
@@ -104,6 +105,7 @@ class Image:
         depth = self.depth[rows, columns].astype(float)
 
         # p = z ((u - c_u) / f, (v - c_v) / f, 1), where u is the column and v the row of the pixel.
+        # The middle of the first pixel is (0, 0), so the centre of the image is at half of the last indices.
         height, width = self.depth.shape
         centre_u = (width - 1) / 2
         centre_v = (height - 1) / 2
@@ -271,7 +273,7 @@ class CameraSensor(Sensor):
             raise ValueError(
                 message(
                     "parts.far_below_near",
-                    "far is {far:g}; it must be more than near ({near:g})",
+                    "far is {far:g} m; it must be larger than near, {near:g} m",
                     far=self.far,
                     near=self.near,
                 )
@@ -297,11 +299,12 @@ class CameraSensor(Sensor):
         A run records no images: those of a result are rendered after it. So a camera has no signals.
 
         Raises:
-            InvalidParameter: the camera is inside of a shape at the start.
+            Unsuitable: the camera is inside a shape at the start.
         """
         parent, pose = self.mount(site.plant)
         self._check_outside(name, site.plant, parent, pose)
         site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame}
+        # Without a reader, the camera needs no block and no renderer: both would make each station slower to build.
         if not self.in_loop:
             return
 
@@ -316,6 +319,7 @@ class CameraSensor(Sensor):
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Find the frame of the scene graph to which the camera is fixed, and the camera's pose in it."""
+        # The scene graph has frames of bodies only: the pose of the named frame in its body comes in front.
         frame = frame_of(plant, self.frame)
         parent = plant.plant.GetBodyFrameIdOrThrow(frame.body().index())
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)
@@ -332,7 +336,7 @@ class CameraSensor(Sensor):
             pose: pose of the camera in the parent.
 
         Raises:
-            InvalidParameter: it is inside of a shape.
+            Unsuitable: it is inside a shape.
         """
         plant = station.plant
         scene_graph = station.scene_graph
@@ -349,15 +353,19 @@ class CameraSensor(Sensor):
         eye = (query.GetPoseInWorld(parent) @ pose).translation()
         # With the threshold 0, only shapes around the point are found: their distance is negative.
         for found in query.ComputeSignedDistanceToPoint(eye, 0.0):
+            # On the surface, such as that of the link that carries it, a camera sees out.
             if found.distance >= -_INSIDE:
                 continue
             coordinates = ", ".join(f"{value:.3g}" for value in eye)
-            where = message("parts.eye_inside_of", "at {eye} m, inside of ", eye=coordinates)
-            where += owner_of_shape(station, found.id_G)
-            raise InvalidParameter(
+            raise Unsuitable(
                 f"sensors.{name}.pose",
-                where,
-                message("parts.outside_of_bodies", "outside of every body"),
+                message(
+                    "parts.eye_inside_of",
+                    "the camera is at ({eye}) m, inside {body}",
+                    eye=coordinates,
+                    body=owner_of_shape(station, found.id_G),
+                ),
+                message("parts.outside_of_bodies", "move it outside all bodies"),
             )
 
 

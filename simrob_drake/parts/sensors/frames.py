@@ -85,7 +85,7 @@ class Imu(SampledSensor):
         """Add ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity`` (3) [rad/s] and ``orientation`` (4)."""
         frame = self._frame_name(site.station, f"sensors.{name}")
         block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
-        # One plot panel for each output, all in one figure.
+        # One plot panel for each output, all in one figure: their units differ.
         signals = {}
         heading = message("parts.the_imu", "the IMU '{name}'", name=name)
         for part, output in _INERTIAL.items():
@@ -165,7 +165,7 @@ class InertialUnit(SampledBlock):
         self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
-        # work space: every evaluation sets its state anew
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
         self.seed = section.seed
         self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
@@ -173,6 +173,7 @@ class InertialUnit(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the measurements from the motion since the last sample."""
+        # Number of this sample, from 0: it selects the noise, and 0 is the first sample.
         count = int(memory["count"][0])
         plant = self._plant
         plant.SetPositionsAndVelocities(self._scratch, read["state"])
@@ -250,7 +251,7 @@ class FrameSensor(Sensor):
         label = sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
         site.picture.draw(f"sensor.{name}", "sensor", label)
         heading = message(
-            "parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base
+            "parts.frame_from", "'{frame}' relative to '{base}'", frame=self.frame, base=self.base
         )
         for part, (components, units, quantity) in _RELATIVE.items():
             columns = axis_names("frame", name, components)
@@ -331,7 +332,7 @@ class RelativeMotion(Block):
         """
         super().__init__()
         self._plant = weakref.proxy(plant)
-        # work space: every evaluation sets its state anew
+        # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
         # Indices instead of frames: a frame would keep the plant in memory.
         self._base_index = base.parent.index()

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
@@ -48,7 +48,7 @@ class Encoders(SampledSensor):
     """Seed of the noise: the same seed gives the same values."""
 
     def resolution(self, robot: ResolvedRobot) -> Vector:
-        """Resolution of each axis, shape (n,) [deg, or m for a prismatic axis]; 0 for an axis that is not rounded."""
+        """Resolution of each axis, shape (n,) [deg, or m for a prismatic axis]. It is 0 if the axis is not rounded."""
         if self.resolution_deg is not None:
             return np.full(len(robot.axes), self.resolution_deg)
         # An axis without a motor, or whose motor's encoder is not described, is not rounded.
@@ -70,6 +70,7 @@ class Encoders(SampledSensor):
             quantity = QUANTITY_WORDS[output]
             panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
+        # Encoders measure positions alone: the block computes speeds from them.
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
         self._add_block(
             builder,
@@ -114,9 +115,11 @@ class JointEncoders(SampledBlock):
             memory={"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)},
             gives=("position", "velocity"),
             delay=section.delay_samples,
+            # A loop reads the encoders in its own first sample, when zeros would be far from the robot's posture.
             at_once=True,
         )
         self._resolution = units * resolution
+        # Noise and resolution are in the user's units: degrees, or metres for axes that slide.
         self._noise = units * section.noise_deg
         self._filter_share = period / (period + section.smoothing)  # T / (T + T_s)
         self.seed = section.seed
@@ -148,13 +151,14 @@ class JointTorque(Sensor):
         super().check(key, station)
         # The block reads Drake's output of reaction forces, which some engines do not compute.
         if not station.engine.reports_forces_of_joints:
-            expected = message(
-                "parts.no_joint_forces",
-                "left out under {engine}, which tells no forces of joints; read the output torque",
-                engine=station.engine.name,
-            )
-            raise InvalidParameter(
-                key, message("parts.joint_torque_sensor", "a joint_torque sensor"), expected
+            raise Unsuitable(
+                key,
+                message(
+                    "parts.no_joint_forces",
+                    "{engine} does not compute the reaction forces of joints",
+                    engine=station.engine.name,
+                ),
+                message("parts.read_torque", "read the output torque instead"),
             )
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
@@ -235,7 +239,7 @@ class ExternalTorque(SampledSensor):
             columns = axis_names("external_force", name)
             title = message(
                 "parts.estimated_force",
-                "force at the tool, estimated by '{name}', in its axes",
+                "force at the tool, estimated by '{name}', in the tool's axes",
                 name=name,
             )
             panel = sensor_panel(title, "force", columns)

@@ -36,7 +36,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, Positive
@@ -113,10 +113,14 @@ class LegOdometry(SampledSensor):
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
-                message("parts.of_model", "of {model}", model=robot.model.name),
-                message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
+                message(
+                    "parts.not_on_own_feet",
+                    "{robot} has no feet, or its base is fixed",
+                    robot=robot.name,
+                ),
+                message("parts.robot_on_own_feet", "name a robot that stands on its own feet"),
             )
         kind_of_purpose = {
             "imu": "imu",
@@ -142,12 +146,17 @@ class LegOdometry(SampledSensor):
                 ),
                 key=where,
             )
+        # If the force on one foot is measured, the shares of all feet depend on their forces, see `_shares`.
         feet = [foot for foot in robot.feet.links if foot in self.reads]
         if feet and len(feet) < len(robot.feet.links):
-            raise InvalidParameter(
+            raise Unsuitable(
                 f"{key}.reads",
-                message("parts.with_feet", "with {feet}", feet=", ".join(feet)),
-                message("parts.all_feet_or_none", "with all feet, or none"),
+                message(
+                    "parts.with_feet",
+                    "it names force sensors for {feet} only",
+                    feet=", ".join(feet),
+                ),
+                message("parts.all_feet_or_none", "name force sensors for all feet, or for none"),
             )
         self._check_sensors(key, station, robot)
 
@@ -166,7 +175,7 @@ class LegOdometry(SampledSensor):
         root = f"{robot.prefix}{robot.model.root}"
         imu = station.sensors[read["imu"]]
         encoders = station.sensors[read["encoders"]]
-        # The equations need the accelerations of the base's own origin.
+        # The equations need the accelerations of the base's own origin. An IMU without a frame is at the root link.
         if imu.frame not in (None, root):
             raise InvalidParameter(
                 f"sensors.{read['imu']}.frame",
@@ -183,7 +192,7 @@ class LegOdometry(SampledSensor):
             if sensor.rate != self.rate:
                 expected = message(
                     "parts.rate_of_sensor",
-                    "{rate:g} Hz, that of sensors.{read}: each of its samples counts once",
+                    "{rate:g} Hz, the rate of sensors.{read}, whose samples must each count once",
                     rate=sensor.rate,
                     read=read[kind],
                 )

@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release_with
 from simrob_drake.base.messages import compound, message
@@ -112,16 +112,15 @@ def check_contact(key: str, sensor: str, station: StationContents) -> None:
         station: contents of the station.
 
     Raises:
-        InvalidParameter: the station has no contact section.
+        Unsuitable: the station has no contact section.
     """
     if not station.has_contact:
-        raise InvalidParameter(
+        raise Unsuitable(
             key,
-            sensor,
             message(
-                "parts.contact_section_needed",
-                "in a station with a contact: section ({{}} takes its defaults)",
+                "parts.contact_section_needed", "{sensor} needs the section contact", sensor=sensor
             ),
+            message("parts.add_contact", "add contact: {{}}, which takes its defaults"),
         )
 
 
@@ -219,7 +218,7 @@ class SampledSensor(Sensor):
         builder.AddNamedSystem(f"sensor.{name}", block)
         site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
         for port, source in inputs.items():
-            # sensors that a sensor in a loop reads are in the loop, too
+            # Sensors that a sensor in a loop reads are in the loop, too.
             assert isinstance(source, OutputPort)
             builder.Connect(source, block.GetInputPort(port))
         for port, signal in signals.items():
@@ -230,7 +229,8 @@ class SampledSensor(Sensor):
 keep_former_attributes(SampledSensor, late_samples="delay_samples")
 
 
-@lru_cache(maxsize=16)  # the constant bias of a sensor is drawn again at each of its samples
+# The cache is for the constant bias of a sensor, which is drawn again at each of its samples.
+@lru_cache(maxsize=16)
 def normal_noise(seed: int, number: int, size: int) -> Vector:
     """Draw values (size,) of the standard normal distribution.
 

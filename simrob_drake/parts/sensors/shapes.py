@@ -15,7 +15,7 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative
@@ -86,12 +86,21 @@ whose base is held by an unknown force, and in a loop.
 """
 
 
+_FRICTION_REMARKS = {
+    "momentum balance": message(
+        "parts.friction_of_momentum", " (friction from the momentum balance)"
+    ),
+    "left out": message("parts.friction_left_out", " (without friction)"),
+}
+"""Remarks in the title of a plot, by the source of the force along the surfaces."""
+
+
 class Force(ShapeSensor):
     """Contact force [N] and moment [N·m] on a body."""
 
     kind: Literal["force"]
     other: str | None = None
-    """What presses on the body: a robot, a link, a piece, a shape of a piece, or `floor`; if left out, everything."""
+    """Body that presses: a robot, a link, a piece, a shape of a piece, or `floor`; if left out, everything counts."""
     frame: str = "world"
     """Frame of the force and the moment, and of the point for the moment: `world`, a tool, a link or a piece."""
     resolution: NotNegative = 0.0
@@ -126,7 +135,7 @@ class Force(ShapeSensor):
             raise ValueError(
                 message(
                     "parts.force_sensor_needs_rate",
-                    "a force sensor with noise, a resolution or a delay samples: it needs a rate",
+                    "a force sensor with noise, a resolution or a delay needs a rate",
                 )
             )
         return self
@@ -137,17 +146,15 @@ class Force(ShapeSensor):
         if self.other is not None:
             check_body(station, f"{key}.other", self.other)
         if not station.engine.moves_by_forces:
-            expected = message(
-                "parts.contacts_in_dynamic_station",
-                "in a dynamic station: a kinematic one computes no contacts (a distance sensor works there)",
-            )
-            raise InvalidParameter(
+            raise Unsuitable(
                 key,
                 message(
-                    "parts.force_sensor_in_kinematic_station",
-                    "a force sensor in a kinematic station",
+                    "parts.no_contact_forces", "a kinematic station computes no contact forces"
                 ),
-                expected,
+                message(
+                    "parts.contacts_in_dynamic_station",
+                    "set mode: dynamic, or use a distance sensor",
+                ),
             )
         check_frame(station, f"{key}.frame", self.frame)
         check_contact(key, message("parts.a_force_sensor", "a force sensor"), station)
@@ -162,6 +169,7 @@ class Force(ShapeSensor):
             body=body,
             other=other,
             frame=frame,
+            # Wrong friction forces would be worse than none.
             normal_only=not site.station.engine.reports_friction_of_contacts,
         )
         # The wrench (6): force [N], then moment [N·m].
@@ -175,14 +183,12 @@ class Force(ShapeSensor):
         add_and_connect(builder, f"sensor.{name}.split", split, reported)
 
         # If the contact results lack friction, it is added after the run, or the result says that it is missing.
-        any_shape = body[0]  # all shapes of the sensor's body belong to one model
-        tangential = self._tangential_source(site, any_shape)
+        # All shapes of the sensor's body belong to one model, so the model of one is that of all.
+        tangential = self._tangential_source(site, body[0])
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
-            title += message(
-                "parts.along_the_surface", " (along the surface: {source})", source=tangential
-            )
+            title += _FRICTION_REMARKS[tangential]
         balance = (
             MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
         )
@@ -249,6 +255,7 @@ class MeasuredWrench(SampledBlock):
             delay=delay,
             at_once=True,
         )
+        # One value for each of the three components of the force, then of the moment.
         self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
         self._noise = np.repeat([section.noise, section.moment_noise], 3)
         self.seed = section.seed
@@ -264,9 +271,8 @@ class MeasuredWrench(SampledBlock):
 
 def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Port of the plant's contacts. The first call adds the block that reads them for all sensors."""
-    if (
-        site.plant.stand_in is not None
-    ):  # a block of another engine gives contacts that need no reading
+    # The block of another engine gives contacts that need no reading.
+    if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
         add_and_connect(
@@ -351,8 +357,9 @@ class MomentumBalance:
         Returns:
             The whole forces, shape (m, 3) [N], in the sensor's frame.
         """
+        # Without a step there is no change of momentum.
         if len(recorded.step_times) < 2:
-            return forces  # without a step there is no change of momentum
+            return forces
         timed_contacts = self._contacts_at(recorded, times)
         # All sensors at a model need the same forces.
         key = ("contact force", int(self._instance), times.tobytes())
@@ -361,7 +368,8 @@ class MomentumBalance:
         model_forces: Vector = recorded.memo[key]
         friction = self._friction(model_forces, timed_contacts)
 
-        rotations = np.empty((len(times), 3, 3))  # from the sensor's frame to the world
+        # Rotations from the sensor's frame to the world at all times.
+        rotations = np.empty((len(times), 3, 3))
         context = self._plant.CreateDefaultContext()
         for row, state in enumerate(recorded.sample([self._state], times)[0]):
             self._plant.SetPositionsAndVelocities(context, state)
@@ -371,6 +379,7 @@ class MomentumBalance:
 
     def _contacts_at(self, recorded: Recorded, times: Vector) -> _TimedContacts:
         """Read the contacts at times (m,) [s] of a run."""
+        # The bytes of the times: an array cannot be the key of a mapping.
         key = ("contacts", times.tobytes())
         if key not in recorded.memo:
             instants: Sequence[Contacts] = [
@@ -445,7 +454,7 @@ class MomentumBalance:
         # f = (P1 - P0) / h - m g
         durations = (step_times[ends] - step_times[ends - 1])[:, np.newaxis]
         rates = (momenta[ends] - momenta[ends - 1]) / durations
-        # m g
+        # The weight m g, which the contacts carry in addition to what changes the momentum.
         weight = (
             plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
         )

@@ -126,7 +126,7 @@ def test_it_begins_anew_where_the_trunk_is_not_as_it_should_be_and_gives_up(lean
     life.until(lambda memory: memory["attempt"][0] == 2, *after)
     assert life.sample(*after)["sequence"][0] == (after[0] < 0)
     assert (life.sample(*after)["target"][0] > 0.5) == (lean == 90.0)
-    with pytest.raises(RunEnds, match="nobody lies: it did not get up in 2 attempts"):
+    with pytest.raises(RunEnds, match="nobody did not get up in 2 attempts"):
         life.until(lambda memory: False, *after)
 
 
@@ -140,7 +140,7 @@ def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
 
 
 def test_what_cannot_get_up_is_refused():
-    with pytest.raises(InvalidParameter, match=r"robot humanoid .*section get_up"):
+    with pytest.raises(InvalidParameter, match=r"robot humanoid: .*no section get_up"):
         LeggedRobot("humanoid_dynamic").get_up()
     with pytest.raises(SimrobError, match="dynamic"):
         LeggedRobot("humanoid_kinematic").get_up()
