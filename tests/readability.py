@@ -115,7 +115,6 @@ LOOSER: dict[str, dict[str, float]] = {
     "results": {"comments": 5.3, "riddles": 1.3, "participles": 1.4},
     "robots": {"comments": 3.8},
     "kinematics": {"comments": 2.9, "dense_density": 16.5, "riddles": 1.3, "participles": 2.1},
-    "base": {"participles": 3.7},
 }
 """Bounds of packages that do not keep all of `BOUNDS` yet: they may get stricter, never looser."""
 

@@ -17,8 +17,8 @@ import yaml
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
-from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, listed
-from simrob_drake.base.files import ROBOT_FILE, opened, text_of
+from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, list_names
+from simrob_drake.base.files import ROBOT_FILE, open_regular, text_of
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
@@ -354,7 +354,7 @@ def _report_stiff_joints(robot: RobotModel, kp: Mapping[str, float], report: Imp
         text = message(
             "importer.no_servo_moves",
             "no servo moves {held}: the damping of the joint is too large. Make the joint fixed",
-            held=listed(held),
+            held=list_names(held),
         )
         report.add(
             "approximated",
@@ -426,7 +426,7 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     robot = read_source(source, ImportReport(source), options)
     yield ET.tostring(robot)  # of a xacro with all that it includes
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
-        with opened(file) as content:  # meshes may be larger than what is read of them
+        with open_regular(file) as content:  # meshes may be larger than what is read of them
             yield hashlib.file_digest(content, "sha256").digest()
     if options.hand is not None:
         yield from _dependencies(options.hand, of_hand(options))

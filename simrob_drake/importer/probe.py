@@ -13,7 +13,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.errors import SimrobError, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 
@@ -76,7 +76,7 @@ def _complaint(file: Path) -> str | None:
         return message(
             "importer.ended_with_code", "the process ended with code {code}", code=child.returncode
         )
-    return shortened(lines[-1].removeprefix(f"{file}: "), 300)
+    return shorten(lines[-1].removeprefix(f"{file}: "), 300)
 
 
 def _culprit(file: Path) -> str:

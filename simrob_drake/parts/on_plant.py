@@ -24,7 +24,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quote_value
 from simrob_drake.base.frames import Flags, Vector, numbers
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain
@@ -299,7 +299,7 @@ def add_contact_sensor(
     for each in (own_body, other_body):
         if each is not None and not plant.GetCollisionGeometriesForBody(each):
             needed = message("parts.body_that_collides", "a body with shapes that collide")
-            raise InvalidParameter("body", quoted(each.name()), needed)
+            raise InvalidParameter("body", quote_value(each.name()), needed)
     sensor = ForceSensor(
         plant=plant,
         body=plant.GetCollisionGeometriesForBody(own_body),
@@ -437,7 +437,7 @@ def _joints_of(
     else:
         if isinstance(names, str):
             needed = message("parts.list_of_joints", "a list of names of joints")
-            raise InvalidParameter("joints", quoted(names), needed)
+            raise InvalidParameter("joints", quote_value(names), needed)
         known = [joint.name() for joint in single]
         found = []
         for name in names:
@@ -459,7 +459,7 @@ def _joints_of(
     if not found or has_repeated_names:
         raise InvalidParameter(
             "joints",
-            quoted(names),
+            quote_value(names),
             message("parts.different_joints", "names of different joints, at least one"),
         )
     return found
@@ -527,12 +527,12 @@ def _values(
                 "one number, or {count}, one for each joint",
                 count=len(names),
             )
-            raise InvalidParameter(key, quoted(value), expected)
+            raise InvalidParameter(key, quote_value(value), expected)
         values = np.array(np.broadcast_to(entries, len(names)))
     # An infinite torque limit is a motor without a limit; infinite gains are mistakes.
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
         raise InvalidParameter(
-            key, quoted(value), message("parts.finite_numbers", "finite numbers")
+            key, quote_value(value), message("parts.finite_numbers", "finite numbers")
         )
     return np.where(passive, 0.0, values)
 
@@ -600,7 +600,7 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
             expected = message(
                 "parts.whole_motor", "a Motor with stall_torque [N·m] and no_load_speed [rad/s]"
             )
-            raise InvalidParameter("motor", quoted(own), expected)
+            raise InvalidParameter("motor", quote_value(own), expected)
         motors[index] = model.at_output
     return motors
 
@@ -693,7 +693,7 @@ def _index_of_unique(argument: str, what: str, name: str, names: Sequence[str]) 
     one_of(what, name, names)
     if names.count(name) > 1:
         expected = message("parts.unique_name", "a name that is unique; give model_instance")
-        raise InvalidParameter(argument, quoted(name), expected)
+        raise InvalidParameter(argument, quote_value(name), expected)
     return names.index(name)
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import robot_files
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, validated
+from simrob_drake.base.sections import Number, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
 
@@ -81,4 +81,4 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
             message("robots.robot_with_gaits_file", "one with a file {file}", file=GAITS_FILE),
         )
     content = read_yaml(file)
-    return GaitsFile(file, validated(_Head, content, file).facing_deg, content)
+    return GaitsFile(file, validate_section(_Head, content, file).facing_deg, content)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, listed
+from simrob_drake.base.errors import InvalidParameter, list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import plain_name
@@ -179,8 +179,8 @@ def expected_position(
         "stations.taken_by_couplings",
         "{needed}, to which {labels} takes it with {state}",
         needed=needed,
-        labels=listed(condition.labels),
-        state=listed(state),
+        labels=list_names(condition.labels),
+        state=list_names(state),
     )
 
 
@@ -283,7 +283,9 @@ def _check_solvable(condition: AxisCondition) -> None:
         raise InvalidParameter(
             last,
             message(
-                "stations.in_contradiction", "in contradiction to {others}", others=listed(others)
+                "stations.in_contradiction",
+                "in contradiction to {others}",
+                others=list_names(others),
             ),
             expected,
         )

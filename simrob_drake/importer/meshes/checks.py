@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 from xml.sax.saxutils import unescape
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.files import content_of
 from simrob_drake.base.messages import message
 
@@ -258,7 +258,7 @@ def _check_dae(data: bytes) -> CheckedMesh:
         metres = math.nan
     if not 0 < metres < math.inf:
         raise UnreadableMesh(
-            message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter))
+            message("importer.odd_unit", "has a unit of {meter} m", meter=shorten(meter))
         )
 
     notes: list[str] = []

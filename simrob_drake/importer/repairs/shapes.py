@@ -12,7 +12,7 @@ from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path, PurePath
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
@@ -422,7 +422,7 @@ def _mesh_name(mesh: ET.Element | None) -> str:
     return message(
         "robots.mesh_called",
         "mesh '{uri}'",
-        uri=shortened("" if mesh is None else mesh.get("filename", "")),
+        uri=shorten("" if mesh is None else mesh.get("filename", "")),
     )
 
 
@@ -497,7 +497,7 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
             "repaired",
             where,
             message(
-                "importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shortened(text)
+                "importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shorten(text)
             ),
         )
         return _UNSCALED

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from os.path import isdir
 from pathlib import Path
 
-from simrob_drake.base.errors import one_of, shortened
+from simrob_drake.base.errors import one_of, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
@@ -124,7 +124,7 @@ class _Includes:
             place = list(owner).index(include)
             owner.remove(include)
             uri = (include.findtext("uri") or "").strip()
-            where = compound("<include> '{uri}'", uri=shortened(uri))
+            where = compound("<include> '{uri}'", uri=shorten(uri))
             if depth > _DEEPEST:
                 raise self.report.refusal(
                     where,

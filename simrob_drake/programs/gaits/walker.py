@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import smooth
 from simrob_drake.kinematics.chain import Chain
@@ -124,7 +124,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             message("programs.legged_robot", "a legged one, to walk"),
         )
     contact = model.feet.kind(kind)
-    facing = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
+    facing = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
         home = facing @ skeleton.links[link][1]  # pose of the link when all axes are zero
@@ -141,7 +141,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             over = contact.surface(link).radius
         support = (contact.support_points(link) - point) @ upright.T
         # The tool frame looks ahead when the foot does: it undoes the rotation of the link.
-        tool = stacked(point[np.newaxis], upright.T[np.newaxis])[0]
+        tool = stack_poses(point[np.newaxis], upright.T[np.newaxis])[0]
         limb = skeleton.limb(link, tool)
         axes = limb[0]
         leg = limb[1]

@@ -20,7 +20,7 @@ from pydrake.math import RotationMatrix
 from simrob_drake.base.arguments import positive, truth, whole
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.kinematics.every_branch import goal_postures
@@ -261,7 +261,7 @@ def goals_of(
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
     # transforms without translation, (k, 4, 4)
-    turns = stacked(np.zeros((len(rotations), 3)), rotations)
+    turns = stack_poses(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
         # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
