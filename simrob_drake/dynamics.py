@@ -18,7 +18,7 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyForces
 
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, one_of, quote_value
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.messages import message
 from simrob_drake.importer.named_robots import read_robot
@@ -313,7 +313,7 @@ class Dynamics:
         if not rows.size or rows.ndim not in (1, 2) or rows.shape[-1] != count:
             raise InvalidParameter(
                 "q",
-                quoted(q),
+                quote_value(q),
                 message(
                     "base.finite_numbers_for_axes",
                     "{count} finite numbers, one for each axis, or rows of them",
@@ -327,7 +327,7 @@ class Dynamics:
             if found.shape not in ((), (count,), rows.shape):
                 raise InvalidParameter(
                     name,
-                    quoted(values),
+                    quote_value(values),
                     message(
                         "dynamics.number_or_as_many",
                         "one finite number, or an array of the shape of q: {shape}",

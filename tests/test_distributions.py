@@ -8,8 +8,8 @@ import pytest
 
 from simrob_drake.base.distributions import Choice, Normal, Uniform, parse_distribution
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.sampling import Draws, drawn
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sampling import Draws, draw_case
+from simrob_drake.base.sections import validate_section
 
 MIXED = {
     "kp": {"low": 10, "high": 1000, "log": True},
@@ -88,7 +88,7 @@ def test_values_that_are_none_are_refused(text):
 )
 def test_sections_that_are_none_are_refused_in_a_line(section, told):
     with pytest.raises(SimrobError, match=told):
-        validated(Draws, {"vary": {"kp": section}}, "study.yaml")
+        validate_section(Draws, {"vary": {"kp": section}}, "study.yaml")
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, dev
 
 @pytest.mark.parametrize("sampling", ["sobol", "latin", "random"])
 def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
-    cases = validated(
+    cases = validate_section(
         Draws, {"vary": MIXED, "sampling": sampling, "count": 32, "seed": 3}, "file"
     ).draws()
     assert len(cases) == 32
@@ -176,21 +176,21 @@ def test_a_grid_has_every_combination_once():
 
 def test_a_draw_of_a_source_takes_the_same_numbers_whatever_applies():
     space = Draws(vary={**MIXED, "last": "uniform:0:1"}).vary
-    found = [drawn(space, np.random.default_rng(seed)) for seed in range(20)]
+    found = [draw_case(space, np.random.default_rng(seed)) for seed in range(20)]
     assert {"step" in one for one in found} == {True, False}
     without = {key: one for key, one in space.items() if key != "kind"}
     without["kind"] = Choice(values=["continuous"])
     fixed = {key: without[key] for key in space}
-    assert [drawn(fixed, np.random.default_rng(seed))["last"] for seed in range(20)] == [
+    assert [draw_case(fixed, np.random.default_rng(seed))["last"] for seed in range(20)] == [
         one["last"] for one in found
     ]
 
 
 def test_a_distribution_is_written_as_it_was_read():
     given = {"vary": {**MIXED, "gravity": "uniform:1.6:9.8", "damping": "log:1:100:3"}}
-    space = validated(Draws, given, "file")
+    space = validate_section(Draws, given, "file")
     written = space.model_dump(mode="json")["vary"]
     assert json.loads(json.dumps(written)) == given["vary"]
-    assert validated(Draws, {"vary": written}, "file") == space
+    assert validate_section(Draws, {"vary": written}, "file") == space
     assert pickle.loads(pickle.dumps(space)) == space
     assert space.vary["gravity"].text == "uniform:1.6:9.8"

@@ -8,7 +8,7 @@ import pytest
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.kinematics import Chain
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
@@ -151,7 +151,7 @@ def rod(**more: object) -> RobotModel:
         "base": [0, 0, 1, 0, 0, np.pi / 2],
         "rows": [{**ROD, "a": 0.5}],
     }
-    return validated(RobotModel, {"name": "rod", "folder": Path(), "dh": dh, **more}, "rod")
+    return validate_section(RobotModel, {"name": "rod", "folder": Path(), "dh": dh, **more}, "rod")
 
 
 def test_a_rod_holds_what_its_closed_form_says() -> None:

@@ -10,8 +10,8 @@ from simrob_drake.base.errors import (
     InvalidParameter,
     SimrobError,
     UnknownName,
-    counted,
-    listed,
+    format_count,
+    list_names,
     nearest,
 )
 
@@ -64,8 +64,8 @@ def test_every_error_can_be_caught_as_one(error: Exception) -> None:
 
 
 def test_names_in_a_row_are_the_first_of_many():
-    assert listed(["a", "b", "c"]) == "a, b, c"
-    assert listed(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"
+    assert list_names(["a", "b", "c"]) == "a, b, c"
+    assert list_names(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"
 
 
 def test_things_are_counted_in_words():
@@ -77,6 +77,6 @@ def test_things_are_counted_in_words():
         (0, "joint"),
         (2, "axis"),
     )
-    assert [counted(*one) for one in counts] == [
+    assert [format_count(*one) for one in counts] == [
         "1 move", "2 moves", "2 PS Abs", "3 flexible bodies", "0 joints", "2 axes",
     ]  # fmt: skip

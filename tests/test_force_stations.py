@@ -190,7 +190,11 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
             {"protection.limit": None, "protection.nominal": None},
             "give at least one of limit, nominal and force",
         ),
-        ("motor_protection", {"protection.force": 100}, "a mapping with a force sensor, {force: <sensor>}"),
+        (
+            "motor_protection",
+            {"protection.force": 100},
+            "a mapping with a force sensor, {force: <sensor>}",
+        ),
         (
             "motor_protection",
             {"protection.force": "hand", "protection.reads.force": "touch"},

@@ -80,3 +80,25 @@ def test_the_warning_names_the_line_of_the_import(tmp_path):
         "script.py:3: DeprecationWarning: simrob_drake.errors is now simrob_drake.base.errors"
         in shown
     )
+
+
+@pytest.mark.parametrize(
+    ("module", "former", "present"),
+    [
+        ("errors", "shown", "format_value"),
+        ("extras", "needed", "importing_extra"),
+        ("files", "opened", "open_regular"),
+        ("interpolation", "stacked", "stack_poses"),
+        ("lifetime", "built", "build_diagram"),
+        ("packages", "resolved", "resolve_path"),
+        ("sampling", "seeded", "choose_seeds"),
+        ("sections", "validated", "validate_section"),
+    ],
+)
+def test_a_function_of_the_base_has_its_former_name_with_a_warning(module, former, present):
+    found = importlib.import_module(f"simrob_drake.base.{module}")
+
+    with pytest.warns(DeprecationWarning, match=f"{former} is now .*{present}"):
+        function = getattr(found, former)
+
+    assert function is getattr(found, present)

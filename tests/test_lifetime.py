@@ -20,7 +20,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.base import lifetime
-from simrob_drake.base.lifetime import built, weakly
+from simrob_drake.base.lifetime import build_diagram, weakly
 
 PERIOD = 0.1
 
@@ -77,7 +77,7 @@ def test_a_diagram_goes_with_all_its_parts(
 ) -> None:
     builder = DiagramBuilder()
     held = [builder, *parts(builder)]
-    held.append(built(builder))
+    held.append(build_diagram(builder))
     if steps:
         stepped(held[-1])
     remnants += map(weakref.ref, held)
@@ -89,7 +89,7 @@ def test_a_diagram_goes_with_all_its_parts(
 def test_callbacks_work_as_long_as_the_diagram_is_held() -> None:
     builder = DiagramBuilder()
     parts(builder)
-    diagram = built(builder)
+    diagram = build_diagram(builder)
     del builder
     gc.collect()
     context = stepped(diagram)
@@ -106,7 +106,7 @@ def test_a_block_of_drakes_keeps_its_diagram(name: str) -> None:
     def alone() -> tuple[LeafSystem, weakref.ref[Diagram]]:
         builder = DiagramBuilder()
         parts(builder)
-        diagram = built(builder)
+        diagram = build_diagram(builder)
         return diagram.GetSubsystemByName(name), weakref.ref(diagram)
 
     block, diagram = alone()
@@ -119,7 +119,7 @@ def test_what_a_user_noted_in_a_block_stays() -> None:
     def run() -> Counter:
         builder = DiagramBuilder()
         _, block = parts(builder)
-        stepped(built(builder))
+        stepped(build_diagram(builder))
         return block
 
     block = run()
@@ -134,7 +134,7 @@ def test_diagrams_that_nobody_holds_do_not_pile_up(monkeypatch: pytest.MonkeyPat
     def build() -> weakref.ref[Diagram]:
         builder = DiagramBuilder()
         parts(builder)
-        return weakref.ref(built(builder))
+        return weakref.ref(build_diagram(builder))
 
     gc.collect()
     diagrams = [build() for _ in range(20)]

@@ -451,7 +451,9 @@ class TestWrong:
             simulate(arm(), blocks={"mine": builder.Build()}, duration=0.1)
 
     def test_two_drivers_of_one_input(self):
-        with pytest.raises(SimrobError, match=r"input reference: the blocks nod and other both drive it"):
+        with pytest.raises(
+            SimrobError, match=r"input reference: the blocks nod and other both drive it"
+        ):
             simulate(arm(), blocks={"nod": Nod(), "other": Nod()}, duration=0.1)
 
     def test_two_of_one_name(self):
@@ -459,7 +461,7 @@ class TestWrong:
             simulate(arm(), blocks=[Nod(), Nod()], duration=0.1)
 
     def test_a_name_that_is_not_plain(self):
-        with pytest.raises(SimrobError, match="my block.*a name of letters, digits and _"):
+        with pytest.raises(SimrobError, match=r"my block.*a name of letters, digits and _"):
             simulate(arm(), blocks={"my block": Nod()}, duration=0.1)
 
     def test_an_input_that_nothing_feeds(self):

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.messages import Message, in_language, message
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.base.value_problems import value_problem
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.solver_config import ContinuousSolver
@@ -122,7 +122,7 @@ def test_a_message_of_a_validator_goes_first() -> None:
 
 def test_a_section_and_a_station_have_them() -> None:
     with pytest.raises(InvalidConfig) as raised:
-        validated(ContinuousSolver, {"kind": "continuous", "accuracy": "high"}, "a.yaml")
+        validate_section(ContinuousSolver, {"kind": "continuous", "accuracy": "high"}, "a.yaml")
     assert (
         in_language(raised.value.message, "es")
         == "a.yaml: accuracy: debe ser un número (es 'high')"

@@ -7,7 +7,7 @@ import pytest
 from pydantic import Field
 
 from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 
 
@@ -37,7 +37,7 @@ class Machine(Strict):
 
 def finding(text: str) -> str:
     with pytest.raises(InvalidConfig) as problem:
-        validated(Machine, {"name": "m", **parse_yaml(text, "m.yaml")}, "m.yaml")
+        validate_section(Machine, {"name": "m", **parse_yaml(text, "m.yaml")}, "m.yaml")
     return str(problem.value)
 
 
@@ -46,7 +46,7 @@ def test_a_good_text_is_read_whole() -> None:
         "{name: m, speed: {a: 1e-3}, drive: {kind: fast, rate: 2}, parts: {arm: {size: [1, 2, 3]}}}",
         "m.yaml",
     )
-    machine = validated(Machine, content, "m.yaml")
+    machine = validate_section(Machine, content, "m.yaml")
     assert machine.speed == {"a": 1e-3}
     assert machine.drive == Fast(kind="fast", rate=2.0)
     assert machine.parts["arm"].size == (1.0, 2.0, 3.0)
@@ -141,7 +141,7 @@ def test_a_list_that_is_too_long_is_an_error() -> None:
 
 def test_a_key_that_is_needed_is_named() -> None:
     with pytest.raises(InvalidConfig, match=r"^m\.yaml: name: this key is required$"):
-        validated(Machine, {}, "m.yaml")
+        validate_section(Machine, {}, "m.yaml")
 
 
 @pytest.mark.parametrize("value", ["3", "[1]", "text", "null"])

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, quote_value
 from simrob_drake.base.messages import message
 
 Kind = TypeVar("Kind")
@@ -121,10 +121,10 @@ def _number_between(value: object, name: str, least: float, most: float, expecte
     """
     # Python counts True and False as integers.
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise InvalidParameter(name, quoted(value), expected)
+        raise InvalidParameter(name, quote_value(value), expected)
     # NaN fails both comparisons, so it is refused here, too.
     if not least <= value <= most:
-        raise InvalidParameter(name, quoted(value), expected)
+        raise InvalidParameter(name, quote_value(value), expected)
     # A NumPy scalar would make all later arithmetic slower, and JSON refuses it.
     return float(value)
 
@@ -146,9 +146,9 @@ def whole(value: object, name: str, least: int, most: int) -> int:
     )
     # Python counts True and False as integers.
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise InvalidParameter(name, quoted(value), expected)
+        raise InvalidParameter(name, quote_value(value), expected)
     if not least <= value <= most:
-        raise InvalidParameter(name, quoted(value), expected)
+        raise InvalidParameter(name, quote_value(value), expected)
     return int(value)
 
 
@@ -182,7 +182,7 @@ def instance(
         InvalidParameter: it is of another class.
     """
     if not isinstance(value, kind):
-        raise InvalidParameter(name, quoted(value), expected)
+        raise InvalidParameter(name, quote_value(value), expected)
     return value
 
 
@@ -197,7 +197,7 @@ def as_path(value: object, name: str) -> Path:
         InvalidParameter: it is something else, or has characters that cannot be printed.
     """
     if not isinstance(value, (str, Path)):
-        raise InvalidParameter(name, quoted(value), message("base.a_path", "a path"))
+        raise InvalidParameter(name, quote_value(value), message("base.a_path", "a path"))
     # Results, reports and links have the path as text: a line feed or a control character in it would spoil them.
     path = Path(value)
     if not str(path).isprintable():

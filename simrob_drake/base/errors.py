@@ -7,9 +7,10 @@ import difflib
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from simrob_drake.base.messages import Message, compound, join_texts, message, one_line
+from simrob_drake.base.renaming import former_names_of
 
 _LONGEST = 2000
 """Largest length of a message. Lists of known names are long, but a value that a user gives may be a megabyte."""
@@ -29,12 +30,12 @@ class SimrobError(ValueError):
             message: the message. It becomes one line, and a very long one is cut at its end.
         """
         # One line without control characters: a log has one entry for each error, whatever the user's input contains.
-        self.message = shortened(message, _LONGEST)
+        self.message = shorten(message, _LONGEST)
         super().__init__(self.message)
 
     def put_in_front(self, place: str) -> None:
         """Begin the message with the place to which the error belongs, such as the name of a move, and a colon."""
-        self.message = shortened(
+        self.message = shorten(
             compound("{place}: {problem}", place=place, problem=self.message), _LONGEST
         )
         self.args = (self.message,)
@@ -77,7 +78,7 @@ class InvalidParameter(SimrobError):
                 "base.invalid_parameter",
                 "{name} is {value}; it must be {expected}",
                 name=name,
-                value=shown(value),
+                value=format_value(value),
                 expected=expected,
             )
         )
@@ -121,7 +122,7 @@ class UnknownName(SimrobError):
                 "base.unknown_name",
                 "there is no {kind} '{name}'{suggestion}",
                 kind=kind,
-                name=shown(name),
+                name=format_value(name),
                 suggestion=nearest(name, known),
             )
         )
@@ -141,7 +142,7 @@ class UnknownKey(UnknownName, KeyError):
         """
         super().__init__(kind, name, known)
         # The base class has made the message without a remedy, so the remedy is appended afterwards.
-        self.message = shortened(
+        self.message = shorten(
             compound("{problem}{remedy}", problem=self.message, remedy=remedy), _LONGEST
         )
         self.args = (self.message,)
@@ -243,7 +244,7 @@ def nearest_name(name: object, known: Iterable[str]) -> str | None:
     names = sorted(set(known))
     # Capitals do not count: "Kp" is "kp". Of names that differ in capitals alone, such as "A" and "a", each is known.
     known_by_lower = {known_name.lower(): known_name for known_name in names}
-    written = shown(name)
+    written = format_value(name)
     # 0.6 is difflib's own default: three letters in five agree, as in a word with a typing error.
     close = difflib.get_close_matches(written, names, n=1, cutoff=0.6)
     # For difflib a capital and its small letter differ, so a name in capitals is compared once more in small letters.
@@ -256,8 +257,8 @@ def _join_location(where: Path | str, what: str, problem: str) -> str:
 
     Empty parts are left out, and so is a key that the name of the override or option contains already.
     """
-    place = shortened(where if isinstance(where, str) else str(where), 1000)
-    part = shortened(what, 200)
+    place = shorten(where if isinstance(where, str) else str(where), 1000)
+    part = shorten(what, 200)
     # The name of an override, such as "override servo.kp", or of an option, such as "--duration", contains the key.
     has_key_in_name = place.split(" ", 1)[-1].lstrip("-") == part
     texts = [place, "" if has_key_in_name else part, problem]
@@ -281,13 +282,13 @@ def one_of(kind: str, name: object, known: Iterable[str]) -> str:
     return name
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Format a value for a message, on one line. A long text is cut at its end, and a long path at its beginning."""
     if isinstance(value, Path):
         return _shortened_path(value)
     if isinstance(value, str):
-        return shortened(value)
-    return quoted(value)
+        return shorten(value)
+    return quote_value(value)
 
 
 def _shortened_path(path: Path, length: int = 80) -> str:
@@ -298,7 +299,7 @@ def _shortened_path(path: Path, length: int = 80) -> str:
         length: largest length of the text.
     """
     # Control characters are replaced. Nearly every path is shorter than 1000, so that its end, the file's name, stays.
-    text = shortened(str(path), length=1000)
+    text = shorten(str(path), length=1000)
     if len(text) <= length:
         return text
     # One character is the ellipsis.
@@ -306,10 +307,10 @@ def _shortened_path(path: Path, length: int = 80) -> str:
     return f"…{end}"
 
 
-def quoted(value: object) -> str:
+def quote_value(value: object) -> str:
     """Format a value as its ``repr``, with quotes around a text, on one line. A long text is cut."""
     try:
-        return shortened(repr(value))
+        return shorten(repr(value))
     except ValueError:
         # Python refuses to write an integer of more than 4300 digits, since that takes very long.
         return message("base.too_many_digits", "a number with too many digits to be shown")
@@ -325,7 +326,7 @@ def angle(value: float) -> str:
     )
 
 
-def shortened(value: str, length: int = 80) -> str:
+def shorten(value: str, length: int = 80) -> str:
     """Write a text on one line, without control characters, and cut its end if it is long.
 
     Args:
@@ -338,7 +339,7 @@ def shortened(value: str, length: int = 80) -> str:
     return one_line(value, length)
 
 
-def counted(count: int, thing: str) -> str:
+def format_count(count: int, thing: str) -> str:
     """Format a count with the singular or plural of a noun: "1 body", "2 bodies".
 
     Args:
@@ -360,7 +361,7 @@ def counted(count: int, thing: str) -> str:
     return f"{count} {plural}"
 
 
-def listed(names: Sequence[str], most: int = 3) -> str:
+def list_names(names: Sequence[str], most: int = 3) -> str:
     """List names, separated by commas. Of many names, only the first ones and a count of the others are listed.
 
     Args:
@@ -372,4 +373,18 @@ def listed(names: Sequence[str], most: int = 3) -> str:
         return first
     return message(
         "base.names_and_more", "{names} and {count} more", names=first, count=len(names) - most
+    )
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(
+        __name__,
+        {
+            "shown": "format_value",
+            "quoted": "quote_value",
+            "shortened": "shorten",
+            "counted": "format_count",
+            "listed": "list_names",
+        },
     )

@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.errors import SimrobError, shorten
 from simrob_drake.base.extras import DISTRIBUTION
 from simrob_drake.base.messages import compound, core_packages, message, register_catalogues
 
@@ -483,7 +483,7 @@ def load_addition(addition: Addition) -> Any:
         return getattr(import_module(module_name), name)
     # Code of an extension may raise anything, and a script may end with sys.exit when it is imported.
     except (Exception, SystemExit) as problem:
-        reason = shortened(
+        reason = shorten(
             compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
         )
         raise BrokenExtension(
@@ -516,7 +516,7 @@ def code_of_extension(owner: str, name: str) -> Iterator[None]:
         raise
     # Interrupts by the user are neither of these classes, and pass.
     except (Exception, SystemExit) as problem:
-        reason = shortened(
+        reason = shorten(
             compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
         )
         raise BrokenExtension(
@@ -668,7 +668,7 @@ def _import_problem(entry: EntryPoint, error: BaseException) -> str:
         return message(
             "base.module_not_installed", "its module {module} is not installed", module=entry.module
         )
-    return shortened(
+    return shorten(
         message(
             "base.entry_not_importable",
             "{entry} cannot be imported: {kind}: {error}",

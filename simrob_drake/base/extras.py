@@ -5,9 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of
 
 DISTRIBUTION = "simrob-drake"
 """Name of the distribution of this package, as pip knows it."""
@@ -69,7 +71,7 @@ def require(what: str, package: str, extra: str) -> None:
 
 
 @contextmanager
-def needed(what: str, extra: str) -> Iterator[None]:
+def importing_extra(what: str, extra: str) -> Iterator[None]:
     """Context manager for imports of packages of an extra.
 
     Args:
@@ -83,3 +85,8 @@ def needed(what: str, extra: str) -> Iterator[None]:
         yield
     except ImportError as problem:
         raise SimrobError(lacking(what, extra)) from problem
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"needed": "importing_extra"})

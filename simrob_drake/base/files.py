@@ -16,15 +16,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simrob_drake.base.errors import InvalidConfig, shortened
+from simrob_drake.base.errors import InvalidConfig, shorten
 from simrob_drake.base.extension import addition_folders
 from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.messages import Message, message
+from simrob_drake.base.renaming import former_names_of
 
 LARGEST_TEXT = 1_000_000
 """Largest size of a file that is written by hand [bytes]. A station's file has some thousand."""
@@ -49,7 +50,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
         NotRead: there is no such file, it is no regular file, or no file can have its name.
         TooLarge: the file is larger.
     """
-    with opened(file) as stream:
+    with open_regular(file) as stream:
         size = os.fstat(stream.fileno()).st_size
         content = b""
         # A file that is too large is not read at all: it could fill the memory.
@@ -64,7 +65,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
 
 
 @contextmanager
-def opened(file: Path | str) -> Iterator[BufferedReader]:
+def open_regular(file: Path | str) -> Iterator[BufferedReader]:
     """Open a regular file for reading bytes, for files that are not read as a whole.
 
     Raises:
@@ -355,7 +356,7 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
     except (ValueError, IndexError):
         values = [math.nan]
     if not all(map(math.isfinite, values)):
-        found = shortened(",".join(row.cells))
+        found = shorten(",".join(row.cells))
         raise InvalidConfig(
             file,
             message("base.line", "line {line}", line=row.line),
@@ -491,3 +492,8 @@ def _files_by_name(point: str, folder: Path) -> dict[str, Path]:
 def exercise_files() -> list[Path]:
     """Files of the exercises of the course that come with the package."""
     return sorted(data_root().glob(f"course/*/{EXERCISE_FILE}"))
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"opened": "open_regular"})

@@ -5,6 +5,7 @@ as an array of k numbers. Results have k rows in both cases.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, point
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of
 
 _STRAIGHT = 1e-6
 """Sine of the angle between two chords below which three points count as collinear."""
@@ -83,10 +85,10 @@ def poses(start: PoseLike, end: PoseLike, part: npt.ArrayLike) -> Vector:
     first = as_transform(start)
     last = as_transform(end)
     positions = line(first.translation(), last.translation(), part)
-    return stacked(positions, turn(first.rotation().matrix(), last.rotation().matrix(), part))
+    return stack_poses(positions, turn(first.rotation().matrix(), last.rotation().matrix(), part))
 
 
-def stacked(places: Vector, turns: Vector) -> Vector:
+def stack_poses(places: Vector, turns: Vector) -> Vector:
     """Combine positions (k, 3) and rotation matrices (k, 3, 3) to homogeneous matrices (k, 4, 4)."""
     matrices = np.zeros((len(places), 4, 4))
     matrices[:, :3, :3] = turns
@@ -185,3 +187,8 @@ class Arc:
 def _short_point(place: Vector) -> str:
     """Format a point with four significant digits, such as ``[0.1, 0, 1.25]``."""
     return "[" + ", ".join(f"{value:.4g}" for value in place) + "]"
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"stacked": "stack_poses"})

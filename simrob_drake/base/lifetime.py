@@ -19,11 +19,12 @@ import gc
 import weakref
 from collections.abc import Callable, Iterable
 from time import monotonic
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 
 from simrob_drake.base.drake_versions import KEEPS_PYTHON_BLOCKS
+from simrob_drake.base.renaming import former_names_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -74,7 +75,7 @@ def release_with(owner: object, block: System) -> None:
         weakref.finalize(owner, _empty, [block]).atexit = False
 
 
-def built(builder: DiagramBuilder) -> Diagram:
+def build_diagram(builder: DiagramBuilder) -> Diagram:
     """Build a diagram that is deleted when nothing holds it any more, see :func:`release`."""
     diagram = builder.Build()
     release(builder, diagram)
@@ -149,3 +150,8 @@ def _has_ports(value: Any) -> bool:
     elif kind is list:
         content = value
     return any(issubclass(type(entry), InputPort | OutputPort) for entry in content)
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"built": "build_diagram"})

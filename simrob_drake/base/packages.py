@@ -20,11 +20,13 @@ from itertools import chain
 # These return False for names that no file can have, where methods of a Path would raise an error.
 from os.path import exists, isdir, isfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from simrob_drake.base.errors import InvalidConfig, OutputError, shortened
-from simrob_drake.base.files import NotRead, diagrams_root, models_root, opened
+from simrob_drake.base.errors import InvalidConfig, OutputError, shorten
+from simrob_drake.base.files import NotRead, diagrams_root, models_root, open_regular
 from simrob_drake.base.folders import cache_root, written_at_once
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_names_of
 
 MANIFEST = "package.xml"
 """File with the name of a package of ROS."""
@@ -173,7 +175,7 @@ def manifest_name(folder: Path) -> str:
     The file is searched as text: an XML parser would expand entities, which a hostile file can make arbitrarily long.
     """
     try:
-        with opened(folder / MANIFEST) as file:
+        with open_regular(folder / MANIFEST) as file:
             # The name is near the beginning. A longer file may be one that was made to fill the memory.
             text = file.read(100_000).decode("utf-8", "replace")
     except NotRead:
@@ -244,13 +246,13 @@ class Border:
         self.root = package_root(self.source)
         allowed = (*self.mesh_path, *granted_folders(), *remembered_grants(self.source))
         # A dict keeps the order and drops repeated folders.
-        self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in allowed))
+        self.mesh_path = tuple(dict.fromkeys(resolve_path(folder) for folder in allowed))
 
     def package(self, name: str) -> Path | None:
         """Find the folder of a package by its name. Returns None if there is no such package that may be read."""
         # What the user names comes before what is found.
         if name in self.named_packages:
-            return resolved(self.named_packages[name])
+            return resolve_path(self.named_packages[name])
         if name not in self._packages:
             self._packages[name] = find_package(name, root=self.root, mesh_path=self.mesh_path)
         return self._packages[name]
@@ -265,12 +267,12 @@ class Border:
             OutsideBorder: the path may not be read.
         """
         # A symbolic link in an allowed folder may lead out of it, so the path behind all links counts.
-        found = resolved(path)
+        found = resolve_path(path)
         # A file that may be named by its package may be named by its path, too: the package is added to those found.
         self.package(manifest_name(package_root(found)))
         packages = [folder for folder in self._packages.values() if folder is not None]
         packages += self.named_packages.values()
-        allowed = [resolved(folder) for folder in (self.root, *packages, *self.mesh_path)]
+        allowed = [resolve_path(folder) for folder in (self.root, *packages, *self.mesh_path)]
         if any(found.is_relative_to(folder) for folder in allowed):
             return found
         listed = ", ".join(dict.fromkeys(map(str, allowed)))
@@ -296,7 +298,7 @@ class Border:
         """
         # These folders contain nothing of the user's.
         own_folders = (models_root(), diagrams_root(), cache_root())
-        if any(resolved(path).is_relative_to(resolved(folder)) for folder in own_folders):
+        if any(resolve_path(path).is_relative_to(resolve_path(folder)) for folder in own_folders):
             return
         try:
             self.readable(path)
@@ -304,7 +306,7 @@ class Border:
             raise InvalidConfig(
                 self.source,
                 key,
-                compound("{path} {problem}", path=shortened(str(path), 300), problem=problem),
+                compound("{path} {problem}", path=shorten(str(path), 300), problem=problem),
             ) from None
 
 
@@ -359,10 +361,10 @@ def remember_grants(source: Path, folders: Iterable[Path]) -> bool:
         whether it is remembered. A disk that is full or only read remembers nothing.
     """
     known = _read_grants()
-    name = str(resolved(source))
+    name = str(resolve_path(source))
     # The entry moves to the end, so that the oldest entries come first.
     known.pop(name, None)
-    known[name] = [str(resolved(folder)) for folder in folders]
+    known[name] = [str(resolve_path(folder)) for folder in folders]
     kept = dict(list(known.items())[-_MOST_REMEMBERED:])
     try:
         written_at_once(_grants_file(), json.dumps(kept, indent=1))
@@ -373,14 +375,14 @@ def remember_grants(source: Path, folders: Iterable[Path]) -> bool:
 
 def remembered_grants(source: Path) -> list[Path]:
     """Folders that a file may read because of :func:`remember_grants`."""
-    folders = _read_grants().get(str(resolved(source)), [])
+    folders = _read_grants().get(str(resolve_path(source)), [])
     return [Path(folder) for folder in folders if isinstance(folder, str)]
 
 
 def _read_grants() -> dict[str, list[str]]:
     """Read the remembered folders, by the path of the file that may read them."""
     try:
-        with opened(_grants_file()) as file:
+        with open_regular(_grants_file()) as file:
             content = json.loads(file.read(_LARGEST_MEMORY))
     # Nothing was remembered yet, or the file is damaged: then nothing is allowed.
     except (NotRead, ValueError):
@@ -398,7 +400,7 @@ def granted_folders() -> list[Path]:
 @contextmanager
 def granting(folders: Iterable[Path]) -> Iterator[None]:
     """Context manager that allows folders to this process, and to processes that it starts in the body."""
-    added = [resolved(folder) for folder in folders]
+    added = [resolve_path(folder) for folder in folders]
     _set_granted([*granted_folders(), *added])
     try:
         yield
@@ -416,10 +418,15 @@ def _set_granted(folders: Iterable[Path]) -> None:
     os.environ[MESH_PATH_VARIABLE] = os.pathsep.join(map(str, folders))
 
 
-def resolved(path: Path) -> Path:
+def resolve_path(path: Path) -> Path:
     """Path without symbolic links. If it cannot be resolved, it only becomes absolute."""
     try:
         return path.resolve()
     # Links in a circle, or the character 0 in the name.
     except (OSError, RuntimeError, ValueError):
         return path.absolute()
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"resolved": "resolve_path"})

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from itertools import product
 from math import prod
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, model_validator
 from simrob_drake.base.distributions import AnyDistribution, Distribution, Values
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
@@ -88,7 +89,7 @@ def at(space: Mapping[str, Distribution], parts: Sequence[float] | Vector) -> Va
     return applying(space, values)
 
 
-def drawn(space: Mapping[str, Distribution], source: np.random.Generator) -> Values:
+def draw_case(space: Mapping[str, Distribution], source: np.random.Generator) -> Values:
     """Draw a case at random."""
     # Values of keys that will be left out are drawn, too, so that the following cases do not depend on the conditions.
     values = [distribution.draw(source) for distribution in space.values()]
@@ -178,7 +179,9 @@ MOST_SEEDS = 1000
 """Distance between the seeds of two random parts of a station: so many runs with consecutive seeds share no stream."""
 
 
-def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
+def choose_seeds(
+    content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]
+) -> dict[str, int]:
     """Choose seeds for the random parts of a station, each with a stream of random numbers of its own.
 
     Args:
@@ -213,3 +216,14 @@ def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
         elif isinstance(value, Mapping):
             found += seed_keys(value, f"{path}.")
     return found
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(
+        __name__,
+        {
+            "drawn": "draw_case",
+            "seeded": "choose_seeds",
+        },
+    )

@@ -40,8 +40,9 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST
-from simrob_drake.base.errors import InvalidConfig, nearest, quoted, shortened
+from simrob_drake.base.errors import InvalidConfig, nearest, quote_value, shorten
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.value_problems import value_problem
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def check_plain(name: str) -> None:
             message(
                 "base.no_plain_name",
                 "'{name}' is not a valid name ({rule})",
-                name=shortened(name),
+                name=shorten(name),
                 rule=rule,
             )
         )
@@ -259,7 +260,7 @@ class Renamed(Strict):
         return content
 
 
-def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
+def validate_section(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
     """Make a section from the content of a file.
 
     Args:
@@ -312,7 +313,7 @@ def _check_sizes(content: object, where: Path | str) -> None:
                         "base.number_out_of_range",
                         "must be {bounds} (it is {value})",
                         bounds=bounds,
-                        value=quoted(value),
+                        value=quote_value(value),
                     ),
                 )
         # Pydantic reports a mapping that contains itself; this loop must not run for ever before.
@@ -401,7 +402,7 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
                 "base.needs_values",
                 "needs {size} values, not {found}",
                 size=sizes[0] if sizes else message("base.more_values", "more"),
-                found=shortened(repr(found)),
+                found=shorten(repr(found)),
             )
         case "missing":
             text = message("base.key_needed", "this key is required")
@@ -422,7 +423,7 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
                 "base.must_be_section",
                 "must be {section} (it is {found})",
                 section=_section_in_words(nodes),
-                found=quoted(found),
+                found=quote_value(found),
             )
         case _:
             text = value_problem(finding)
@@ -432,7 +433,7 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
                     "base.problem_of_value",
                     "{problem} (it is {value})",
                     problem=text,
-                    value=quoted(found),
+                    value=quote_value(found),
                 )
     return text
 
@@ -462,7 +463,7 @@ def _no_such(name: str, expected: str) -> str:
     return message(
         "base.there_is_no",
         "there is no '{name}'{suggestion}",
-        name=shortened(name),
+        name=shorten(name),
         suggestion=nearest(name, _QUOTED.findall(expected)),
     )
 
@@ -666,3 +667,8 @@ def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
 
 Inertia = Annotated[tuple[Number, ...], AfterValidator(_check_inertia)]
 """Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""
+
+
+if not TYPE_CHECKING:
+    # The type checker does not see the former names, so that this package cannot use them.
+    __getattr__ = former_names_of(__name__, {"validated": "validate_section"})

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, cast
 
 import yaml
 
-from simrob_drake.base.errors import InvalidConfig, quoted, shortened
+from simrob_drake.base.errors import InvalidConfig, quote_value, shorten
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import message
 
@@ -60,7 +60,7 @@ class _Loader(yaml.CSafeLoader):
             found = message(
                 "base.no_such_type",
                 "'{text}' is not a valid {kind}",
-                text=shortened(str(node.value)),
+                text=shorten(str(node.value)),
                 kind=node.tag.rpartition(":")[2],
             )
             raise yaml.constructor.ConstructorError(
@@ -75,7 +75,7 @@ class _Loader(yaml.CSafeLoader):
             found = message(
                 "base.odd_character",
                 "{text} contains a character that is not allowed in text",
-                text=shortened(ascii(text)),
+                text=shorten(ascii(text)),
             )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return text
@@ -85,9 +85,7 @@ class _Loader(yaml.CSafeLoader):
         # The nodes of the keys are counted: in the dict, equal keys are one.
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
-                found = message(
-                    "base.key_twice", "the key '{key}' occurs twice", key=shortened(key)
-                )
+                found = message("base.key_twice", "the key '{key}' occurs twice", key=shorten(key))
                 raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
@@ -223,7 +221,7 @@ def _finite(text: str) -> float:
     number = float(text)
     if not isfinite(number):
         raise ValueError(
-            message("base.no_finite_number", "{text} is not a finite number", text=shortened(text))
+            message("base.no_finite_number", "{text} is not a finite number", text=shorten(text))
         )
     return number
 
@@ -244,7 +242,7 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             message(
                 "base.key_twice_among",
                 "a key occurs twice among {keys}",
-                keys=shortened(", ".join(key for key, _ in pairs)),
+                keys=shorten(", ".join(key for key, _ in pairs)),
             )
         )
     return found
@@ -388,7 +386,7 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
                 message(
                     "base.value_has_no_key",
                     "is {value}, so it has no key '{part}'",
-                    value=quoted(node),
+                    value=quote_value(node),
                     part=part,
                 ),
             )

@@ -34,7 +34,7 @@ from pydrake.multibody.tree import JointIndex, MultibodyForces
 from pydrake.systems.controllers import LinearQuadraticRegulator
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, quote_value
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -224,7 +224,7 @@ def balance_regulator(
             "an equilibrium of the passive axis, on which gravity acts with {torque:.3g} N·m there",
             torque=passive_weight,
         )
-        raise InvalidParameter(key, quoted(upright), expected)
+        raise InvalidParameter(key, quote_value(upright), expected)
 
     # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the derivatives K of the weights.
     count = len(upright)
@@ -247,7 +247,7 @@ def balance_regulator(
             "a posture that the motors can balance ({problem})",
             problem=problem,
         )
-        raise InvalidParameter(key, quoted(upright), expected) from problem
+        raise InvalidParameter(key, quote_value(upright), expected) from problem
     return Regulator(
         dynamics_matrix=dynamics_matrix,
         input_matrix=input_matrix,
@@ -319,7 +319,7 @@ class SwingUp(SampledBlock):
                 "blocks.one_passive_axis",
                 "0 for one axis, which is passive, and positive for the others",
             )
-            raise InvalidParameter("torque_limit", quoted(torque_limit), expected)
+            raise InvalidParameter("torque_limit", quote_value(torque_limit), expected)
         self.units = {"feedforward": "N·m", "energy": "J"}
         one = np.zeros(1)
         super().__init__(

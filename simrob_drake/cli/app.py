@@ -21,7 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shorten
 from simrob_drake.base.messages import message, message_of, set_output_language, translate
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
@@ -352,7 +352,7 @@ def _system_problem(problem: OSError) -> str:
     reason = problem.strerror or str(problem)
     if not problem.filename:
         return reason
-    return f"{shortened(str(problem.filename), _LONGEST_PATH)}: {reason}"
+    return f"{shorten(str(problem.filename), _LONGEST_PATH)}: {reason}"
 
 
 @contextmanager

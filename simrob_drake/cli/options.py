@@ -19,7 +19,7 @@ from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import station_files
 from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
-from simrob_drake.base.sections import Pose, field_texts, validated
+from simrob_drake.base.sections import Pose, field_texts, validate_section
 from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.robots.imports import ImportOptions
@@ -468,7 +468,7 @@ def with_import_options(*names: str) -> Decorator:
             values = {name: arguments.pop(name) for name in chosen_names}
             # An option that is not given takes the default of the class.
             content = {name: value for name, value in values.items() if value is not None}
-            options = validated(
+            options = validate_section(
                 ImportOptions, content, message("cli.import_options", "import options")
             )
             with granting(options.mesh_path):

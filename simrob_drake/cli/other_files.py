@@ -12,7 +12,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import addition_files
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Strict, validated
+from simrob_drake.base.sections import Strict, validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.stations.config import StationConfig
 
@@ -39,7 +39,7 @@ class OtherFiles(Strict):
 
 def read_descriptions(file: Path) -> OtherFiles:
     """Read descriptions of other files; raises InvalidConfig if the file cannot be read or has another form."""
-    return validated(OtherFiles, read_yaml(file), str(file))
+    return validate_section(OtherFiles, read_yaml(file), str(file))
 
 
 def refuse_other(text: str) -> None:

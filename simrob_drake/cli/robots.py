@@ -13,7 +13,7 @@ import typer
 
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.packages import package_root, remember_grants, resolved
+from simrob_drake.base.packages import package_root, remember_grants, resolve_path
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import
@@ -291,9 +291,9 @@ def _packages_outside(station: Path, sources: Iterable[Path]) -> list[Path]:
     Returns:
         folder of each package, without repetition.
     """
-    own_package = package_root(resolved(station))
+    own_package = package_root(resolve_path(station))
     folders = list[Path]()
-    for source in map(resolved, sources):
+    for source in map(resolve_path, sources):
         # A file in the station's own package may be read without a grant.
         if not source.is_relative_to(own_package):
             folders.append(package_root(source))

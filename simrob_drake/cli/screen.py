@@ -20,7 +20,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy, Severity
 
@@ -239,7 +239,7 @@ def progress_note(text: str) -> AbstractContextManager[object]:
 
 def say_error(text: str) -> None:
     """Write an error on the error stream: on one line for scripts, wrapped at words for a user at a terminal."""
-    line = f"simrob: {shortened(translate(text), _LONGEST)}"
+    line = f"simrob: {shorten(translate(text), _LONGEST)}"
     # A terminal would break the line within words.
     if sys.stderr.isatty():
         line = "\n".join(_wrap(line, errors.width))

@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Severity
@@ -383,7 +383,7 @@ def report_table(report: ImportReport) -> Table:
             if entry.kind == kind:
                 elements_by_text.setdefault(entry.text, []).append(entry.element)
         for text, elements in elements_by_text.items():
-            rows.append((change, listed(elements, _LISTED_ELEMENTS), text))
+            rows.append((change, list_names(elements, _LISTED_ELEMENTS), text))
     headings = (
         "",
         message("cli.element", "element"),

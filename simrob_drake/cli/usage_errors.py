@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from simrob_drake.base.errors import nearest, quoted, shortened
+from simrob_drake.base.errors import nearest, quote_value, shorten
 from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.base.value_problems import value_problem
 
@@ -55,7 +55,7 @@ def unexpected_arguments(command: str, arguments: list[str]) -> Message:
         "{command} does not take the {count:argument|arguments} {arguments}; {command} --help lists what it takes",
         command=command,
         count=len(arguments),
-        arguments=shortened(" ".join(arguments)),
+        arguments=shorten(" ".join(arguments)),
     )
 
 
@@ -100,7 +100,10 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
     value = finding.get("input")
     if value is not None:
         text = message(
-            "base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(value)
+            "base.problem_of_value",
+            "{problem} (it is {value})",
+            problem=text,
+            value=quote_value(value),
         )
     return compound("{name}: {problem}", name=_name_of(problem), problem=text)
 
@@ -121,7 +124,7 @@ def _unknown_option(problem: Any) -> Message:
     return message(
         "cli.unknown_option",
         "there is no option {option}{suggestion}",
-        option=shortened(problem.option_name),
+        option=shorten(problem.option_name),
         suggestion=nearest(problem.option_name, options),
     )
 

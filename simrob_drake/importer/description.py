@@ -6,7 +6,7 @@ import numpy as np
 import yaml
 
 from simrob_drake.base.constants import LARGEST_GAIN
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.messages import message
 from simrob_drake.importer.gains import first_gains
@@ -182,6 +182,6 @@ def _report_stiff_joints(kp: dict[str, float], report: ImportReport) -> None:
                 "importer.no_servo_moves",
                 "no servo can move {axes}: the damping of the joint is too large. If the joint is not "
                 "to move, make it fixed",
-                axes=listed(stiff_axes),
+                axes=list_names(stiff_axes),
             ),
         )

@@ -17,7 +17,7 @@ from xml.parsers import expat
 
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import additions, load_addition_class, register_core_names
-from simrob_drake.base.files import NotRead, opened
+from simrob_drake.base.files import NotRead, open_regular
 from simrob_drake.base.known_extensions import check_provided, known_names
 from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name, keys_of_lists
@@ -306,7 +306,7 @@ def outermost_element(path: Path) -> str:
     The name is empty if the file cannot be read, or if no element begins within the first 64 KiB.
     """
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             beginning = file.read(_BEGINNING)
     except (OSError, NotRead):
         return ""

@@ -19,7 +19,7 @@ import yaml
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.base.files import ROBOT_FILE, opened, text_of
+from simrob_drake.base.files import ROBOT_FILE, open_regular, text_of
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import MANIFEST, package_root
@@ -414,7 +414,7 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     yield ET.tostring(robot)
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
         # A digest, and not the content: a mesh may be larger than the limit for files that are read at once.
-        with opened(file) as content:
+        with open_regular(file) as content:
             yield hashlib.file_digest(content, "sha256").digest()
     if options.hand is not None:
         yield from _dependencies(options.hand, of_hand(options))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from simrob_drake.base.errors import InvalidModel, InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, quote_value
 from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.robot_files import is_robot_file
@@ -27,7 +27,7 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
     if not isinstance(robot, (str, Path)):
         raise InvalidParameter(
             "robot",
-            quoted(robot),
+            quote_value(robot),
             message("importer.name_or_path", "a name of `simrob list`, or a path"),
         )
     # The form of the name decides, not whether such a file exists, so that an error is about the right sort of file.

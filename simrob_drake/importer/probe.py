@@ -13,7 +13,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 
@@ -83,7 +83,7 @@ def _drake_error(file: Path) -> str | None:
             "importer.ended_with_code", "the process ended with code {code}", code=child.returncode
         )
     # The last line is the error, after warnings. The file's name is removed, since the error of the import names it.
-    return shortened(lines[-1].removeprefix(f"{file}: "), 300)
+    return shorten(lines[-1].removeprefix(f"{file}: "), 300)
 
 
 def _culprit(file: Path) -> str:

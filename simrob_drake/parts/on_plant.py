@@ -24,7 +24,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quote_value
 from simrob_drake.base.frames import Flags, Vector, numbers
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain
@@ -300,7 +300,7 @@ def add_contact_sensor(
     for each in (own_body, other_body):
         if each is not None and not plant.GetCollisionGeometriesForBody(each):
             needed = message("parts.body_that_collides", "a body with collision shapes")
-            raise InvalidParameter("body", quoted(each.name()), needed)
+            raise InvalidParameter("body", quote_value(each.name()), needed)
     sensor = ForceSensor(
         plant=plant,
         body=plant.GetCollisionGeometriesForBody(own_body),
@@ -438,7 +438,7 @@ def _joints_of(
     else:
         if isinstance(names, str):
             needed = message("parts.list_of_joints", "a list of joint names")
-            raise InvalidParameter("joints", quoted(names), needed)
+            raise InvalidParameter("joints", quote_value(names), needed)
         known = [joint.name() for joint in single]
         found = []
         for name in names:
@@ -464,7 +464,7 @@ def _joints_of(
     if not found or has_repeated_names:
         raise InvalidParameter(
             "joints",
-            quoted(names),
+            quote_value(names),
             message("parts.different_joints", "a list of different joint names, at least one"),
         )
     return found
@@ -532,11 +532,11 @@ def _values(
                 "one number, or {count} numbers, one for each joint",
                 count=len(names),
             )
-            raise InvalidParameter(key, quoted(value), expected)
+            raise InvalidParameter(key, quote_value(value), expected)
         values = np.array(np.broadcast_to(entries, len(names)))
     # An infinite torque limit is a motor without a limit; infinite gains are mistakes.
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
-        raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite"))
+        raise InvalidParameter(key, quote_value(value), message("parts.finite_numbers", "finite"))
     return np.where(passive, 0.0, values)
 
 
@@ -607,7 +607,7 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
             expected = message(
                 "parts.whole_motor", "a Motor with stall_torque [N·m] and no_load_speed [rad/s]"
             )
-            raise InvalidParameter("motor", quoted(own), expected)
+            raise InvalidParameter("motor", quote_value(own), expected)
         motors[index] = model.at_output
     return motors
 
@@ -704,7 +704,7 @@ def _index_of_unique(argument: str, what: str, name: str, names: Sequence[str]) 
     one_of(what, name, names)
     if names.count(name) > 1:
         expected = message("parts.unique_name", "a unique name, or one with model_instance")
-        raise InvalidParameter(argument, quoted(name), expected)
+        raise InvalidParameter(argument, quote_value(name), expected)
     return names.index(name)
 
 

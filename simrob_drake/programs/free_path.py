@@ -19,7 +19,7 @@ import numpy as np
 from pydrake.geometry import Role
 from scipy.interpolate import BSpline
 
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
@@ -366,7 +366,7 @@ class Search:
         OMPL reports objects that are never freed. So all its objects end with this call, and
         no error is raised here, whose traceback would keep them.
         """
-        with needed("move_free", "plan"):
+        with importing_extra("move_free", "plan"):
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
         # OMPL does not accept the seed 0.

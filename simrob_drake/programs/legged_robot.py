@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from simrob_drake.base.arguments import instance, truth
-from simrob_drake.base.errors import Unsuitable, counted
+from simrob_drake.base.errors import Unsuitable, format_count
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import keep_former_attributes
@@ -102,7 +102,7 @@ class LeggedRobot(LeggedGeometry):
         return [
             *super()._description(),
             *feet,
-            f"program of {counted(len(self.program.moves), 'move')}",
+            f"program of {format_count(len(self.program.moves), 'move')}",
         ]
 
     def do(self, move: Move | Mapping[str, Any], *, store: bool = False) -> SimulationResult | None:

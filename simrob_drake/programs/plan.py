@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.arguments import instance
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.kinematics.chain import Chain
@@ -85,7 +85,7 @@ class Plan:
     def __repr__(self) -> str:
         times = " ".join(f"{time:.4g}" for time in self.arrivals)
         end = " ".join(f"{position:.4g}" for position in self.end)
-        return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
+        return shorten(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -28,7 +28,7 @@ from simrob_drake.base.frames import (
     pose_matrices,
     poses_from_matrices,
 )
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import FARTHEST, MOST_TURN
@@ -96,7 +96,7 @@ def world_poses(
     # A place has no orientation: the tool keeps the one that it has in the world.
     if is_place(targets):
         points = places(targets, wobj, name)
-        return stacked(points, np.broadcast_to(turn, (len(points), 3, 3)))
+        return stack_poses(points, np.broadcast_to(turn, (len(points), 3, 3)))
     matrices: Vector = wobj.GetAsMatrix4() @ pose_matrices(targets, name)
     return matrices
 

@@ -13,12 +13,12 @@ import yaml
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
 from simrob_drake.base.arguments import as_path, instance
-from simrob_drake.base.errors import InvalidParameter, Unsuitable, counted, shortened
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, format_count, shorten
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.renaming import keep_former_attributes
-from simrob_drake.base.sections import Duration, Positive, Strict, validated
+from simrob_drake.base.sections import Duration, Positive, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
@@ -60,7 +60,7 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
     )
     if isinstance(value, Automatic):
         return value
-    return validated(Automatic, dict(instance(value, NAME, Mapping, expected)), NAME)
+    return validate_section(Automatic, dict(instance(value, NAME, Mapping, expected)), NAME)
 
 
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:
@@ -95,7 +95,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
             others[name] = controller
     # Controllers act in the order of their priorities. The sequencer sets the reference, on which all others act.
     priorities = [loop.priority or 0 for loop in loops_of(others).values()]
-    section = validated(
+    section = validate_section(
         Sequencer,
         {
             "kind": "sequencer",
@@ -175,8 +175,10 @@ class Program(Strict):
     def __repr__(self) -> str:
         # A long list of keys is cut: `repr` stays on one line.
         moves = ", ".join(move.key for move in self.moves)
-        held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
-        references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
+        held = f"{format_count(len(self.moves), 'move')}{shorten(f': {moves}') if moves else ''}"
+        references = (
+            f"; {format_count(len(self.references), 'reference')}" if self.references else ""
+        )
         return f"<Program of {held}{references}>"
 
     __str__ = __repr__
@@ -352,7 +354,7 @@ class Program(Strict):
         # References are moves of joints only, because a sequencer leads the joints.
         for index, entry in enumerate(_entries(content, "references")):
             check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
-        return validated(cls, content, source)
+        return validate_section(cls, content, source)
 
     def _check_index(self, index: int, last: int) -> int:
         """Check the index of a move, and count it from the start.

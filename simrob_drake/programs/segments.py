@@ -21,9 +21,9 @@ from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, Traject
 from scipy.interpolate import BSpline, make_interp_spline
 
 from simrob_drake.base.arguments import positive
-from simrob_drake.base.errors import InvalidParameter, angle, quoted
+from simrob_drake.base.errors import InvalidParameter, angle, quote_value
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked, turned_by
+from simrob_drake.base.interpolation import stack_poses, turned_by
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.cruise import TimeLaw
 from simrob_drake.kinematics.chain import Chain
@@ -78,7 +78,7 @@ def zone_size(zone: object) -> float:
         return 0.0
     number = re.fullmatch(r"z(\d{1,3})", zone)
     if number is None or int(number[1]) > _LARGEST_ZONE:
-        raise InvalidParameter("zone", quoted(zone), _KNOWN_ZONES)
+        raise InvalidParameter("zone", quote_value(zone), _KNOWN_ZONES)
     return max(int(number[1]) / 1e3, _SMALLEST_ZONE)
 
 
@@ -158,7 +158,7 @@ def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
         return left + entered - corner
     positions = left[:, :3, 3] + entered[:, :3, 3] - corner[:3, 3]
     rotations = left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3]
-    return stacked(positions, rotations)
+    return stack_poses(positions, rotations)
 
 
 PATH_TOLERANCE = 2e-5

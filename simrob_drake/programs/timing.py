@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
-from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
@@ -43,7 +42,7 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
         InvalidParameter: a limit of an axis is not known, or the path is not straight in the axes.
     """
     # Ruckig is an optional dependency: without it, the error names the extra that installs it.
-    with needed(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
+    with importing_extra(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
     start = postures[0]
     end = postures[-1]

@@ -22,7 +22,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.arguments import as_path, truth
-from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
+from simrob_drake.base.errors import InvalidParameter, VerdictError, shorten
 from simrob_drake.base.folders import check_ending
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
@@ -252,7 +252,7 @@ class SimulationResult(RecordedRun):
             f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
         )
         # One line, since notebooks and debuggers show results among others.
-        judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
+        judgement = shorten("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
         return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
     def _repr_html_(self) -> str:

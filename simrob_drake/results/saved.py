@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, quote_value
 from simrob_drake.base.files import text_of
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.yaml_files import parse_json
@@ -92,7 +92,7 @@ def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFi
     """
     if not results:
         expected = message("results.at_least_one_result", "at least one result, or its folder")
-        raise InvalidParameter("results", quoted(""), expected)
+        raise InvalidParameter("results", quote_value(""), expected)
     names = [signals] if isinstance(signals, str) else list(signals)
     figure = overlay_figure([_signals_of(result) for result in results], names, "signals")
     # Notebooks and savefig() show the figure without going through save_figure(), which would complete it.
@@ -114,7 +114,7 @@ def _signals_of(result: AnyResult) -> SavedSignals:
         expected = message(
             "results.a_result", "a result of simulate(), of load_result(), or the folder of one"
         )
-        raise InvalidParameter("results", quoted(result), expected)
+        raise InvalidParameter("results", quote_value(result), expected)
     gains = [servo_in_words(servo) for servo in servos_of(result).values()]
     columns = {name: result[name] for name in result}
     return SavedSignals(

@@ -27,7 +27,6 @@ from simrob_drake.base.sections import (
     Strict,
     default_of,
     is_file_name,
-    validated,
 )
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis import Axis, axes_by_name
@@ -608,7 +607,9 @@ def load_robot_file(file: Path | str) -> RobotModel:
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     # A key `name` of the file comes last and replaces the name that is given here.
-    robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
+    robot = validate_section(
+        RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file
+    )
     robot._file = file
     return robot
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import robot_files
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, validated
+from simrob_drake.base.sections import Number
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
 
@@ -83,5 +83,5 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
         )
     # The sections are checked by the modules that use them, each by its own model.
     content = read_yaml(file)
-    head = validated(_Head, content, file)
+    head = validate_section(_Head, content, file)
     return GaitsFile(file=file, facing_deg=head.facing_deg, content=content)

@@ -27,7 +27,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
+from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
 from simrob_drake.robots.urdf import (
@@ -174,7 +174,9 @@ def known_motors() -> Mapping[str, Motor]:
     """Read the motors that have names, by name."""
     # Read once: the file belongs to the package, and does not change while Python runs.
     file = models_root() / MOTORS_FILE
-    return {name: validated(Motor, content, file) for name, content in read_yaml(file).items()}
+    return {
+        name: validate_section(Motor, content, file) for name, content in read_yaml(file).items()
+    }
 
 
 def rated_torques(motors: Iterable[Motor | None]) -> Vector:

@@ -34,7 +34,7 @@ from simrob_drake.base.sections import (
     Positive,
     Strict,
     check_plain,
-    validated,
+    validate_section,
 )
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.urdf import (
@@ -424,7 +424,7 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
         for key, value in piece.model_dump(exclude_unset=True).items()
         if key not in removed
     }
-    return with_mass_properties(validated(PieceModel, {**kept, **changes}, where))
+    return with_mass_properties(validate_section(PieceModel, {**kept, **changes}, where))
 
 
 def with_mass_properties(piece: PieceModel) -> PieceModel:
@@ -474,7 +474,7 @@ _PIECES: FileCache[PieceModel] = FileCache(size=128)
 
 def _read_piece(file: Path) -> PieceModel:
     """Read a piece from its YAML file, without a look at the cache. Raises the errors of `described_piece`."""
-    piece = validated(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
+    piece = validate_section(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
     for shape in piece.shapes:
         if shape.mesh is not None:
             # This raises InvalidModel if the mesh is missing.

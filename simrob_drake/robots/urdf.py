@@ -16,7 +16,7 @@ from pydrake.geometry import Box, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import RotationalInertia
 
-from simrob_drake.base.errors import InvalidModel, one_of, shortened
+from simrob_drake.base.errors import InvalidModel, one_of
 from simrob_drake.base.files import NotRead, models_root, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -478,7 +478,7 @@ def mesh_file(uri: str, folder: Path) -> Path:
     except (OSError, RuntimeError, ValueError) as problem:
         raise InvalidModel(
             folder,
-            message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri)),
+            message("robots.mesh_called", "mesh '{uri}'", uri=shorten(uri)),
             message("robots.no_name_of_file", "cannot be the name of a file"),
         ) from problem
     if "://" in uri.removeprefix("file://"):

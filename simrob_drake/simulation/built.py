@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from simrob_drake.base.arguments import instance
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, one_of, quote_value
 from simrob_drake.base.frames import numbers
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.renaming import former_names_of
@@ -323,7 +323,7 @@ def _checked_command(
             message(
                 "simulation.commands_at", "commands: {name} at {time:g} s", name=name, time=time
             ),
-            quoted(answer),
+            quote_value(answer),
             expected,
         )
     return TimedCommand(time, tuple(values.tolist()))

@@ -7,7 +7,7 @@ from typing import get_args
 from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort, PortDataType, System
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, one_of, quote_value
 from simrob_drake.base.messages import message
 from simrob_drake.parts.controllers.own import declare_output
 from simrob_drake.results.record.state import State
@@ -167,7 +167,7 @@ def _context_at_begin(
     if keeps_time and start is None:
         raise InvalidParameter(
             "start_time",
-            quoted("keep"),
+            quote_value("keep"),
             message(
                 "simulation.diagram_keep_needs_start",
                 "used with a start whose time is kept, such as start=result.final_state; a "
@@ -249,7 +249,7 @@ def _with_signals(
             example = message(
                 "simulation.block_and_output", "<block>.<output>, such as planner.target"
             )
-            raise InvalidParameter(place, quoted(name), example)
+            raise InvalidParameter(place, quote_value(name), example)
         if name in extended.outputs:
             found = message("simulation.signal_taken", "the name of another output")
             raise InvalidParameter(place, found, message("simulation.other_name", "another name"))

@@ -16,11 +16,11 @@ from pydrake.systems.framework import Context, OutputPort
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.base.arguments import instance, seconds, truth
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, one_of, quote_value
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.progress import note, progress_bar
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
@@ -512,7 +512,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
         )
         instance(push, key, Mapping, expected)
         try:
-            forces[name] = validated(Push, {"kind": "push", **push}, key)
+            forces[name] = validate_section(Push, {"kind": "push", **push}, key)
         except InvalidConfig as problem:
             # The error names the argument of the function, instead of a file's key.
             wrong = compound(
@@ -521,7 +521,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
                 key=problem.key,
                 problem=problem.problem,
             )
-            raise InvalidParameter(key, quoted(push), wrong) from None
+            raise InvalidParameter(key, quote_value(push), wrong) from None
     return config.model_copy(update={"forces": forces})
 
 
@@ -601,7 +601,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
             "simulation.a_reference",
             "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions",
         )
-        raise InvalidParameter("reference", quoted(reference), expected)
+        raise InvalidParameter("reference", quote_value(reference), expected)
     return times, positions
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.base.arguments import drake_asserts, instance, seconds
-from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quote_value
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_argument
@@ -306,7 +306,7 @@ class Runner:
             if first_state is None:
                 raise InvalidParameter(
                     "start_time",
-                    quoted("keep"),
+                    quote_value("keep"),
                     message(
                         "simulation.keep_needs_start",
                         "used with a start whose time is kept, such as result.final_state",

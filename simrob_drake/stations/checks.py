@@ -7,7 +7,7 @@ something is in order. The ports of a station (`StationPorts`) hold its plant wi
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.signals import Signal
@@ -284,7 +284,7 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     text = message(
         "stations.implausible_efforts",
         "effort limits that are too large for the masses of their links: {axes}; set servo.torque_limit",
-        axes=listed(axes),
+        axes=list_names(axes),
     )
     return [
         Finding(
@@ -302,7 +302,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
             axes_by_text.setdefault(_motor_text(motor, unit), []).append(axis)
     subject = message("stations.motors_of", "motors of {robot}", robot=robot.name)
     return [
-        Finding("note", subject, compound("{axes}: {text}", axes=listed(axes), text=text))
+        Finding("note", subject, compound("{axes}: {text}", axes=list_names(axes), text=text))
         for text, axes in axes_by_text.items()
     ]
 

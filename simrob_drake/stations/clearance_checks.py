@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.references import Reference
@@ -299,7 +299,7 @@ def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
 
 def _pairs_text(pairs: Collection[Bodies]) -> str:
     """List pairs of bodies in alphabetical order."""
-    return listed(sorted(join_texts(bodies, message("base.and", " and ")) for bodies in pairs))
+    return list_names(sorted(join_texts(bodies, message("base.and", " and ")) for bodies in pairs))
 
 
 def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:

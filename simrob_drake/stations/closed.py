@@ -11,7 +11,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.lifetime import built
+from simrob_drake.base.lifetime import build_diagram
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.references import (
@@ -169,7 +169,7 @@ def closed_station(
     # Last, since an input that is open now has no other source.
     _add_zeros(builder, ports)
     try:
-        return ClosedStation(built(builder), ports, kept, players)
+        return ClosedStation(build_diagram(builder), ports, kept, players)
     except RuntimeError as problem:
         # Without blocks of the user, an error in the wiring is ours, and is not blamed on the user.
         if not ports.blocks:

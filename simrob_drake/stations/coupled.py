@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, listed
+from simrob_drake.base.errors import InvalidParameter, list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import plain_name
@@ -180,8 +180,8 @@ def expected_position(
         "stations.taken_by_couplings",
         "{needed} to satisfy {labels} with {state}",
         needed=needed,
-        labels=listed(condition.labels),
-        state=listed(state),
+        labels=list_names(condition.labels),
+        state=list_names(state),
     )
 
 
@@ -284,7 +284,9 @@ def _check_solvable(condition: AxisCondition) -> None:
         raise InvalidParameter(
             last,
             message(
-                "stations.in_contradiction", "in contradiction with {others}", others=listed(others)
+                "stations.in_contradiction",
+                "in contradiction with {others}",
+                others=list_names(others),
             ),
             expected,
         )

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, listed
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.combined_references import combine_references
@@ -302,7 +302,7 @@ def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParame
         message(
             "stations.value_for_one",
             "a value for one of these axes, which are coupled by {labels}",
-            labels=listed(labels),
+            labels=list_names(labels),
         ),
     )
 

@@ -14,10 +14,16 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import InvalidConfig, SimrobError, shortened
+from simrob_drake.base.errors import InvalidConfig, SimrobError, shorten
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.messages import compound
-from simrob_drake.base.packages import PACKAGE_URI, Border, OutsideBorder, package_path, resolved
+from simrob_drake.base.packages import (
+    PACKAGE_URI,
+    Border,
+    OutsideBorder,
+    package_path,
+    resolve_path,
+)
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
@@ -140,7 +146,7 @@ def _absolute_path(path: object, key: str, folder: Path, border: Border | None) 
         raise InvalidConfig(
             own_border.source,
             key,
-            compound("{path} {problem}", path=shortened(text, 300), problem=problem),
+            compound("{path} {problem}", path=shorten(text, 300), problem=problem),
         ) from None
 
 
@@ -293,7 +299,7 @@ def _files_of_robot(model: RobotModel, main: Path) -> FilesToCopy:
         model: the robot.
         main: the file in its folder that the key names.
     """
-    folder = resolved(model.folder)
+    folder = resolve_path(model.folder)
     names = [*_ROBOT_FILES]
     mesh_names: list[str] = []
     # A robot that is described by Denavit-Hartenberg parameters has no URDF, and so no meshes.
@@ -318,19 +324,19 @@ def _files_of_description(file: Path, key: str, _: ImportOptions) -> FilesToCopy
     if not key.startswith("pieces."):
         return _files_of_robot(load_robot_file(file), file)
     piece = described_piece(file)
-    main = resolved(file)
+    main = resolve_path(file)
     meshes = [mesh_file(shape.mesh, main.parent) for shape in piece.shapes if shape.mesh]
     return FilesToCopy(main, _with_textures(meshes))
 
 
 def _files_of_mesh(file: Path, _: str, __: ImportOptions) -> FilesToCopy:
     """A mesh file with its materials and textures."""
-    return FilesToCopy(resolved(file), _with_textures([resolved(file)]))
+    return FilesToCopy(resolve_path(file), _with_textures([resolve_path(file)]))
 
 
 def _single_file(file: Path, _: str, __: ImportOptions) -> FilesToCopy:
     """A file that needs no other files."""
-    return FilesToCopy(resolved(file), [])
+    return FilesToCopy(resolve_path(file), [])
 
 
 _FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], FilesToCopy]] = {

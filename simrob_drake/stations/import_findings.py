@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
@@ -85,7 +85,7 @@ def _loss_text(group: WordGroup) -> str:
     text = compound("{first}: {text}", first=first, text=group.text) if first else group.text
     if others:
         text += message(
-            "stations.likewise", "; the same applies to {others}", others=listed(others)
+            "stations.likewise", "; the same applies to {others}", others=list_names(others)
         )
     return text
 
@@ -184,7 +184,7 @@ def _friction_finding(
         "the import of {file} leaves out joint friction, which is seldom measured: {frictions}; "
         "`--set {setting}` restores it",
         file=source.name,
-        frictions=listed(amounts),
+        frictions=list_names(amounts),
         setting=setting,
     )
     return Finding("warning", message("stations.friction_subject", "joint friction"), text)
@@ -224,7 +224,7 @@ def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message
     return message(
         "stations.estimated_inertias",
         "the inertia of {links} is an estimate, since {file} has no usable value",
-        links=listed(links),
+        links=list_names(links),
         file=file,
     )
 

@@ -28,14 +28,14 @@ from simrob_drake.base.errors import (
     InvalidParameter,
     SimrobError,
     UnknownName,
-    quoted,
+    quote_value,
 )
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
 from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.renaming import former_argument
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.importer import SceneRequest, find_station_importer
 from simrob_drake.importer.robot_files import is_robot_file
@@ -358,7 +358,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     _check_extensions(content, where)
     try:
         # Pydantic's key has the section `robots`, though the user may have written `robot`.
-        config = validated(StationConfig, content, where)
+        config = validate_section(StationConfig, content, where)
     except InvalidConfig as problem:
         raise InvalidConfig(
             where, _in_short_form(problem.key), _in_short_form(problem.problem)
@@ -571,7 +571,7 @@ def _station_file(name_or_path: str | Path) -> Path:
             "stations.station_name_or_file",
             "a name of `simrob list`, a YAML file, or a mapping with the keys of such a file",
         )
-        raise InvalidParameter("station", quoted(name_or_path), expected)
+        raise InvalidParameter("station", quote_value(name_or_path), expected)
     path = Path(name_or_path)
     # Names come before paths, so that a file of that name in the working directory changes nothing.
     named = model_file("stations", str(name_or_path))
@@ -784,7 +784,7 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
         text = message(
             "stations.no_file_could_hold",
             "is {value}, which cannot be written in a station's file",
-            value=quoted(value),
+            value=quote_value(value),
         )
         raise InvalidConfig(where, ".".join(path), text) from problem
 

@@ -7,7 +7,6 @@ does show, such as a joint that sags, is judged by its verdict.
 
 from collections.abc import Mapping
 
-from simrob_drake.base.errors import listed
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
@@ -88,7 +87,7 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
             "stations.lacking_weight",
             "forces do not include the weight of links without inertia ({links}); set "
             "robot.import_options.estimate_inertia to true, or write the inertias in the URDF",
-            links=listed(links),
+            links=list_names(links),
         )
         # Forces that are all zero are no trap, forces that are only too small are.
         has_weight = any(mass_of(link) > 0 for link in robot.model.element.iterfind("link"))

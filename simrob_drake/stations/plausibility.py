@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
-from simrob_drake.base.errors import InvalidModel, listed
+from simrob_drake.base.errors import InvalidModel, list_names
 from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import MOST_TURN
@@ -94,7 +94,9 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
     for group in group_by_words(doubts):
         # A place is a dotted key, or "robot '<name>': <element>". It is part of the text, which alone becomes a warning
         # of a run; the subject is only a title.
-        text = compound("{places}: {text}", places=listed(group.places, _LISTED), text=group.text)
+        text = compound(
+            "{places}: {text}", places=list_names(group.places, _LISTED), text=group.text
+        )
         findings.append(
             Finding("warning", message("stations.implausible_number", "implausible number"), text)
         )

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.lifetime import built
+from simrob_drake.base.lifetime import build_diagram
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import owner_of_shape
 from simrob_drake.stations.config import StationConfig
@@ -66,7 +66,7 @@ class PosedStation:
         is_dynamic = config.engine.moves_by_forces
         self._positions_port = None if is_dynamic else self.station.add_geometry_poses(builder)
         add(builder, self.station)
-        self._diagram = built(builder)
+        self._diagram = build_diagram(builder)
         self._root_context = self._diagram.CreateDefaultContext()
         own_context = self.plant.CreateDefaultContext()
         is_plant_in_diagram = is_dynamic and self.station.stand_in is None

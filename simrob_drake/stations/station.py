@@ -14,7 +14,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, Mu
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, quote_value
 from simrob_drake.base.lifetime import release
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import former_argument
@@ -85,7 +85,7 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
         "a name of `simrob list`, a YAML file, a mapping with the keys of such a file, a configuration from "
         "load_station(), or a built station",
     )
-    raise InvalidParameter("station", quoted(station), known)
+    raise InvalidParameter("station", quote_value(station), known)
 
 
 @former_argument("config", "station")
@@ -141,7 +141,7 @@ def add_station(
             needed = message(
                 "stations.plant_with_scene_graph", "given together with the plant of your own"
             )
-            raise InvalidParameter("scene_graph", quoted(scene_graph), needed)
+            raise InvalidParameter("scene_graph", quote_value(scene_graph), needed)
         # Checked before anything is added: a builder cannot take systems out again.
         known = [system.get_name() for system in builder.GetSystems()]
         _check_clash(known, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
@@ -381,7 +381,7 @@ def _check_name(name: object) -> None:
         expected = message(
             "stations.name_of_letters", "a name of letters, digits, _ and -, such as arm"
         )
-        raise InvalidParameter("name", quoted(name), expected)
+        raise InvalidParameter("name", quote_value(name), expected)
 
 
 def _check_clash(known: Sequence[str], added: Sequence[str], name: str) -> None:

@@ -9,7 +9,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Duration, Length, Number, Strict, validated
+from simrob_drake.base.sections import Duration, Length, Number, Strict, validate_section
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
 
@@ -67,7 +67,7 @@ def load_getting_up(model: RobotModel) -> GettingUp:
             ),
             message("walking.add_section", "add the section, or choose another robot"),
         )
-    return validated(GettingUp, dict(section), f"{gaits.file}: {GETTING_UP}")
+    return validate_section(GettingUp, dict(section), f"{gaits.file}: {GETTING_UP}")
 
 
 def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:

@@ -18,7 +18,7 @@ from simrob_drake.base.sections import (
     Renamed,
     Speed,
     Strict,
-    validated,
+    validate_section,
 )
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
@@ -256,7 +256,7 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
             message("walking.add_section", "add the section, or choose another robot"),
         )
     parameters = _apply_changes(section, changes or {})
-    return validated(WalkingParameters, parameters, f"{gaits.file}: {REACTING}")
+    return validate_section(WalkingParameters, parameters, f"{gaits.file}: {REACTING}")
 
 
 def _apply_changes(own: Any, change: Any) -> Any:

@@ -7,7 +7,7 @@ import pytest
 
 from simrob_drake import LeggedRobot, Workcell, load_station
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, Change, Timeline, following
 from simrob_drake.results.result import SimulationResult
@@ -25,7 +25,7 @@ CHANGES: list[dict[str, Any]] = [
 
 def legged(changes: list[dict[str, Any]], **more: Any) -> SimulationResult:
     robot = LeggedRobot("humanoid_dynamic")
-    robot.run(validated(Program, {"moves": MOVES, "changes": changes, **more}, "it"))
+    robot.run(validate_section(Program, {"moves": MOVES, "changes": changes, **more}, "it"))
     return robot.result()
 
 

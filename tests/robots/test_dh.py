@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.frames import transform_from_pose
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
 from simrob_drake.robots.dh import DhTable, dh_robot
 from simrob_drake.robots.parse import add_urdf
@@ -34,7 +34,7 @@ SLIDE = {"type": "prismatic", "limit": [-0.5, 0.7], "effort": 10.0}
 
 
 def table(rows: list[dict[str, Any]], convention: str = "classical", **more: Any) -> DhTable:
-    return validated(DhTable, {"convention": convention, "rows": rows, **more}, "table")
+    return validate_section(DhTable, {"convention": convention, "rows": rows, **more}, "table")
 
 
 def product(dh: DhTable, q: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidConfig, SimrobError, UnknownName
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.feet import Feet, FootContact, put_on_feet
 from simrob_drake.stations.load import load_station
@@ -106,7 +106,7 @@ def test_wrong_feet_are_named() -> None:
 )
 def test_a_description_that_makes_no_feet_is_refused(feet: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidConfig, match=message):
-        validated(Feet, feet, "robot.yaml")
+        validate_section(Feet, feet, "robot.yaml")
 
 
 def test_a_foot_that_is_no_link_is_named() -> None:

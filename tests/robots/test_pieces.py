@@ -12,7 +12,7 @@ from pydrake.multibody.tree import FrameIndex
 
 from simrob_drake.base.errors import InvalidConfig, InvalidModel, UnknownName
 from simrob_drake.base.frames import transform_from_pose
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.pieces import (
     PieceModel,
@@ -29,7 +29,7 @@ POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 
 
 def piece(**figures: Any) -> PieceModel:
-    return validated(PieceModel, {"folder": Path(), **figures}, "piece.yaml")
+    return validate_section(PieceModel, {"folder": Path(), **figures}, "piece.yaml")
 
 
 def plant_with(model: PieceModel, *, collision: bool = False) -> tuple[MultibodyPlant, SceneGraph]:

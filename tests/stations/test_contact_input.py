@@ -38,7 +38,11 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
             r"sensors\.gap\.kind: there is no 'distanc'",
         ),
         ("bouncing_ball", {"floor": None}, "the station has no floor; add a section floor"),
-        ("bouncing_ball", {"contact": None}, "a .* sensor needs the section contact; add contact: {}"),
+        (
+            "bouncing_ball",
+            {"contact": None},
+            "a .* sensor needs the section contact; add contact: {}",
+        ),
         ("bouncing_ball", {"sensors.t": {"kind": "joint_torque"}}, r"sensors\.t\.robot"),
         (
             "bouncing_ball",
@@ -92,7 +96,11 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
             "it must be below upper",
         ),
         ("irb120_dynamic", {"monitors.contact": {}}, "there is no distance sensor"),
-        ("irb120_kinematic", {"sensors.touch": FORCE}, "a kinematic station computes no contact forces"),
+        (
+            "irb120_kinematic",
+            {"sensors.touch": FORCE},
+            "a kinematic station computes no contact forces",
+        ),
         ("irb120_force_stop", {"sensors.gap.body": "link_7"}, r"'link_7'; did you mean 'link_\d'"),
         (
             "irb120_dynamic",

@@ -178,8 +178,16 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
         ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_joint": 1}},
          {"solver": {"kind": "continuous", "scheme": "runge_kutta3"}},
          "discrete with scheme: sap, which can simulate couplings.tie"),
-        ({"kind": "rod", "body": "arm", "length": 0.5}, {}, r"gap of couplings\.tie at the start .* is 0\.5; it must be at most 0\.001"),
-        ({"kind": "ball", "body": "arm", "other": "wheel"}, {}, r"gap of couplings\.tie at the start \[m or rad\] is 1; it must"),
+        (
+        {"kind": "rod", "body": "arm", "length": 0.5},
+        {},
+        r"gap of couplings\.tie at the start .* is 0\.5; it must be at most 0\.001",
+    ),
+        (
+        {"kind": "ball", "body": "arm", "other": "wheel"},
+        {},
+        r"gap of couplings\.tie at the start \[m or rad\] is 1; it must",
+    ),
         ({"kind": "ball", "body": "arm", "other": "arm"}, {}, "different from couplings.tie.body"),
         ({"kind": "spring", "body": "leg", "stiffness": 1.0}, {}, "leg"),
         ({"kind": "spring", "body": "arm", "stiffness": 1.0}, {"mode": "kinematic"}, "kinematic"),

@@ -134,7 +134,11 @@ def test_a_monitor_ends_a_run():
             {"contact.model": "hydroelastic"},
             "contact.model is hydroelastic; it must be point",
         ),
-        ("irb120_dynamic", {"sensors.t.kind": "joint_torque"}, "mujoco does not compute the reaction forces of joints"),
+        (
+            "irb120_dynamic",
+            {"sensors.t.kind": "joint_torque"},
+            "mujoco does not compute the reaction forces of joints",
+        ),
     ],
 )
 def test_what_mujoco_does_not_know_is_refused(station, changes, told):

@@ -15,11 +15,11 @@ from typing import IO, Any, Literal, cast
 
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, UnknownName, shortened
+from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, UnknownName, shorten
 from simrob_drake.base.files import EXERCISE_FILE, NotRead, content_of, exercise_files, text_of
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import compound, message, output_language
-from simrob_drake.base.sections import Integer, Number, Strict, validated
+from simrob_drake.base.sections import Integer, Number, Strict, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.course.measuring import Reading
 
@@ -66,7 +66,7 @@ class ExerciseFolder:
     def __init__(self, folder: Path) -> None:
         """Read the description of an exercise; raises InvalidConfig: it cannot be read, or an entry cannot be."""
         file = folder / EXERCISE_FILE
-        self.folder, self.exercise = folder, validated(Exercise, read_yaml(file), file)
+        self.folder, self.exercise = folder, validate_section(Exercise, read_yaml(file), file)
 
     @property
     def checks(self) -> Path:
@@ -291,9 +291,7 @@ def _why(
         )
     errors.seek(0)
     lines = errors.read(100_000).decode("utf-8", errors="replace").strip().splitlines()
-    said = (
-        shortened(lines[-1], 300) if lines else message("course.without_a_word", "without a word")
-    )
+    said = shorten(lines[-1], 300) if lines else message("course.without_a_word", "without a word")
     if "bad_alloc" in said or "MemoryError" in said:
         return _out_of_memory(memory)
     return message(

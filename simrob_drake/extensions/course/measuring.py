@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, quote_value
 from simrob_drake.base.messages import message
 
 
@@ -70,7 +70,7 @@ def numbers(
     except (TypeError, ValueError) as problem:
         raise InvalidParameter(
             message("course.returned_value", "what {name}() returns", name=name),
-            quoted(returned),
+            quote_value(returned),
             expected,
         ) from problem
     fits = array.ndim == len(shape) and all(
@@ -79,7 +79,7 @@ def numbers(
     if not fits or not np.isfinite(array).all():
         raise InvalidParameter(
             message("course.returned_value", "what {name}() returns", name=name),
-            quoted(returned),
+            quote_value(returned),
             expected,
         )
     return array

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TextIO
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import compound, message, set_output_language, translate
 
 LONGEST_PROBLEM = 300
@@ -81,4 +81,4 @@ def load_module(file: Path, name: str) -> ModuleType:
 def error_text(problem: BaseException) -> str:
     """Class and message of an error on one line in the language of the output, cut if the line is long."""
     whole = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
-    return translate(shortened(whole, LONGEST_PROBLEM))
+    return translate(shorten(whole, LONGEST_PROBLEM))

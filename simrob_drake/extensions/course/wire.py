@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import SimrobError, quoted
+from simrob_drake.base.errors import SimrobError, quote_value
 from simrob_drake.base.messages import message
 
 MOST_NESTED = 100
@@ -89,7 +89,7 @@ def _tagged_list(value: Any) -> _TaggedList:
         message(
             "course.not_plain",
             "{value} is of {kind}; it must be numbers, texts, lists, mappings or arrays",
-            value=quoted(value),
+            value=quote_value(value),
             kind=type(value).__name__,
         )
     )

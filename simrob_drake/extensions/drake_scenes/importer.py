@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from simrob_drake.base.files import opened
+from simrob_drake.base.files import open_regular
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.messages import message
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, SceneRequest
@@ -143,7 +143,7 @@ def _contents(folder: Path, sections: Mapping[str, Any]) -> Iterator[bytes]:
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             yield str(path.relative_to(folder)).encode()
-            with opened(path) as content:  # meshes may be larger than what is read of texts
+            with open_regular(path) as content:  # meshes may be larger than what is read of texts
                 yield hashlib.file_digest(content, "sha256").digest()
 
 

@@ -25,7 +25,7 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.base.errors import InvalidConfig, SimrobError, shortened
+from simrob_drake.base.errors import InvalidConfig, SimrobError, shorten
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import MANIFEST, PACKAGE_URI, Border, OutsideBorder, manifest_name
@@ -254,7 +254,7 @@ class _Checks:
                 problem = message(
                     "drake_scenes.unknown_driver",
                     "the driver {driver} (line {line}) is none of those that a station has: {known}",
-                    driver=shortened(found),
+                    driver=shorten(found),
                     line=driver.start_mark.line + 1,
                     known=join_texts(DRIVERS),
                 )
@@ -312,7 +312,7 @@ class _Checks:
             problem = message(
                 "drake_scenes.no_uri",
                 "{uri} (line {line}) must begin with package:// or file://",
-                uri=shortened(uri),
+                uri=shorten(uri),
                 line=line,
             )
             raise InvalidConfig(path, where, problem)
@@ -321,7 +321,7 @@ class _Checks:
             problem = message(
                 "drake_scenes.no_file",
                 "{uri} (line {line}): there is no file {file}",
-                uri=shortened(uri),
+                uri=shorten(uri),
                 line=line,
                 file=found,
             )
@@ -415,7 +415,7 @@ class _Checks:
             raise InvalidConfig(
                 path,
                 where,
-                compound("{path} {problem}", path=shortened(str(file), 300), problem=problem),
+                compound("{path} {problem}", path=shorten(str(file), 300), problem=problem),
             ) from None
 
 
@@ -428,7 +428,7 @@ def _unknown(path: Path, line: int, kind: str, name: str, known: Sequence[str]) 
             "drake_scenes.unknown_name",
             "the {kind} {name} (line {line}) is unknown; known are {known}",
             kind=kind,
-            name=shortened(name),
+            name=shorten(name),
             line=line,
             known=join_texts(known),
         ),
@@ -496,7 +496,7 @@ def _drake_problems(path: Path) -> Iterator[None]:
         OSError,
     ) as problem:
         # Failed assertions of Drake come as SystemExit.
-        text = shortened(" ".join(str(problem).split()), 500)
+        text = shorten(" ".join(str(problem).split()), 500)
         raise InvalidConfig(
             path,
             "",

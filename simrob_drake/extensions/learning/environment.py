@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import one_of
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.learning.episode import Episode
@@ -18,7 +18,7 @@ from simrob_drake.extensions.learning.task import Curriculum, beginning, load_ta
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.stations.config import StationConfig
 
-with needed("learning", "rl"):
+with importing_extra("learning", "rl"):
     import gymnasium
 
 _SEEDS = 2**31

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, shown
-from simrob_drake.base.extras import needed
+from simrob_drake.base.errors import InvalidParameter, format_value
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.files import NotRead, content_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -75,7 +75,7 @@ class Network:
                 much memory or time, or has other inputs and outputs. The message names the ``key``. ONNX Runtime is
                 missing.
         """
-        with needed(message("learning.policy_of_onnx", "a policy of kind ONNX"), "rl"):
+        with importing_extra(message("learning.policy_of_onnx", "a policy of kind ONNX"), "rl"):
             import onnx
             import onnxruntime
         try:
@@ -99,7 +99,7 @@ class Network:
                 message(
                     "learning.network_as_onnx",
                     "a network as ONNX ({problem})",
-                    problem=shown(str(problem)),
+                    problem=format_value(str(problem)),
                 ),
             ) from problem
         _check_operators(model, file, key)
@@ -188,7 +188,7 @@ class Network:
                     "it needs more than {megabytes} MiB of memory",
                     megabytes=_MOST_MEMORY // 2**20,
                 )
-            detail = shown(detail)
+            detail = format_value(detail)
             raise InvalidParameter(
                 key,
                 file,

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName, shown
+from simrob_drake.base.errors import InvalidParameter, UnknownName, format_value
 from simrob_drake.base.frames import Vector, rotation_of
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Frequency, Number, Positive
@@ -275,7 +275,7 @@ class LearntPolicy(SampledBlock):
                 message(
                     "learning.network_fails",
                     "has a network that fails: {problem}",
-                    problem=shown(str(problem)),
+                    problem=format_value(str(problem)),
                 ),
             ) from problem
         infinite = action[~np.isfinite(action)]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector, rotate_vectors
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.command_bus import round_to_resolution
@@ -17,7 +17,7 @@ from simrob_drake.parts.sensors.joints import Encoders
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 
-with needed("learning", "rl"):
+with importing_extra("learning", "rl"):
     import gymnasium
 
 Places = npt.NDArray[np.intp]  # of some of the robots among all

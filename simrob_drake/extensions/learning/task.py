@@ -23,7 +23,7 @@ from simrob_drake.base.sections import (
     Number,
     Positive,
     Strict,
-    validated,
+    validate_section,
 )
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.extensions.learning.episode import policies_of
@@ -290,7 +290,7 @@ def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
         path = Path(name_or_path)
         if not is_yaml_name(path):
             raise UnknownName(message("learning.task", "task"), str(name_or_path), task_names())
-    task, folder = validated(Task, read_yaml(path), path), path.absolute().parent
+    task, folder = validate_section(Task, read_yaml(path), path), path.absolute().parent
     changes = changes_with_absolute_paths(task.overrides, folder, Border(path))
     return task.model_copy(
         update={"station": station_with_absolute_path(task.station, path), "overrides": changes}

@@ -15,7 +15,7 @@ from scipy.stats.qmc import LatinHypercube
 from simrob_drake.base.arguments import positive, whole
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extension import needed_extension
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.monitor import NOT_YET
@@ -30,11 +30,11 @@ from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
 
-with needed("learning", "rl"):
+with importing_extra("learning", "rl"):
     import gymnasium
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector.utils import batch_space
-with needed(message("learning.many_robots", "an environment of many robots"), "mujoco"):
+with importing_extra(message("learning.many_robots", "an environment of many robots"), "mujoco"):
     import mujoco
     from mujoco.rollout import Rollout
 with needed_extension("mujoco", message("learning.many_robots", "an environment of many robots")):

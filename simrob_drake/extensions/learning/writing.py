@@ -8,7 +8,7 @@ import numpy as np
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -36,7 +36,7 @@ def write_network(
         InvalidParameter: layers that do not fit together.
     """
     file = as_path(file, "file")
-    with needed(message("learning.writing_onnx", "writing ONNX"), "rl"):
+    with importing_extra(message("learning.writing_onnx", "writing ONNX"), "rl"):
         from onnx import TensorProto, checker, helper, numpy_helper
     for number, (weights, biases) in enumerate(layers):
         expected = (len(biases), weights.shape[1] if number == 0 else len(layers[number - 1][1]))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import Message, message
 from simrob_drake.extensions.legged.soles import EDGED
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
@@ -168,7 +168,7 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
 def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
     """Return how far its feet reach ahead of a robot's root, how long the longest is [m], and their number."""
     robot = LeggedRobot(load_station(station))
-    root = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
+    root = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
     feet = Walker.of(robot.model).feet(robot.worn_feet)
     ahead = [
         foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over)

@@ -8,9 +8,9 @@ import numpy.typing as npt
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import AffineSystem, Demultiplexer, FirstOrderTaylorApproximation
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quote_value
 from simrob_drake.base.frames import Vector, finite
-from simrob_drake.base.lifetime import built
+from simrob_drake.base.lifetime import build_diagram
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import add_multiplexer
 from simrob_drake.dynamics import Dynamics
@@ -106,7 +106,7 @@ def linearize(
         builder.Connect(split.get_output_port(place), port)
     builder.ExportInput(split.get_input_port(), "inputs")
     builder.ExportOutput(add_multiplexer(builder, "outputs", *outputs), "outputs")
-    rest = _Rest(built(builder), ports)
+    rest = _Rest(build_diagram(builder), ports)
     rest.find(_postures(ports, at))
     return rest.model(tuple(notes))
 
@@ -225,7 +225,7 @@ def _postures(ports: StationPorts, at: Posture | None) -> dict[str, Vector]:
                 count=len(robot.axes),
                 name=name,
             )
-            raise InvalidParameter("at", quoted(posture), expected)
+            raise InvalidParameter("at", quote_value(posture), expected)
         postures[name] = limits.clamp(
             found, message("linear.operating_point_of", "the operating point of {name}", name=name)
         )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import yaml
 from pydrake.systems.primitives import LinearSystem
 
-from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, one_of, quote_value
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.messages import message
@@ -117,7 +117,7 @@ class LinearModel:
         if not found.size or found.ndim != 1:
             raise InvalidParameter(
                 "frequencies",
-                quoted(frequencies),
+                quote_value(frequencies),
                 message("linear.finite_frequencies", "finite numbers [Hz]"),
             )
         resolvents = 2j * np.pi * found[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A

@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Literal
 
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Positive
 from simrob_drake.parts.engine import Engine, PlantBlock
@@ -44,6 +44,6 @@ class MujocoEngine(OtherEngine):
         Raises:
             SimrobError: MuJoCo is not installed, or a part of the station has no equivalent in MuJoCo.
         """
-        with needed(message("mujoco.solver_kind", "solver.kind mujoco"), "mujoco"):
+        with importing_extra(message("mujoco.solver_kind", "solver.kind mujoco"), "mujoco"):
             from simrob_drake.extensions.mujoco.plant import MujocoPlant
         return MujocoPlant(station, plant)

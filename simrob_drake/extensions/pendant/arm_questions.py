@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, quote_value
 from simrob_drake.base.frames import Vector, as_transform, finite, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -221,7 +221,7 @@ def posed(values: Sequence[float], name: str) -> RigidTransform:
     if found.shape != _UNITS.shape:
         raise InvalidParameter(
             name,
-            quoted(values),
+            quote_value(values),
             message(
                 "pendant.six_numbers_of_pose",
                 "six finite numbers [x y z Rz Ry Rx] in m and degrees",

@@ -21,7 +21,7 @@ from simrob_drake.base.messages import (
     message_of,
     set_output_language,
 )
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
 from simrob_drake.extensions.pendant.handles import NO_HANDLES, handles, reached
@@ -140,7 +140,7 @@ class Bench:
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
-        program = validated(
+        program = validate_section(
             Program, {"moves": list(moves)}, message("pendant.the_moves", "the moves")
         )
         program = program.model_copy(update={"robot": self._robot or None})
@@ -238,7 +238,7 @@ class Bench:
 
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
-        push = validated(
+        push = validate_section(
             PushNow,
             {"at": at, "force": list(force), "duration": duration},
             message("pendant.the_push", "the push"),

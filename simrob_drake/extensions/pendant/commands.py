@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.messages import message, set_output_language
 from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from simrob_drake.cli.options import AllowCode, with_mesh_path
@@ -84,7 +84,7 @@ def teach(
         simrob teach humanoid
     """
     set_output_language(language)
-    with needed(message("pendant.teach_pendant", "the teach pendant"), "gui"):
+    with importing_extra(message("pendant.teach_pendant", "the teach pendant"), "gui"):
         import nicegui  # noqa: F401
     from simrob_drake.extensions.pendant.server import serve
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remark
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.program_book import ProgramBook
 from simrob_drake.extensions.pendant.run import Kind
@@ -389,7 +389,7 @@ class MoveRunner:
         book, run = self._book, self._client.run
         now, made = (
             book.history.present,
-            validated(Change, change, message("pendant.the_change", "the change")),
+            validate_section(Change, change, message("pendant.the_change", "the change")),
         )
         label = " ".join(made.set or ())  # a slider that is moved is one step
         known = run.kind == "program"

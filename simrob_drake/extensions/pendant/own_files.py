@@ -10,7 +10,7 @@ from hashlib import sha256
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError, shown
+from simrob_drake.base.errors import InvalidParameter, SimrobError, format_value
 from simrob_drake.base.folders import writing
 from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.remarks import Remark, Severity
@@ -128,7 +128,7 @@ def _unpack(name: str, content: bytes) -> dict[Path, bytes]:
     except SimrobError:  # a ValueError, as some errors of zipfile are
         raise
     except _ZIP_ERRORS as problem:
-        detail = shown(str(problem)) or type(problem).__name__
+        detail = format_value(str(problem)) or type(problem).__name__
         raise InvalidParameter(
             name, detail, message("pendant.whole_archive", "a whole ZIP archive without a password")
         ) from problem
@@ -149,7 +149,7 @@ def _safe_path(name: str) -> Path:
     except UnicodeEncodeError as problem:
         raise InvalidParameter(
             message("pendant.name_of_file", "the name of a file"),
-            repr(shown(name)),
+            repr(format_value(name)),
             message("pendant.whole_characters", "a text of whole characters"),
         ) from problem
     if len(parts) > _MOST_FOLDERS + 1:
@@ -157,7 +157,7 @@ def _safe_path(name: str) -> Path:
             "pendant.folders_at_most", "in at most {most} folders", most=_MOST_FOLDERS
         )
         raise InvalidParameter(
-            message("pendant.the_file", "the file '{name}'", name=shown(name)),
+            message("pendant.the_file", "the file '{name}'", name=format_value(name)),
             message("pendant.in_folders", "in {count} folders", count=len(parts) - 1),
             expected,
         )
@@ -170,7 +170,7 @@ def _safe_path(name: str) -> Path:
         )
         raise InvalidParameter(
             message("pendant.names_of_file", "names of a file and its folders"),
-            compound("'{name}'", name=shown(name)),
+            compound("'{name}'", name=format_value(name)),
             expected,
         )
     # Characters that Windows does not allow in names.

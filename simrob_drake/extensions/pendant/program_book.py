@@ -7,7 +7,7 @@ from typing import Any
 from simrob_drake.base.arguments import whole
 from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run_client import RunClient
 from simrob_drake.extensions.pendant.store import (
@@ -156,7 +156,9 @@ class ProgramBook:
         """Put another change in the place of one of ``program.changes``."""
 
         def edited(program: Program) -> Program:
-            other = validated(Change, dict(change), message("pendant.the_change", "the change"))
+            other = validate_section(
+                Change, dict(change), message("pendant.the_change", "the change")
+            )
             return _with(program, changes=with_change(_without(program.changes, index), other))
 
         return self.change(edited)

@@ -9,11 +9,11 @@ from typing import Any, Self, cast
 import numpy as np
 
 from simrob_drake.base.arguments import plain
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, quote_value
 from simrob_drake.base.folders import alone_in, writing
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import granting, package_root
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.extensions.pendant.exports import Exports
 from simrob_drake.extensions.pendant.hand import Hand
 from simrob_drake.extensions.pendant.jogging import Driving, Jogging
@@ -95,7 +95,7 @@ class EarlierRuns:
             if known
             else message("pendant.none_has_ended", "one that has ended; none has")
         )
-        raise InvalidParameter("run", quoted(number), expected)
+        raise InvalidParameter("run", quote_value(number), expected)
 
     def _follow(self, *, anew: bool = False) -> None:
         """Let the ghost be where it was at the moment that is shown; one word at a time is on its way to the view."""
@@ -374,7 +374,7 @@ class Session:
                 slowest=SLOWEST,
                 fastest=FASTEST,
             )
-            self.client.wrong(InvalidParameter("pace", quoted(factor), expected))
+            self.client.wrong(InvalidParameter("pace", quote_value(factor), expected))
             return done(None)
         self.client.pace = factor
         self.client.tell("phase")
@@ -413,7 +413,7 @@ class Session:
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
         could_be = self.client.or_wrong(
-            lambda: validated(
+            lambda: validate_section(
                 Change, {"time": 0.0, **plain(change)}, message("pendant.the_change", "the change")
             )
         )

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.timeline import Change
@@ -156,7 +156,7 @@ def tours(folder: Path | None = None) -> list[Tour]:
             folder, "", message("pendant.no_lessons", "there is no such folder of lessons")
         )
     files = [file for place in (_FOLDER, folder) if place for file in sorted(place.glob("*.yaml"))]
-    return [validated(Tour, read_yaml(file), file) for file in files]
+    return [validate_section(Tour, read_yaml(file), file) for file in files]
 
 
 def page_of(tour: Tour, language: str) -> str:

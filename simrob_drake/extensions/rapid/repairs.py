@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import message
 
 Node = Any
@@ -107,7 +107,7 @@ def _missing_semicolon(token: Node, stack: Sequence[Node], end: int, text: str) 
     is_next_line = token.type == "$END" or token.line > line
     if not is_next_line or text[end - 1] == ";":
         return None
-    statement = shortened(text[line_begin:end].strip(), 60)
+    statement = shorten(text[line_begin:end].strip(), 60)
     return Repair(
         line,
         message(

@@ -8,7 +8,7 @@ from pydantic import Field, PlainSerializer, model_validator
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.programs.moves.kinds import AnyMove
 from simrob_drake.programs.moves.move import Move
@@ -65,7 +65,7 @@ class Signals:
     def load(cls, file: Path | str) -> "Signals":
         """Return the signals of a table; raises InvalidConfig: an unreadable file, or a wrong entry with its key."""
         source = as_path(file, "file")
-        return cls(validated(SignalTable, read_yaml(source), source))
+        return cls(validate_section(SignalTable, read_yaml(source), source))
 
     @property
     def sensors(self) -> list[str]:

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import SimrobError, shortened
-from simrob_drake.base.extras import needed
+from simrob_drake.base.errors import SimrobError, shorten
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.files import NotRead, content_of, text_of
 from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.rapid.repairs import Repair, find_missing_end
@@ -124,7 +124,7 @@ def _parse(text: str, file: str) -> _ParsedText:
     Raises:
         RapidError: there are too many faults, or a fault after which nothing can be read.
     """
-    with needed("RAPID", "rapid"):
+    with importing_extra("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 
     faults: list[LineRemark] = []
@@ -221,7 +221,7 @@ def expression(text: str) -> Node:
     ]
     if module.faults or len(parts) != 1:
         raise RapidError(
-            "text", message("rapid.no_value", "'{text}' is no value", text=shortened(text, 60))
+            "text", message("rapid.no_value", "'{text}' is no value", text=shorten(text, 60))
         )
     return parts[0]
 
@@ -258,7 +258,7 @@ def _fault(problem: Any, text: str) -> _Fault:
         message(
             "rapid.not_understood",
             "'{text}' is not understood here",
-            text=shortened(rest_of_line, 60),
+            text=shorten(rest_of_line, 60),
         ),
     )
 

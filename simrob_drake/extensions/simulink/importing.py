@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from simrob_drake import simulate
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import SimrobError, counted
+from simrob_drake.base.errors import SimrobError, format_count
 from simrob_drake.base.files import content_of
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.messages import compound, join_texts, message
@@ -282,7 +282,7 @@ def _counted_noun(count: int, noun: str) -> str:
     """Count what is lost: "2 cables"."""
     named = _noun(noun, count)
     return (
-        counted(count, noun)
+        format_count(count, noun)
         if named is None
         else compound("{count} {noun}", count=count, noun=named)
     )

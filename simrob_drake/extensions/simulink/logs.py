@@ -12,7 +12,7 @@ import numpy as np
 from simrob_drake import simulate
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, UnknownName
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.files import LARGEST_TABLE, NotRead, column_names, content_of, read_columns
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
@@ -131,7 +131,9 @@ def _columns(file: Path) -> dict[str, Vector]:
     if file.suffix.lower() != ".parquet":
         header = column_names(file)
         return dict(zip(header, read_columns(file, header)[0].T, strict=True))
-    with needed(message("simulink.log_such_as", "a log such as {file}", file=file.name), "parquet"):
+    with importing_extra(
+        message("simulink.log_such_as", "a log such as {file}", file=file.name), "parquet"
+    ):
         from pyarrow import BufferReader, parquet
     try:
         table = parquet.read_table(BufferReader(content_of(file, LARGEST_TABLE)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.distributions import Choice, Distribution, Uniform
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.folders import writing
 from simrob_drake.extensions.tuning.journal import COMPLETED, Record, Row
 from simrob_drake.extensions.tuning.rollout import measured
@@ -142,7 +142,7 @@ def plots_there() -> bool:
 
 
 def _empty(name: str, values: Sequence[str], storage: Any) -> Any:
-    with needed("Optuna", "tune"):
+    with importing_extra("Optuna", "tune"):
         import optuna
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     found = optuna.create_study(

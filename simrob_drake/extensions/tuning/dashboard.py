@@ -6,7 +6,7 @@ from threading import Event, Thread
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 from simrob_drake.base.errors import OutputError
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.tuning.analysis import add_trials, study_in_optuna
 from simrob_drake.extensions.tuning.study_folder import StudyFolder
@@ -20,7 +20,7 @@ class Dashboard:
 
     def __init__(self, places: Mapping[str, StudyFolder], port: int | None = None) -> None:
         """Take a port, 8080 or a free one, for searches by name; raises SimrobError: no tune; OutputError: taken."""
-        with needed(message("tuning.the_dashboard", "the dashboard"), "tune"):
+        with importing_extra(message("tuning.the_dashboard", "the dashboard"), "tune"):
             from optuna.storages import InMemoryStorage
             from optuna_dashboard import wsgi
         storage = InMemoryStorage()

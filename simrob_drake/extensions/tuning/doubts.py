@@ -17,8 +17,8 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sampling import drawn as drawn_of
-from simrob_drake.base.sampling import seed_keys, seeded
+from simrob_drake.base.sampling import choose_seeds, seed_keys
+from simrob_drake.base.sampling import draw_case as drawn_of
 from simrob_drake.extensions.tuning.conclusion import NUMERICAL, THOUGHT
 from simrob_drake.extensions.tuning.scene import ENGINE, GAIT, MUJOCO, Scene, in_mujoco
 from simrob_drake.parts.sensors.sensor import SampledSensor
@@ -129,7 +129,7 @@ def drawn(config: StationConfig, seed: int) -> Change:
     """Return one robot on the floor of many: of another posture, noise, masses of all links, and friction, at once."""
     station, draw = resolve(config), np.random.default_rng([_STREAM, _ROBOTS, seed])
     thought = _Thought(Scene(config), station, {})
-    changed: Change = dict(seeded(config.model_dump(), _STREAM + seed, {}))
+    changed: Change = dict(choose_seeds(config.model_dump(), _STREAM + seed, {}))
     for name, robot in station.robots.items():
         units, (lower, upper) = robot.model.user_units, robot.model.axis_limits
         start = robot.initial + units * draw.normal(0, _POSTURE, len(robot.axes))

@@ -22,7 +22,7 @@ from pydantic import ConfigDict, Field
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.base.files import NotRead, opened
+from simrob_drake.base.files import NotRead, open_regular
 from simrob_drake.base.folders import (
     alone_in,
     check_folder,
@@ -32,7 +32,7 @@ from simrob_drake.base.folders import (
 )
 from simrob_drake.base.messages import message
 from simrob_drake.base.progress import progress_bar
-from simrob_drake.base.sections import Model, Number, Strict, validated
+from simrob_drake.base.sections import Model, Number, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_json, read_yaml
 from simrob_drake.extensions.tuning.processes import engine
 
@@ -171,8 +171,8 @@ class _Outcome(Strict):
 
 def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
     """Return what a folder was asked for; raises InvalidConfig: there is none, or it is damaged."""
-    return validated(
-        model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file
+    return validate_section(
+        model, validate_section(_Kept, read_yaml(folder / file), folder / file).asked, folder / file
     )
 
 
@@ -203,8 +203,8 @@ class Journal:
             with writing(folder):
                 (folder / ROWS).unlink(missing_ok=True)
         else:
-            found = validated(_Kept, read_yaml(folder / file), folder / file)
-            asked = validated(type(spec), found.asked, folder / file).model_dump(mode="json")
+            found = validate_section(_Kept, read_yaml(folder / file), folder / file)
+            asked = validate_section(type(spec), found.asked, folder / file).model_dump(mode="json")
             if any(content[key] != asked[key] for key in content.keys() - {*other}):
                 raise OutputError(
                     message(
@@ -256,7 +256,7 @@ class Journal:
         if not file.exists():
             return [], end
         try:
-            with opened(file) as lines:
+            with open_regular(file) as lines:
                 for number in count(1):
                     line = lines.readline(_LONGEST)
                     if not line.endswith(b"\n") and len(line) < _LONGEST:  # the end, or torn
@@ -312,7 +312,7 @@ class Journal:
                     "tuning.longer_than", "is longer than {longest:g} MB", longest=_LONGEST / 1e6
                 ),
             )
-        record = validated(Record, parse_json(text, where), where)
+        record = validate_section(Record, parse_json(text, where), where)
         columns = self._columns(record)
         if not columns:
             raise InvalidConfig(
@@ -341,7 +341,7 @@ class Journal:
                         "tuning.of_something_else", "is of something else than what was asked for"
                     ),
                 )
-            validated(_Outcome, others, where)
+            validate_section(_Outcome, others, where)
         return record
 
 

@@ -15,7 +15,7 @@ from threading import Thread
 from typing import Any, Self, TypeVar
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.messages import compound, join_texts, message
 
 Task = TypeVar("Task")
@@ -44,7 +44,7 @@ class Cluster:
         scheduler there, or one without workers.
         """
         self._scheduler = scheduler
-        with needed(message("tuning.a_cluster", "a cluster"), "tune"):
+        with importing_extra(message("tuning.a_cluster", "a cluster"), "tune"):
             from distributed import Client
         for name in (
             "distributed",

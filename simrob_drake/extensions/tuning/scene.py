@@ -21,11 +21,11 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.base.extension import needed_extension
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import writing, written_at_once
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.base.yaml_files import place_of
 from simrob_drake.parts.forces import Push
 from simrob_drake.programs.arm import Workcell
@@ -173,7 +173,7 @@ class Scene:
         if self.engine == DRAKE or decides:
             return run(config, self.reference)
         with (
-            needed("MuJoCo", MUJOCO),
+            importing_extra("MuJoCo", MUJOCO),
             needed_extension(MUJOCO, message("tuning.engine_mujoco", "engine: mujoco")),
         ):
             from simrob_drake.extensions.mujoco.runner import MujocoRunner
@@ -244,7 +244,7 @@ def _motion(robot_file: str, keys_text: str) -> JointMotion:
             content, key.split("."), message("tuning.gait_called", "gait {name}", name=name)
         )
         section[int(last) if isinstance(section, list) else last] = value
-    validated(type(gait), content, message("tuning.gait_called", "gait {name}", name=name))
+    validate_section(type(gait), content, message("tuning.gait_called", "gait {name}", name=name))
     changed = {key.partition(".")[0] for key in keys}
     return gait.with_changes({key: content[key] for key in changed}, amplitude, name).plan(
         Walker.of(robot), steps, amplitude

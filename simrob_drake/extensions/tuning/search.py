@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.tuning.study import Method
@@ -79,7 +79,7 @@ def _evolve(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> No
 
 
 def _cma(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
-    with needed("cmaes", "tune"):
+    with importing_extra("cmaes", "tune"):
         from cmaes import CMA
 
     bounds = np.tile([0.0, 1.0], (len(start), 1))
@@ -91,7 +91,7 @@ def _cma(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
 
 
 def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aims: int) -> None:
-    with needed(method, "tune"):
+    with importing_extra(method, "tune"):
         import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -117,7 +117,7 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aim
 
 
 def _gaussian_process(seed: int) -> Any:
-    with needed(message("tuning.method_gp", "method gp"), "rl"):
+    with importing_extra(message("tuning.method_gp", "method gp"), "rl"):
         import torch  # noqa: F401  # which Optuna would miss only when it is asked
     from optuna.samplers import GPSampler
 

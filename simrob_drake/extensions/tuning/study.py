@@ -15,7 +15,7 @@ from simrob_drake.base.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border
-from simrob_drake.base.sampling import Draws, Space, applying, at, distinct, seeded
+from simrob_drake.base.sampling import Draws, Space, applying, at, choose_seeds, distinct
 from simrob_drake.base.sections import (
     Boolean,
     Integer,
@@ -23,7 +23,7 @@ from simrob_drake.base.sections import (
     Number,
     Positive,
     Strict,
-    validated,
+    validate_section,
 )
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
@@ -138,7 +138,7 @@ class Study(Strict):
     def read(cls, file: Path | str) -> Self:
         """Return a file's study; raises InvalidConfig: it is none; SimrobError: no such station, key or measure."""
         file = as_path(file, "file")
-        study = validated(cls, read_yaml(file), file)
+        study = validate_section(cls, read_yaml(file), file)
         study = study.located(file).model_copy(
             update={"station": station_with_absolute_path(study.station, file)}
         )
@@ -369,4 +369,4 @@ def named(costs: Vector) -> dict[str, float]:
 def _streams(station: str, changed: str, seed: int) -> dict[str, int]:
     """Return the seeds of a station with changes, which are the same for all figures that are tried."""
     overrides = json.loads(changed)
-    return seeded(load_station(station, overrides).model_dump(), seed, overrides)
+    return choose_seeds(load_station(station, overrides).model_dump(), seed, overrides)

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidConfig, quoted
+from simrob_drake.base.errors import InvalidConfig, quote_value
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -70,7 +70,7 @@ def winner_of(folder: Path, study: Study) -> Parameters:
             message(
                 "tuning.value_of_study",
                 "must be a value that the study may try (it is {content})",
-                content=quoted(content[wrong]),
+                content=quote_value(content[wrong]),
             ),
         )
     parameters = study.parameters_of(content)

@@ -18,9 +18,9 @@ from simrob_drake.base.sampling import (
     Sampling,
     Space,
     applying,
+    choose_seeds,
     distinct,
     seed_keys,
-    seeded,
 )
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.rollout import Case
@@ -141,7 +141,7 @@ class Sweep(Strict):
     def _case(
         self, number: int, values: Values, seed: int, content: Mapping[str, Any], allow_code: bool
     ) -> Case:
-        streams = seeded(content, seed, self.overrides) if self.seeds > 1 else {}
+        streams = choose_seeds(content, seed, self.overrides) if self.seeds > 1 else {}
         return Case(
             number, self.station, {**self.overrides, **streams, **values}, values, seed, allow_code
         )

@@ -19,7 +19,7 @@ from pydantic import Field
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.folders import replaced_at_once, written_at_once
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.sections import Duration, Integer, Positive, validated
+from simrob_drake.base.sections import Duration, Integer, Positive, validate_section
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row, TrialFolder, write_rows
 from simrob_drake.extensions.tuning.scene import Scene, runner_of
 from simrob_drake.extensions.tuning.walking import Walking, WalkTrial, bracket, gait_of, subject_of
@@ -353,7 +353,7 @@ def push_map(
         progress: show a bar.
         keys: the other keys of :class:`~simrob_drake.extensions.tuning.walking_folder.PushMap`.
     """
-    what = validated(PushMap, {"station": station, **keys}, "push map")
+    what = validate_section(PushMap, {"station": station, **keys}, "push map")
     with TemporaryDirectory() as nowhere:
         return WalkingFolder(folder or Path(nowhere) / what.name, what).run(
             workers=workers, progress=progress

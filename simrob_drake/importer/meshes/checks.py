@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 from xml.sax.saxutils import unescape
 
-from simrob_drake.base.errors import shortened
 from simrob_drake.base.files import content_of
 from simrob_drake.base.messages import message
 
@@ -272,7 +271,7 @@ def _check_dae(data: bytes) -> CheckedMesh:
             message(
                 "importer.odd_unit",
                 "has a length unit of {meter} m, which is not a positive number",
-                meter=shortened(meter),
+                meter=shorten(meter),
             )
         )
 

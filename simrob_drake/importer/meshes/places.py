@@ -17,9 +17,9 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import compound, message
-from simrob_drake.base.packages import Border, OutsideBorder, resolved, sorted_entries
+from simrob_drake.base.packages import Border, OutsideBorder, resolve_path, sorted_entries
 from simrob_drake.importer.meshes.checks import references
 from simrob_drake.robots.imports import ImportOptions
 
@@ -224,7 +224,7 @@ class MeshPlaces:
                 message(
                     "importer.mesh_outside",
                     "mesh '{uri}': {outside}",
-                    uri=shortened(uri),
+                    uri=shorten(uri),
                     outside=outside,
                 )
             )
@@ -237,7 +237,7 @@ class MeshPlaces:
 
     def _relative_to_package(self, path: Path) -> Path:
         """Shorten a path to the part below the robot's package. A path outside of the package stays."""
-        root = resolved(self.border.root)
+        root = resolve_path(self.border.root)
         return path.relative_to(root) if path.is_relative_to(root) else path
 
     def _paths_by_end(self, name: _ParsedName) -> Iterator[Path]:
@@ -299,10 +299,10 @@ def _existing_file(path: Path) -> _ExistingFile | None:
     # The unchanged path comes first, because the name of a file may contain %20 itself.
     for name in dict.fromkeys((str(path), unquote(str(path)))):
         if isfile(Path(name)):
-            return _ExistingFile(resolved(Path(name)), is_exact=True)
+            return _ExistingFile(resolve_path(Path(name)), is_exact=True)
         found = in_any_case(Path(name))
         if found is not None:
-            return _ExistingFile(resolved(found), is_exact=False)
+            return _ExistingFile(resolve_path(found), is_exact=False)
     return None
 
 

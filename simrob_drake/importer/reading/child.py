@@ -21,7 +21,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import IO, Any, NamedTuple, cast
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.messages import (
     Message,
     as_data,
@@ -193,7 +193,7 @@ def _read_problem(problem: Any) -> str:
         return str(from_data(problem))
     except (LookupError, TypeError, ValueError, RecursionError):
         # The file that is read may control the process, so that its reports are not trusted.
-        return shortened(str(problem), _LONGEST_PROBLEM)
+        return shorten(str(problem), _LONGEST_PROBLEM)
 
 
 def _in_one_line(problem: Exception) -> str:
@@ -202,7 +202,7 @@ def _in_one_line(problem: Exception) -> str:
     found = message_of(problem)
     if isinstance(found, Message):
         return found.limited_to(_LONGEST_PROBLEM)
-    return shortened(" ".join(found.split()), _LONGEST_PROBLEM) or type(problem).__name__
+    return shorten(" ".join(found.split()), _LONGEST_PROBLEM) or type(problem).__name__
 
 
 def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> None:

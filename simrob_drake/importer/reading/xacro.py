@@ -22,7 +22,7 @@ from os.path import exists  # unlike Path's method, it is false for names that n
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import InvalidModel, shortened
+from simrob_drake.base.errors import InvalidModel, shorten
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import as_data, compound, join_texts, message, message_of
@@ -133,7 +133,7 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
             "read",
             "",
             message(
-                "importer.file_says", "message of the file: {text}", text=shortened(sentence, 400)
+                "importer.file_says", "message of the file: {text}", text=shorten(sentence, 400)
             ),
         )
     return urdf
@@ -265,7 +265,7 @@ def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
                 message(
                     "importer.odd_xacro_argument",
                     "--xacro-arg '{text}' is not of the form NAME:=VALUE",
-                    text=shortened(text),
+                    text=shorten(text),
                 ),
             )
         values[name.strip()] = value.strip()
@@ -283,7 +283,7 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
     summary: str = message(
         "importer.macros_for_others",
         "contains no robot, only macros for other files: {macros}",
-        macros=shortened(listed, 900),
+        macros=shorten(listed, 900),
     )
     found = [str(file.relative_to(package)) for file in callers(macros, package)]
     if not found:
@@ -292,7 +292,7 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
         "importer.called_by",
         "{summary}; files that call these macros: {found}",
         summary=summary,
-        found=shortened(", ".join(found), 300),
+        found=shorten(", ".join(found), 300),
     )
 
 
@@ -393,7 +393,7 @@ class Outline:
                     choices=choices,
                 )
             parts.append(part)
-        return shortened("; ".join(parts), _LONGEST_SUMMARY)
+        return shorten("; ".join(parts), _LONGEST_SUMMARY)
 
 
 def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.base.errors import nearest, shortened
+from simrob_drake.base.errors import nearest, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number
@@ -319,7 +319,7 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
                 "importer.no_number_of_mimic",
                 "{key}='{text}' of its mimic is not a number; {default} is used, the format's default",
                 key=key,
-                text=shortened(text),
+                text=shorten(text),
                 default=default,
             )
             report.add("lost", where, problem)

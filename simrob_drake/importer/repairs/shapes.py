@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
-from simrob_drake.base.errors import shortened
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
@@ -627,7 +626,7 @@ def _set_shape(element: ET.Element, shape: ET.Element) -> None:
 def _mesh_name(mesh: ET.Element | None) -> str:
     """Name of a mesh in the URDF, in words, for the report."""
     uri = "" if mesh is None else mesh.get("filename", "")
-    return message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri))
+    return message("robots.mesh_called", "mesh '{uri}'", uri=shorten(uri))
 
 
 def _report_mesh(
@@ -711,7 +710,7 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
             message(
                 "importer.no_scale",
                 'scale="{text}" is not one or three numbers other than 0; 1 is used',
-                text=shortened(text),
+                text=shorten(text),
             ),
         )
         return _UNSCALED

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from simrob_drake.base.errors import listed, nearest, shortened
+from simrob_drake.base.errors import list_names, nearest, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.loops import TAG as CLOSING
 from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_parents
@@ -130,7 +130,7 @@ def repair_numbers(robot: ET.Element, report: ImportReport) -> None:
                     "importer.expression_of_xacro",
                     '{key}="{value}" is an expression of xacro; import the xacro file itself',
                     key=key,
-                    value=shortened(value),
+                    value=shorten(value),
                 )
                 raise report.refusal(place.words, problem)
         # The words begin with the tag of the link, joint or material.
@@ -198,7 +198,7 @@ def _repair_numbers(
     # A correct text is not written again, so that its digits stay as they are.
     if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
         return
-    value = f'{key}="{shortened(text)}"'
+    value = f'{key}="{shorten(text)}"'
     problem = message(
         "importer.is_not_count",
         "{value} is not {count}",
@@ -887,7 +887,7 @@ def _keep_one_tree(
                 "importer.several_roots",
                 "has {count} root links ({ends}); connect them by joints to one tree",
                 count=len(ends),
-                ends=listed(ends, 6),
+                ends=list_names(ends, 6),
             ),
         )
     # What is left is a robot with loose links, such as those of a scene, or rigid trees of different sizes.
@@ -917,7 +917,7 @@ def _remove_tree(
     ]:
         robot.remove(element)
     addition = (
-        message("importer.with_other_links", " with {links}", links=listed(other_links, 6))
+        message("importer.with_other_links", " with {links}", links=list_names(other_links, 6))
         if other_links
         else ""
     )

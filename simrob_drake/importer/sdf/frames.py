@@ -12,7 +12,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.frames import has_wrong_norm
 from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
@@ -88,7 +88,7 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
             message(
                 "importer.no_pose",
                 "<pose>{text}</pose> is no pose",
-                text=shortened(" ".join((pose.text or "").split())),
+                text=shorten(" ".join((pose.text or "").split())),
             ),
         )
     # Roll, pitch and yaw about fixed axes, as in a URDF.

@@ -9,7 +9,7 @@ from os.path import isdir
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.base.errors import one_of, shortened
+from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
@@ -179,7 +179,7 @@ class _Includes:
             index = list(owner).index(include)
             owner.remove(include)
             uri = text_at(include, "uri")
-            where = compound("<include> '{uri}'", uri=shortened(uri))
+            where = compound("<include> '{uri}'", uri=shorten(uri))
             if depth > _MOST_LEVELS:
                 raise self.report.refusal(
                     where,

@@ -24,7 +24,7 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import PassThrough
 
-from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of, quote_value
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.signals import Panel, Signal
@@ -245,7 +245,7 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
             "parts.a_list_of_leafsystems",
             "a list of LeafSystems, or a mapping of names to LeafSystems",
         )
-        raise InvalidParameter("blocks", quoted(blocks), expected)
+        raise InvalidParameter("blocks", quote_value(blocks), expected)
     accepted: dict[str, LeafSystem] = {}
     for name, block in pairs:
         _check_block(name, block, accepted)
@@ -271,7 +271,7 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
             "a Drake LeafSystem (to run a Diagram that contains a station, use simulate_diagram())",
         )
         raise InvalidParameter(
-            message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected
+            message("parts.block_called", "blocks: {name}", name=name), quote_value(block), expected
         )
     # Drake would refuse a system that is added twice, without its name.
     if any(block is other for other in accepted.values()):

@@ -22,7 +22,7 @@ from simrob_drake.base.sections import (
     Positive,
     Strict,
     Triple,
-    validated,
+    validate_section,
 )
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import Condition
@@ -432,7 +432,7 @@ def quasi_static_limits() -> dict[str, float]:
     """Read the largest forces [N] on clamped body regions (quasi-static contact), by the name of the region."""
     # A clamped part of a body cannot move away, so the standard allows lower forces on it than for a short hit.
     file = models_root() / "limits" / "iso_ts_15066.yaml"
-    return dict(validated(_LimitTable, read_yaml(file), file).quasi_static_force)
+    return dict(validate_section(_LimitTable, read_yaml(file), file).quasi_static_force)
 
 
 def force_limit(limit: float | str) -> float:

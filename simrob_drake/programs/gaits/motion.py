@@ -20,7 +20,7 @@ from simrob_drake.base.errors import UnknownName
 from simrob_drake.base.files import ROBOT_FILE, models_root
 from simrob_drake.base.frames import Vector, poses_from_matrices
 from simrob_drake.base.messages import compound, message
-from simrob_drake.base.sections import Integer, NotNegative, Number, Strict, validated
+from simrob_drake.base.sections import Integer, NotNegative, Number, Strict, validate_section
 from simrob_drake.blocks.references import hermite
 from simrob_drake.parts.monitors.sections import Fall
 from simrob_drake.programs.gaits.walker import Walker
@@ -281,7 +281,7 @@ class Gait(Strict):
                 name,
                 gaits or others,
             )
-        gait = validated(cls, dict(gaits[name]), f"{file.file}: {cls.section}.{name}")
+        gait = validate_section(cls, dict(gaits[name]), f"{file.file}: {cls.section}.{name}")
         return gait.with_changes(changes, amplitude, name)
 
     def with_changes(self, changes: Mapping[str, Any], amplitude: float, name: str) -> Self:
@@ -304,7 +304,7 @@ class Gait(Strict):
             if value:
                 scaled[key] = factor * value
         # Later entries replace earlier ones: a parameter that the caller changes is not scaled.
-        return validated(
+        return validate_section(
             type(self),
             {**self.model_dump(exclude_unset=True), **scaled, **changes},
             message("programs.gait_called", "gait {name}", name=name),

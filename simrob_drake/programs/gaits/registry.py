@@ -20,7 +20,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.motion import Gait
@@ -96,7 +96,7 @@ def load_gaits(robot: str | RobotModel) -> Any:
         # A section that no kind has may belong to an extension that failed to load: that error explains more.
         if section not in gaits_model().model_fields:
             check_usable(_POINT, section, Gait, named_by="section")
-    return validated(gaits_model(), dict(file.content), file.file)
+    return validate_section(gaits_model(), dict(file.content), file.file)
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:

@@ -17,7 +17,7 @@ from pydantic import Field
 from simrob_drake.base.arguments import positive
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.references import smooth
@@ -234,5 +234,5 @@ def _join_postures(
     positions = postures[before] + share[:, np.newaxis] * (postures[before + 1] - postures[before])
     # The root stays over one position at the height of the first posture: how it moves then depends on the contacts.
     height = standing_height(walker.skeleton, postures[0], feet)
-    root = stacked(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
+    root = stack_poses(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
     return JointMotion(walker.model, feet, sample_times, positions, root)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import smooth
 from simrob_drake.kinematics.chain import Chain
@@ -124,7 +124,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             message("programs.legged_robot", "a robot with feet"),
         )
     contact = model.feet.kind(kind)
-    facing = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
+    facing = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
         # With all axes at zero each foot stands flat and looks ahead: this defines its upright rotation.
@@ -144,7 +144,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
         # Points of the contact around the middle of the foot, along the axes of the walking direction.
         support = (contact.support_points(link) - point) @ upright.T
         # The tool frame looks ahead when the foot does: it undoes the rotation of the link.
-        tool = stacked(point[np.newaxis], upright.T[np.newaxis])[0]
+        tool = stack_poses(point[np.newaxis], upright.T[np.newaxis])[0]
         axes, leg = skeleton.limb(link, tool)
         feet.append(
             Foot(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion, SolvedGait
 from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan
@@ -176,7 +176,7 @@ class WholeBody:
         leaned = rotations_about(AHEAD, lean)
         rotation = self._upright @ (turned @ pitched @ leaned) @ facing_rotation(self.facing_deg)
         height = bearing.height + np.broadcast_to(plan.ground, len(plan.times))[part]
-        root = stacked(np.column_stack([position, height]), rotation)
+        root = stack_poses(np.column_stack([position, height]), rotation)
 
         angles = self._set_free_axes(part, angles, lean)
         # how far the feet are from their paths on average, to the left [m]
@@ -185,7 +185,7 @@ class WholeBody:
             path = plan.feet[foot.name][part]  # x, y, height and turn of the sole
             goal = path[:, :3] + foot.over * UP
             goal[:, :2] += self._rolled[foot.name][part]
-            target = stacked(goal, rotations_about(UP, path[:, 3]))
+            target = stack_poses(goal, rotations_about(UP, path[:, 3]))
             angles = leg_angles(self.skeleton.model, foot, target, root, angles, plan.times[part])
             if self.leans:
                 # Such a leg cannot place its foot sideways, see the module: the error moves the root instead.
@@ -281,7 +281,7 @@ class WholeBody:
         facing = facing_rotation(-self.facing_deg)
         horizontal = np.array([1.0, 1.0, 0.0])
         positions = (root[:, :3, 3] - root[0, :3, 3] * horizontal) @ facing.T
-        poses = stacked(positions, facing @ root[:, :3, :3])
+        poses = stack_poses(positions, facing @ root[:, :3, :3])
         return JointMotion(
             model=self.walker.model,
             feet=self._kind,

@@ -12,7 +12,7 @@ from pydantic import GetJsonSchemaHandler, TypeAdapter
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from simrob_drake.base.errors import InvalidConfig, Unsuitable, nearest, quoted
+from simrob_drake.base.errors import InvalidConfig, Unsuitable, nearest, quote_value
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.messages import message
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
@@ -181,7 +181,7 @@ def check_move(
             message(
                 "programs.move_is_mapping",
                 "must be a mapping of keys to values (it is {entry})",
-                entry=quoted(entry),
+                entry=quote_value(entry),
             ),
         )
     kind = kind_of(entry, kinds.values())

@@ -26,7 +26,7 @@ from pydantic_core import CoreSchema
 from simrob_drake.base.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.messages import compound, message
-from simrob_drake.base.sections import Strict, validated
+from simrob_drake.base.sections import Strict, validate_section
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
@@ -301,7 +301,7 @@ def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
     Raises:
         InvalidConfig: a key or a value is wrong.
     """
-    return _unwrap_move(validated(entry_model(kind), plain(content), where))
+    return _unwrap_move(validate_section(entry_model(kind), plain(content), where))
 
 
 def make_move(kind: type[Kind], /, **content: Any) -> Kind:

@@ -20,7 +20,6 @@ from pydrake.math import RotationMatrix
 from simrob_drake.base.arguments import positive, truth, whole
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import stacked
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.kinematics.every_branch import goal_postures
@@ -270,7 +269,7 @@ def goals_of(
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
     # Transforms without translation, shape (k, 4, 4): the tool turns about its own z axis before it is placed.
-    turns = stacked(np.zeros((len(rotations), 3)), rotations)
+    turns = stack_poses(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
         # The solver of other moves finds at most one posture, from the start, and the error has the remaining distance.

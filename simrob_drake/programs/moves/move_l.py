@@ -8,7 +8,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.interpolation import Arc, stacked, turn
+from simrob_drake.base.interpolation import Arc, stack_poses, turn
 from simrob_drake.base.interpolation import poses as poses_between
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
@@ -149,4 +149,4 @@ def plan_move_c(
 
 def _poses_on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:
     """Poses (k, 4, 4) at parts (k,) of an arc, whose orientation turns from one pose (4, 4) to another."""
-    return stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts))
+    return stack_poses(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts))

@@ -27,7 +27,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.base.errors import InvalidParameter, OutputError
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message, translate
@@ -284,7 +284,7 @@ def frame_writer() -> Callable[..., Any]:
     Raises:
         SimrobError: the package is not installed.
     """
-    with needed(message("results.a_video", "a video"), "video"):
+    with importing_extra(message("results.a_video", "a video"), "video"):
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.messages import compound
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.results.files import PROGRAM, STATION
@@ -44,7 +44,7 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
             compound("{key} {value}", key=key, value=_in_words(differing[key][index]))
             for key in shown
         ]
-        texts.append(listed(parts))
+        texts.append(list_names(parts))
     return texts
 
 

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.extension import ExtensionWarning, usable_objects
 from simrob_drake.base.folders import writing
 from simrob_drake.base.messages import compound, message, translate
@@ -279,7 +279,7 @@ def _save_plots_of_extensions(
             if figure is not None:
                 written.append(save_figure(figure, file))
         except Exception as problem:  # a function of somebody else must not cost the files of a run
-            reason = shortened(
+            reason = shorten(
                 compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
             )
             warn(

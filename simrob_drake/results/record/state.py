@@ -24,7 +24,7 @@ from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -462,7 +462,7 @@ class State:
         Raises:
             InvalidConfig: the text contains no state.
         """
-        content = validated(_StateFile, parse_json(text, where), where)
+        content = validate_section(_StateFile, parse_json(text, where), where)
         return cls(
             positions=content.positions,
             velocities=content.velocities,

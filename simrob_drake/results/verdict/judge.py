@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
@@ -583,7 +582,7 @@ def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | N
         return criterion.of(run)
     except Exception as problem:
         # The function is of another package. Its error must not cost the user the result of a long run.
-        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        reason = shorten(f"{type(problem).__name__}: {problem}", 200)
         warnings.warn(
             f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2
         )

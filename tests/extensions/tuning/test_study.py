@@ -19,7 +19,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.base.files import diagrams_root
 from simrob_drake.base.folders import alone_in
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.tuning import study_folder
 from simrob_drake.extensions.tuning.doubts import drawn
@@ -266,7 +266,7 @@ def test_conditions_are_listed_and_drawn():
 )
 def test_runs_that_are_held_out_are_others_than_those_of_the_search(changed, told):
     with pytest.raises(SimrobError, match=told):
-        validated(Study, {**PENDULUM, **changed}, "study.yaml").check("study.yaml")
+        validate_section(Study, {**PENDULUM, **changed}, "study.yaml").check("study.yaml")
 
 
 def test_a_proof_that_draws_others_is_one():

@@ -6,7 +6,7 @@ import yaml
 
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.climb_footholds import (
     BallFootholds,
@@ -116,7 +116,7 @@ def test_what_is_too_short_for_a_sole_is_no_foothold():
 def soles_of(motion, walker, kind):
     """Return the poses of the soles' middles of a motion, in walking direction, by foot; and the feet."""
     facing = facing_rotation(walker.gaits.facing_deg)
-    roots = stacked(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
+    roots = stack_poses(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
     feet = {foot.name: foot for foot in walker.feet(kind)}
     return {name: foot.poses(motion.positions, roots) for name, foot in feet.items()}, feet
 

@@ -7,7 +7,7 @@ import pytest
 
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.base.errors import InvalidParameter, SimrobError
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
@@ -36,7 +36,7 @@ def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ah
         name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0
     )
     facing = facing_rotation(walker.gaits.facing_deg)
-    roots = stacked(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
+    roots = stack_poses(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
     kicking, standing = (
         feet[side].poses(motion.positions, roots) for side in ("left_foot", "right_foot")
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.legs import ROWS, OutOfReach, leg_angles
@@ -20,7 +20,7 @@ COUNT = 50
 def test_legs_there_and_back(name):
     skeleton, facing = skeleton_of(name), load_gaits(name).facing_deg
     rng = np.random.default_rng(3)
-    root = stacked(
+    root = stack_poses(
         rng.uniform(-0.1, 0.1, (COUNT, 3)), np.tile(facing_rotation(facing), (COUNT, 1, 1))
     )
     bent = np.array(

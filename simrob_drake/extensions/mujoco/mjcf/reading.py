@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import shortened
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import content_of
 from simrob_drake.base.messages import compound, message
@@ -166,7 +166,7 @@ class _Source:
         )
 
     def _included(self, name: str) -> ET.Element:
-        where = f"<include> '{shortened(name)}'"
+        where = f"<include> '{shorten(name)}'"
         try:
             path = self.places.find(name).path
         except (MeshMissing, OutsideBorder) as problem:
@@ -287,7 +287,7 @@ def _check_replicates(root: ET.Element, report: ImportReport) -> None:
         # and an empty one is refused, too.
         if total > _MOST_COPIES or child_copies > _MOST_COPIES:
             where = (
-                f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
+                f"<replicate count='{shorten(element.get('count', ''))}'>" if is_replicate else ""
             )
             raise report.refusal(
                 where,
@@ -325,7 +325,7 @@ def _report_physics(option: Mapping[str, str], report: ImportReport) -> None:
         text = message(
             "mujoco.other_gravity",
             "gravity {gravity}: a station has 9.81 m/s² downwards",
-            gravity=shortened(option["gravity"]),
+            gravity=shorten(option["gravity"]),
         )
         report.add(
             "lost",
@@ -344,6 +344,6 @@ def _report_physics(option: Mapping[str, str], report: ImportReport) -> None:
                 "mujoco.air_not_simulated",
                 "{key} {value}: air and water are not simulated",
                 key=key,
-                value=shortened(option[key]),
+                value=shorten(option[key]),
             ),
         )

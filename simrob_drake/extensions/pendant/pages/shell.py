@@ -7,7 +7,7 @@ from pathlib import Path
 from nicegui import Client, context, ui
 from nicegui.language import Language
 
-from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.errors import SimrobError, shorten
 from simrob_drake.base.extension import usable_objects
 from simrob_drake.base.messages import compound
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
@@ -276,7 +276,7 @@ def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> 
     try:
         panel.build(session, t)
     except Exception as problem:  # code of somebody else must not take the page away
-        reason = shortened(
+        reason = shorten(
             compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 300
         )
         ui.label(t("shell.broken_panel", reason=reason)).props("role=alert")

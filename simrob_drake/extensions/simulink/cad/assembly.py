@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.base.files import NotRead, content_of, opened
+from simrob_drake.base.files import NotRead, content_of, open_regular
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.reading.graph import (
@@ -88,7 +88,7 @@ class Tie:
 def is_export(path: Path) -> bool:
     """Tell whether an XML file is what a CAD tool exports for Simscape Multibody, of any age."""
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             beginning = file.read(2000)
     except OSError:
         return False

@@ -12,7 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.extras import needed
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.folders import check_ending, check_new_file, replaced_at_once, writing
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.stepping.station import SteppedStation
@@ -187,7 +187,7 @@ def write_fmu(
     """
     if version not in _MAKERS:
         raise InvalidParameter("--fmi", version, message("simulink.two_or_three", "2 or 3"))
-    with needed(message("simulink.fmu_command", "simrob fmu"), "fmi"):
+    with importing_extra(message("simulink.fmu_command", "simrob fmu"), "fmi"):
         maker = import_module(_MAKERS[version])
     target = as_path(target, "target")
     check_ending(target, [".fmu"], "--out")

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.extensions.simulink.stepping.station import StepFailed, SteppedStation
 from simrob_drake.stations.config import StationConfig
@@ -46,7 +46,7 @@ class Request(Strict):
 def answer(station: SteppedStation, line: bytes) -> dict[str, Any]:
     """Return what is answered to a line of a client, which may be an error in words."""
     try:
-        request = validated(Request, parse_json(line.decode(), "request"), "request")
+        request = validate_section(Request, parse_json(line.decode(), "request"), "request")
         if request.do == "describe":
             return _described(station)
         if request.do == "reset":

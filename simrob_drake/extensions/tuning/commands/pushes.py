@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from simrob_drake.base.messages import compound, message
-from simrob_drake.base.sections import validated
+from simrob_drake.base.sections import validate_section
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import (
@@ -283,7 +283,7 @@ def pushes(
         **({"vary": vary, **of_burdens} if vary else of_pushes),
     }
     kind = Burdens if vary else PushMap
-    walking = validated(
+    walking = validate_section(
         kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes"
     )
     folder = out or default_folder(f"{Path(station).stem}-pushes")
