@@ -459,7 +459,7 @@ class TestWrong:
             simulate(arm(), blocks=[Nod(), Nod()], duration=0.1)
 
     def test_a_name_that_is_not_plain(self):
-        with pytest.raises(SimrobError, match="my block.*a name of letters, digits and _"):
+        with pytest.raises(SimrobError, match=r"my block.*a name of letters, digits and _"):
             simulate(arm(), blocks={"my block": Nod()}, duration=0.1)
 
     def test_an_input_that_nothing_feeds(self):
